@@ -1,0 +1,234 @@
+# make             builds every example into build/
+# make demo        fetches what is missing, if it may, builds, and renders all pictures into build/gallery/
+# make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
+# make test-long   the same without leaving anything out, and in more configurations
+# make bench       times, as ratios within one run
+# make accuracy    error against time, for every knob
+# make gallery     the pictures of the scene programs alone
+# make format      clang-format on examples and tests
+# make clean
+# STB=dir says where stb_image_write.h is; SPLATSHADOW_DATA=dir where real scans are (optional, for demo and test).
+
+STB ?= /usr/include/stb
+JOBS ?= 2
+OPTIMIZE ?= -O3 -march=native
+
+STANDARD = -std=c99 -D_POSIX_C_SOURCE=200809L
+WARNINGS = -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wdouble-promotion -Wcast-qual -Wundef
+WARNINGS_C = $(WARNINGS) -Wstrict-prototypes -Wmissing-prototypes
+INCLUDES = -I. -isystem $(STB)
+LIBRARIES = -pthread -lm
+HEADERS = splatshadow.h $(wildcard examples/*.h)
+EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
+
+.PHONY: all demo gallery scans test test-long format clean
+.DELETE_ON_ERROR:
+
+all: $(EXAMPLES)
+
+# hello.c is the quick start, and the quick start is written to be short: it has no strict prototypes to offer.
+build/hello: examples/hello.c splatshadow.h | build
+	$(CC) $(STANDARD) $(OPTIMIZE) -Wall -I. $< -o $@ $(LIBRARIES)
+
+build/%: examples/%.c $(HEADERS) | build
+	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make STB=dir"; exit 1; }
+	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
+
+build build/gallery build/tests:
+	mkdir -p $@
+
+# ---------------------------------------------------------------------------------------------------- pictures
+
+SCENES = mushrooms dart tree pot smoke_room turbulence
+PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
+
+# $(call fetch,packages): installs them where that can be done; says nothing and does no harm elsewhere.
+fetch = if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	echo "installing $(1)"; { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y $(1); } >/dev/null 2>&1 || true; fi
+
+demo:
+	@command -v $(CC) >/dev/null || { $(call fetch,gcc libc6-dev); }
+	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
+	@command -v $(CC) >/dev/null || { echo "no C compiler: install gcc, or say make demo CC=name"; exit 1; }
+	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make demo STB=dir"; exit 1; }
+	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory gallery scans
+	@echo "The pictures are in build/gallery/."
+
+gallery: $(PICTURES)
+
+build/gallery/%.png: build/% | build/gallery
+	build/$* --out $@
+
+# Real scans. To add one: its name here, its file, its options for build/render, and if it has a transfer function,
+# the lines of that with ; between them. A scan whose file is not in SPLATSHADOW_DATA is passed over.
+# Values are 0..1; the boxes have the proportions of the voxels.
+SCANS = bonsai head smoke cloud
+
+FILE_bonsai = bonsai_256x256x256_u8.raw
+TRANSFER_bonsai = 0.10 0.16 0.34 0.06 0; 0.14 0.20 0.42 0.08 60; 0.26 0.30 0.45 0.10 90; 0.34 0.42 0.27 0.14 200; \
+	0.55 0.46 0.30 0.17 300; 0.70 0.34 0.25 0.18 400; 0.76 0.55 0.24 0.14 500; 1.0 0.65 0.60 0.55 500
+OPTIONS_bonsai = --size 256,256,256 --type u8 --box -1,0,-1,1,2,1 --shading surface --mesh build/gallery/floor.obj \
+	--mesh-color 0.55,0.53,0.50 --camera 2.2,2.6,4.6,0,0.85,0 --fov 34 --light directional,-1,-1.6,-0.6,2.6,2.5,2.3 \
+	--ambient 0.22,0.25,0.30 --background 0.62,0.70,0.80 --width 768 --height 768
+
+FILE_head = vismale_head_ct_128x128x256_u8.raw
+TRANSFER_head = 0.14 0.75 0.50 0.38 0; 0.22 0.78 0.53 0.40 40; 0.30 0.78 0.50 0.38 60; 0.36 0.85 0.78 0.66 250; \
+	0.80 0.92 0.90 0.84 500; 1.0 0.95 0.85 0.45 900
+OPTIONS_head = --size 128,128,256 --type u8 --box 0,0,0,2.02,2.55,2.58 --shading surface \
+	--camera 4.2,-5.6,2.6,1.01,1.2,1.25 --up 0,0,1 --fov 30 --light directional,0.4,1,-0.9,2.4,2.3,2.2 \
+	--ambient 0.15,0.16,0.18 --background 0.05,0.06,0.08 --width 768 --height 768
+
+FILE_smoke = smoke_openvdb_111x222x112_u16.raw
+OPTIONS_smoke = --size 111,222,112 --type u16 --box 0,0,0,1,2,1.01 --extinction 300 --albedo 0.85,0.86,0.88 \
+	--phase 0.4 --mesh build/gallery/floor.obj --mesh-color 0.4,0.4,0.42 --camera 1.6,1.6,5.2,0.5,0.95,0.5 --fov 30 \
+	--light directional,-1,-1.3,-0.5,6,5.7,5.2 --ambient 0.10,0.12,0.16 --background 0.25,0.32,0.42 --width 576 --height 960
+
+FILE_cloud = wdas_cloud_sixteenth_126x86x154_u16.raw
+OPTIONS_cloud = --size 126,86,154 --type u16 --box 0,0,0,1.26,0.86,1.54 --extinction 60 --albedo 1,1,1 \
+	--phase 0.6,-0.2,0.3 --camera 3.2,0.9,2.6,0.63,0.42,0.77 --fov 28 --light directional,0.3,-1,-0.7,14,13,11.5 \
+	--ambient 0.30,0.36,0.46 --background 0.25,0.42,0.68 --width 960 --height 640
+
+SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(SPLATSHADOW_DATA)/$(FILE_$(scan))),$(scan))))
+
+scans: $(SCANS_HERE:%=build/gallery/scan_%.png)
+
+build/gallery/scan_%.png: build/render build/gallery/floor.obj Makefile
+	@$(if $(TRANSFER_$*),echo '$(TRANSFER_$*)' | tr ';' '\n' > build/gallery/$*.transfer)
+	build/render --volume $(SPLATSHADOW_DATA)/$(FILE_$*) $(if $(TRANSFER_$*),--transfer build/gallery/$*.transfer) \
+		$(OPTIONS_$*) --out $@ --stats build/gallery/scan_$*.json
+
+build/gallery/floor.obj: | build/gallery
+	@printf 'v -6 0 -6\nv 6 0 -6\nv 6 0 6\nv -6 0 6\nf 4 3 2 1\n' > $@
+
+# --------------------------------------------------------------------------------- measuring, where there is a source
+
+ifneq ($(wildcard examples/bench.c),)
+.PHONY: bench
+bench: build/bench
+	build/bench
+endif
+
+ifneq ($(wildcard examples/accuracy.c),)
+.PHONY: accuracy
+accuracy: build/accuracy
+	build/accuracy
+endif
+
+# ------------------------------------------------------------------------------------------------------- tests
+
+# Every tests/test_NAME.c is a program that includes the implementation, prints `N passed, N failed` as its last line
+# and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder,
+# where it finds build/render. A configuration whose compiler cannot be had is skipped, and that is said.
+TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
+CONFIGURATIONS ?= native sanitized cpp baseline
+
+COMPILE_native    = gcc $(STANDARD) -O2 -march=native
+COMPILE_sanitized = clang $(STANDARD) -O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
+COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L -O2
+COMPILE_baseline  = gcc $(STANDARD) -O2
+COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
+COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
+COMPILE_wide_sanitized = clang $(STANDARD) -O1 -g -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
+
+# What runs where: all of it, unless the time calls for less.
+TESTS_native    = $(TESTS)
+TESTS_sanitized = $(TESTS)
+TESTS_cpp       = $(TESTS)
+TESTS_baseline  = $(TESTS)
+TESTS_unoptimized = $(TESTS)
+TESTS_threads   = $(TESTS)
+TESTS_wide_sanitized = $(TESTS)
+ifdef SPLATSHADOW_LONG
+$(foreach configuration,$(CONFIGURATIONS),$(eval TESTS_$(configuration) = $$(TESTS)))
+endif
+
+# The header by itself, with every warning an error: compiler_standard_variant; examples likewise.
+CHECK_COMPILERS = gcc clang
+CHECK_STANDARDS = c99 c11 c++11
+CHECK_VARIANTS = plain sse2 avx2 avx512 face
+VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD
+VARIANT_sse2   = -DSPLATSHADOW_IMPLEMENTATION
+VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma
+VARIANT_avx512 = -DSPLATSHADOW_IMPLEMENTATION -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
+ifeq ($(filter x86_64 amd64 i%86,$(shell uname -m)),)
+CHECK_VARIANTS = plain sse2 face
+endif
+CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v))))
+EXAMPLE_CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach e,$(filter-out hello,$(EXAMPLES:build/%=%)),$(c)_$(e)))
+
+part = $(word $(1),$(subst _, ,$(2)))
+language = $(if $(findstring ++,$(1)),-x c++ -std=$(1) $(WARNINGS),-x c -std=$(1) $(WARNINGS_C)) -Werror
+
+test:
+	@command -v clang >/dev/null && command -v gcc >/dev/null && command -v g++ >/dev/null || { $(call fetch,gcc g++ clang libc6-dev); }
+	@mkdir -p build/tests && $(call can_build,sanitized) || { $(call fetch,libclang-rt-$$(clang -dumpversion | cut -d. -f1)-dev); }
+	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
+	@rm -rf build/tests && mkdir -p build/tests
+	@test -f $(STB)/stb_image_write.h || echo "skipped: all examples but hello: install libstb-dev"
+	@$(call run,examples,$(MAKE) --no-print-directory -j$(JOBS) -k \
+		$$(if test -f $(STB)/stb_image_write.h; then echo all; else echo build/hello; fi) && $(ONE_PASSED))
+	@$(MAKE) -s --no-print-directory -j$(JOBS) -k run-tests
+	@awk '$(SUMMARY)' build/tests/*.log
+
+test-long: export SPLATSHADOW_LONG = 1
+test-long: export CONFIGURATIONS = native sanitized cpp baseline unoptimized threads wide_sanitized
+test-long: test
+
+# A log ends with `exit status S`. Its last `N passed, N failed` counts; a program that ended otherwise than with 0
+# without a failure of its own to show for it is one failure more.
+SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f == 0) failed++; p = f = status = 0 }; \
+	FNR == 1 { close_log() }; /^exit status / { status = $$3 }; \
+	/^[0-9]+ passed, [0-9]+ failed$$/ { p = $$1; f = $$3 }; \
+	END { close_log(); printf "%d passed, %d failed\n", passed, failed; exit failed > 0 || passed == 0 }
+
+# Tells whether a configuration's compiler is there and makes programs that run.
+can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
+	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1); } >/dev/null 2>&1
+
+# These targets are known to the inner make of `test` only: it asks what is there after fetching what was not.
+ifneq ($(filter run-tests,$(MAKECMDGOALS)),)
+READY := $(shell $(foreach c,$(CONFIGURATIONS),$(call can_build,$(c)) && echo $(c);))
+THERE := $(foreach c,$(CHECK_COMPILERS),$(shell command -v $(c) >/dev/null && echo $(c)))
+CPP_THERE := $(shell command -v g++ >/dev/null && echo gcc) $(filter clang,$(THERE))
+READY_CHECKS = $(foreach k,$(CHECKS),$(if $(filter $(call part,1,$(k)),$(if $(findstring ++,$(k)),$(CPP_THERE),$(THERE))),$(k)))
+STB_THERE := $(wildcard $(STB)/stb_image_write.h)
+READY_EXAMPLES = $(if $(STB_THERE),$(foreach k,$(EXAMPLE_CHECKS),$(if $(filter $(call part,1,$(k)),$(THERE)),$(k))))
+$(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(info skipped: configuration $(c): install $(firstword $(COMPILE_$(c))) and its sanitizer runtime))
+$(foreach c,$(filter-out $(THERE),$(CHECK_COMPILERS)),$(info skipped: warnings of $(c): install it))
+
+.PHONY: run-tests
+run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
+	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log)
+endif
+
+# $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
+run = { $(2); } > build/tests/$(1).log 2>&1; status=$$?; echo "exit status $$status" >> build/tests/$(1).log; \
+	if [ $$status = 0 ]; then echo "ok      $(1)"; else echo "FAILED  $(1)"; sed 's/^/    /' build/tests/$(1).log; fi
+ONE_PASSED = echo "1 passed, 0 failed"
+
+define configuration_rules
+build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h)
+	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
+endef
+$(foreach configuration,$(CONFIGURATIONS),$(eval $(call configuration_rules,$(configuration))))
+
+# Included twice, to see that this can be done; the implementation once.
+UNIT = printf '\#include "splatshadow.h"\n\#undef SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\nint unit(void);\nint unit(void) { return sps_version(); }\n'
+
+build/tests/header.%.log: splatshadow.h
+	@$(call run,header.$*,$(UNIT) | $(call part,1,$*) $(call language,$(call part,2,$*)) -O0 $(VARIANT_$(call part,3,$*)) \
+		-I. -c -o build/tests/header.$*.o - && $(ONE_PASSED))
+
+build/tests/example.%.log: $(HEADERS)
+	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L $(INCLUDES) -fsyntax-only \
+		examples/$(patsubst $(call part,1,$*)_%,%,$*).c && $(ONE_PASSED))
+
+# ---------------------------------------------------------------------------------------------------- the rest
+
+# hello.c is left as it stands in the header; the header's tables are set by hand.
+format:
+	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] tests/*.[ch]))
+
+clean:
+	rm -rf build

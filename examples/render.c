@@ -1,0 +1,580 @@
+/* render: the library from the command line. Raw volumes and OBJ meshes in, PNG, PFM and statistics out.
+   cc -O3 -march=native -pthread -I. -isystem /usr/include/stb examples/render.c -o render -lm
+   Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. Either with one line on stderr. */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "common.h"
+
+#include <inttypes.h>
+#include <limits.h>
+
+#define LARGEST 1e18 /* what the library takes; keeps conversions to float finite as well */
+
+#define NO_REGION (-1) /* width and height where --region is not given */
+
+/* ============================================================================================== arguments */
+
+typedef struct volume_arguments {
+    const char *file, *transfer_file;
+    int size[3], type, shading;
+    double box[6], extinction, albedo[3], emission[3];
+    sps_lobe lobes[2];
+    int lobe_count;
+    ex_grid grid;
+    ex_transfer points;
+    sps_transfer transfer;
+} volume_arguments;
+
+typedef struct mesh_arguments {
+    const char *file;
+    double color[3];
+    ex_mesh mesh;
+} mesh_arguments;
+
+/* Every list is as long as argv, which no list can outgrow. */
+typedef struct arguments {
+    volume_arguments *volumes;
+    mesh_arguments *meshes;
+    sps_light *lights;
+    int volume_count, mesh_count, light_count;
+    double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
+    int camera_given, width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
+    const char *out, *pfm, *alpha_pfm, *stats;
+} arguments;
+
+typedef enum option_owner { SCENE = 0, VOLUME, MESH } option_owner; /* whose field an option sets */
+
+typedef struct option_rule {
+    const char *name, *form, *help; /* form NULL: takes no value */
+    int (*apply)(const struct option_rule *rule, arguments *all, void *place, const char *value);
+    option_owner owner;
+    size_t offset;            /* of the field in its owner */
+    int count;                /* of numbers */
+    double lo, hi;            /* each number's range */
+    const char *const *names; /* of a choice, by number */
+} option_rule;
+
+static const char *const type_names[] = {"u8", "u16", "f32", NULL};
+static const char *const shading_names[] = {"gas", "surface", NULL};
+
+/* ================================================================================================ handlers */
+
+/* Reads up to `most` comma-separated decimal numbers; returns how many, or -1. Strict: no blanks, no hexadecimals,
+   nothing that is not finite, nothing behind. */
+static int read_numbers(const char *text, int most, double *out) {
+    int count = 0;
+    if (text[strspn(text, "+-.,0123456789eE")] != '\0') return -1;
+    for (;;) {
+        char *end;
+        if (count == most) return -1;
+        const double number = strtod(text, &end);
+        if (end == text || !(fabs(number) <= DBL_MAX)) return -1;
+        out[count++] = number;
+        if (*end == '\0') return count;
+        if (*end != ',') return -1;
+        text = end + 1;
+    }
+}
+
+static int within(const double *numbers, int count, double lo, double hi) {
+    for (int i = 0; i < count; ++i)
+        if (!(numbers[i] >= lo && numbers[i] <= hi)) return 0;
+    return 1;
+}
+
+static int set_reals(const option_rule *rule, arguments *all, void *place, const char *value) {
+    double numbers[8];
+    (void)all;
+    if (read_numbers(value, rule->count, numbers) != rule->count) return 1;
+    if (!within(numbers, rule->count, rule->lo, rule->hi)) return 1;
+    memcpy(place, numbers, (size_t)rule->count * sizeof *numbers);
+    return 0;
+}
+
+static int set_integers(const option_rule *rule, arguments *all, void *place, const char *value) {
+    int *out = (int *)place;
+    (void)all;
+    if (value[strspn(value, "+-,0123456789")] != '\0') return 1;
+    for (int i = 0; i < rule->count; ++i) {
+        char *end;
+        const long number = strtol(value, &end, 10);
+        if (end == value || (double)number < rule->lo || (double)number > rule->hi) return 1;
+        if (*end != (i + 1 < rule->count ? ',' : '\0')) return 1;
+        out[i] = (int)number;
+        value = end + 1;
+    }
+    return 0;
+}
+
+static int set_text(const option_rule *rule, arguments *all, void *place, const char *value) {
+    (void)rule, (void)all;
+    if (*value == '\0') return 1;
+    *(const char **)place = value;
+    return 0;
+}
+
+static int set_flag(const option_rule *rule, arguments *all, void *place, const char *value) {
+    (void)rule, (void)all, (void)value;
+    *(int *)place = 1;
+    return 0;
+}
+
+static int set_choice(const option_rule *rule, arguments *all, void *place, const char *value) {
+    const int choice = ex_find_name(rule->names, value);
+    (void)all;
+    if (choice < 0) return 1;
+    *(int *)place = choice;
+    return 0;
+}
+
+static int set_camera(const option_rule *rule, arguments *all, void *place, const char *value) {
+    all->camera_given = 1;
+    return set_reals(rule, all, place, value);
+}
+
+static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value) {
+    volume_arguments *volume = (volume_arguments *)place;
+    double g[3] = {0, 0, 0};
+    (void)all;
+    const int count = read_numbers(value, 3, g);
+    if ((count != 1 && count != 3) || !within(g, 2, rule->lo, rule->hi) || !within(g + 2, 1, 0, 1)) return 1;
+    const double weights[2] = {1 - g[2], g[2]};
+    volume->lobe_count = 0;
+    for (int i = 0; i < 2; ++i) {
+        if (weights[i] <= 0) continue; /* the library wants weights above 0 */
+        volume->lobes[volume->lobe_count].asymmetry = (float)g[i];
+        volume->lobes[volume->lobe_count++].weight = (float)weights[i];
+    }
+    return 0;
+}
+
+static int add_volume(const option_rule *rule, arguments *all, void *place, const char *value) {
+    volume_arguments *volume = all->volumes + all->volume_count;
+    if (set_text(rule, all, &volume->file, value)) return 1;
+    (void)place;
+    volume->extinction = 1;
+    for (int i = 0; i < 3; ++i) volume->albedo[i] = 0.8, volume->box[3 + i] = 1;
+    ++all->volume_count;
+    return 0;
+}
+
+static int add_mesh(const option_rule *rule, arguments *all, void *place, const char *value) {
+    mesh_arguments *mesh = all->meshes + all->mesh_count;
+    if (set_text(rule, all, &mesh->file, value)) return 1;
+    (void)place;
+    for (int i = 0; i < 3; ++i) mesh->color[i] = 0.8;
+    ++all->mesh_count;
+    return 0;
+}
+
+static int add_light(const option_rule *rule, arguments *all, void *place, const char *value) {
+    static const char *const kinds[] = {"directional,", "point,", NULL};
+    double numbers[6];
+    sps_light *light = all->lights + all->light_count;
+    (void)place;
+    const int kind = strncmp(value, kinds[0], strlen(kinds[0])) == 0   ? 0
+                     : strncmp(value, kinds[1], strlen(kinds[1])) == 0 ? 1
+                                                                       : -1;
+    if (kind < 0 || read_numbers(value + strlen(kinds[kind]), 6, numbers) != 6) return 1;
+    if (!within(numbers, 3, rule->lo, rule->hi) || !within(numbers + 3, 3, 0, rule->hi)) return 1;
+    if (kind == 0 && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0) return 1;
+    light->kind = kind == 0 ? SPS_LIGHT_DIRECTIONAL : SPS_LIGHT_POINT;
+    memcpy(kind == 0 ? light->direction : light->position, numbers, 3 * sizeof *numbers);
+    for (int i = 0; i < 3; ++i) light->color[i] = (float)numbers[3 + i];
+    ++all->light_count;
+    return 0;
+}
+
+/* =============================================================================================== the table */
+
+#define OF_SCENE(field)  SCENE, offsetof(arguments, field)
+#define OF_VOLUME(field) VOLUME, offsetof(volume_arguments, field)
+#define OF_MESH(field)   MESH, offsetof(mesh_arguments, field)
+#define NO_NUMBERS       0, 0, 0, NULL
+#define ANY              -LARGEST, LARGEST, NULL /* ranges of numbers */
+#define POSITIVE         0, LARGEST, NULL
+
+/* clang-format off */
+static const option_rule options[] = {
+    {"--volume", "FILE", "raw voxels, x fastest; repeatable, and the next nine are about the latest", add_volume, SCENE, 0, NO_NUMBERS},
+    {"--size", "X,Y,Z", "voxels along each axis; needed", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
+    {"--type", "u8|u16|f32", "u8 (usual) and u16 stand for 0..1; little endian", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
+    {"--box", "x0,y0,z0,x1,y1,z1", "corners in the world; usually 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, ANY},
+    {"--extinction", "S", "gas: per world unit at value 1; usually 1", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
+    {"--albedo", "r,g,b", "gas: usually 0.8,0.8,0.8", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
+    {"--emission", "r,g,b", "gas: radiance per world unit at value 1", set_reals, OF_VOLUME(emission), 3, POSITIVE},
+    {"--phase", "g[,g2,w]", "gas: Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w", set_phase, VOLUME, 0, 1, -0.99, 0.99, NULL},
+    {"--transfer", "FILE", "lines: value r g b extinction; instead of extinction and albedo", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
+    {"--shading", "gas|surface", "what a transfer function's colours mean", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
+    {"--mesh", "FILE.obj", "opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
+    {"--mesh-color", "r,g,b", "of the latest mesh; usually 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
+    {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_camera, OF_SCENE(camera), 6, ANY},
+    {"--up", "x,y,z", "usually 0,1,0", set_reals, OF_SCENE(up), 3, ANY},
+    {"--fov", "DEG", "vertical angle; usually 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
+    {"--ortho", "HEIGHT", "orthographic instead; world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-18, LARGEST, NULL},
+    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, ANY},
+    {"--ambient", "r,g,b", "radiance from everywhere", set_reals, OF_SCENE(ambient), 3, POSITIVE},
+    {"--background", "r,g,b", "radiance behind everything", set_reals, OF_SCENE(background), 3, POSITIVE},
+    {"--width", "W", "pixels; usually 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
+    {"--height", "H", "pixels; usually 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
+    {"--region", "x,y,w,h", "renders this part of the image only", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
+    {"--slab", "VOXELS", "sheet thickness, the main knob; with --reference, the step", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
+    {"--shadow-size", "N", "texels along a shadow buffer's longer side", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
+    {"--quality", "draft|medium|high|ultra", "usually medium", set_choice, OF_SCENE(quality), 1, 0, 0, ex_quality_names},
+    {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching instead: slow, for comparing", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--threads", "N", "usually one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
+    {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
+    {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
+    {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
+    {"--stats", "FILE.json", "what the render did and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
+    {"--plan", NULL, "says what would run, and why, and renders nothing", set_flag, OF_SCENE(plan), NO_NUMBERS},
+    {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
+};
+/* clang-format on */
+
+enum { OPTION_COUNT = sizeof options / sizeof options[0] };
+
+static void print_help(void) {
+    puts("usage: render [options], in any order\n");
+    for (int i = 0; i < OPTION_COUNT; ++i) {
+        char left[80];
+        snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
+        if (strlen(left) > 32) printf("  %s\n", left), left[0] = '\0'; /* too long: a line of its own */
+        printf("  %-32s %s\n", left, options[i].help);
+    }
+}
+
+/* ================================================================================================= parsing */
+
+static const option_rule *find_option(const char *name) {
+    for (int i = 0; i < OPTION_COUNT; ++i)
+        if (strcmp(options[i].name, name) == 0) return &options[i];
+    return NULL;
+}
+
+/* The struct that the option's field is in: the arguments, or the latest volume or mesh; NULL if there is none. */
+static char *find_owner(const option_rule *rule, arguments *all) {
+    if (rule->owner == SCENE) return (char *)all;
+    if (rule->owner == VOLUME) return all->volume_count ? (char *)&all->volumes[all->volume_count - 1] : NULL;
+    return all->mesh_count ? (char *)&all->meshes[all->mesh_count - 1] : NULL;
+}
+
+static int apply_option(const option_rule *rule, arguments *all, const char *value, ex_error *error) {
+    char *fields = find_owner(rule, all);
+    if (!fields)
+        return ex_fail(error, "%s stands before any %s", rule->name, rule->owner == VOLUME ? "--volume" : "--mesh");
+    if (rule->apply(rule, all, fields + rule->offset, value) == 0) return 0;
+    if (rule->lo < rule->hi && rule->lo > -LARGEST)
+        return ex_fail(error, "%s: '%.80s' is not %s within the range %g..%g", rule->name, value, rule->form, rule->lo,
+                       rule->hi);
+    return ex_fail(error, "%s: '%.80s' is not %s", rule->name, value, rule->form);
+}
+
+static int parse(int argc, char **argv, arguments *all, ex_error *error) {
+    for (int i = 1; i < argc; ++i) {
+        const option_rule *rule = find_option(argv[i]);
+        const char *value = NULL;
+        if (!rule) return ex_fail(error, "unknown option '%.80s'; --help lists them", argv[i]);
+        if (rule->form) {
+            if (i + 1 == argc || strncmp(argv[i + 1], "--", 2) == 0)
+                return ex_fail(error, "%s needs a value: %s", rule->name, rule->form);
+            value = argv[++i];
+        }
+        if (apply_option(rule, all, value, error)) return 1;
+    }
+    return 0;
+}
+
+static int check_volumes(const arguments *all, ex_error *error) {
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        if (volume->size[0] == 0) return ex_fail(error, "--volume %s has no --size", volume->file);
+        for (int a = 0; a < 3; ++a)
+            if (volume->box[a] == volume->box[3 + a])
+                return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
+    }
+    return 0;
+}
+
+/* What only the whole command line can tell. */
+static int check(const arguments *all, ex_error *error) {
+    const int *region = all->region;
+    const char *files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
+    int writes = all->plan;
+    if (check_volumes(all, error)) return 1;
+    if (all->fov > 0 && all->ortho > 0) return ex_fail(error, "--fov and --ortho exclude each other");
+    if (region[2] > 0 || region[3] > 0 || region[0] > 0 || region[1] > 0) {
+        if (region[2] < 1 || region[3] < 1 || region[0] + region[2] > all->width || region[1] + region[3] > all->height)
+            return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],
+                           region[1], region[2], region[3], all->width, all->height);
+    }
+    for (int i = 0; i < 4; ++i) {
+        if (!files[i]) continue;
+        writes = 1;
+        if (!all->plan && ex_check_writable(files[i], error)) return 1;
+    }
+    return writes ? 0 : ex_fail(error, "nothing to write: give --out, --pfm, --alpha-pfm, --stats or --plan");
+}
+
+/* =============================================================================================== the scene */
+
+static void to_floats(const double *from, float *out) {
+    for (int i = 0; i < 3; ++i) out[i] = (float)from[i];
+}
+
+/* Surface shading needs a transfer function; without a file it is the gas's: extinction rises with the value. */
+static void make_linear_transfer(volume_arguments *volume) {
+    float range[2];
+    const int zero[3] = {0, 0, 0};
+    ex_grid_range(&volume->grid, zero, volume->grid.size, range);
+    volume->points.points = (sps_transfer_point *)ex_allocate(2, sizeof(sps_transfer_point));
+    volume->points.point_count = 2;
+    sps_transfer_point *points = volume->points.points;
+    to_floats(volume->albedo, points[0].color);
+    to_floats(volume->albedo, points[1].color);
+    points[1].value = range[1] > 0.0f ? range[1] : 1.0f;
+    points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
+}
+
+static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *error) {
+    if (ex_grid_load(&from->grid, from->file, from->size, (ex_type)from->type, error)) return 1;
+    memcpy(volume->size, from->size, sizeof volume->size);
+    for (int a = 0; a < 3; ++a) {
+        volume->placement.origin[a] = from->box[a];
+        volume->placement.axis[a][a] = from->box[3 + a] - from->box[a];
+    }
+    volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &from->grid;
+    volume->extinction = (float)from->extinction;
+    to_floats(from->albedo, volume->albedo);
+    to_floats(from->emission, volume->emission);
+    volume->lobes = from->lobes, volume->lobe_count = from->lobe_count;
+    volume->shading = from->shading ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
+    if (from->transfer_file) {
+        if (ex_transfer_load(&from->points, from->transfer_file, error)) return 1;
+    } else if (from->shading) {
+        make_linear_transfer(from);
+    } else {
+        return 0;
+    }
+    if (from->points.point_count > INT_MAX) return ex_fail(error, "%s: too many lines", from->transfer_file);
+    from->transfer.points = from->points.points, from->transfer.point_count = (int)from->points.point_count;
+    volume->transfer = &from->transfer;
+    return 0;
+}
+
+static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
+    if (ex_mesh_load(&from->mesh, from->file, 60, error)) return 1;
+    mesh->triangle_count = from->mesh.triangle_count;
+    mesh->read_fn = ex_mesh_read, mesh->user = &from->mesh;
+    mesh->has_normals = 1;
+    to_floats(from->color, mesh->color);
+    return 0;
+}
+
+/* Fills the scene; its arrays are borrowed from `volumes` and `meshes`, as long as argv. */
+static int load_scene(arguments *all, sps_volume *volumes, sps_mesh *meshes, sps_scene *scene, ex_error *error) {
+    for (int i = 0; i < all->volume_count; ++i)
+        if (load_volume(&all->volumes[i], &volumes[i], error)) return 1;
+    for (int i = 0; i < all->mesh_count; ++i)
+        if (load_mesh(&all->meshes[i], &meshes[i], error)) return 1;
+    scene->volumes = volumes, scene->volume_count = all->volume_count;
+    scene->meshes = meshes, scene->mesh_count = all->mesh_count;
+    scene->lights = all->lights, scene->light_count = all->light_count;
+    to_floats(all->ambient, scene->ambient);
+    to_floats(all->background, scene->background);
+    return 0;
+}
+
+/* ================================================================================================ the view */
+
+static void widen(double lo[3], double hi[3], const double *a, const double *b) {
+    for (int i = 0; i < 3; ++i) {
+        lo[i] = fmin(lo[i], fmin(a[i], b[i]));
+        hi[i] = fmax(hi[i], fmax(a[i], b[i]));
+    }
+}
+
+/* Places the camera so that the scene's bounding sphere fits into the image. */
+static void frame_scene(const arguments *all, sps_view *view) {
+    const double direction[3] = {0.4, 0.3, 1};
+    double lo[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, hi[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
+    for (int i = 0; i < all->volume_count; ++i) widen(lo, hi, all->volumes[i].box, all->volumes[i].box + 3);
+    for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
+    if (lo[0] > hi[0])
+        for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* nothing to see */
+    double half[3];
+    for (int a = 0; a < 3; ++a) half[a] = 0.5 * (hi[a] - lo[a]);
+    const double radius = fmax(sqrt(ex_dot(half, half)), 1e-12);
+    const double aspect = fmin(1.0, (double)view->width / (double)view->height);
+    const double angle = view->field_of_view > 0 ? atan(tan(0.5 * view->field_of_view) * aspect) : 0.5;
+    const double distance = 1.02 * radius / sin(angle);
+    if (view->field_of_view <= 0 && view->ortho_height <= 0) view->ortho_height = 2.04 * radius / aspect;
+    for (int a = 0; a < 3; ++a) {
+        view->target[a] = 0.5 * (lo[a] + hi[a]);
+        view->position[a] = view->target[a] + direction[a] * distance / sqrt(ex_dot(direction, direction));
+    }
+}
+
+static void make_view(const arguments *all, sps_view *view) {
+    const double degree = 3.14159265358979323846 / 180.0;
+    view->width = all->width, view->height = all->height;
+    if (all->ortho > 0)
+        view->ortho_height = all->ortho;
+    else
+        view->field_of_view = (all->fov > 0 ? all->fov : 40) * degree;
+    memcpy(view->up, all->up, sizeof view->up);
+    memcpy(view->position, all->camera, sizeof view->position);
+    memcpy(view->target, all->camera + 3, sizeof view->target);
+    if (!all->camera_given) frame_scene(all, view);
+    if (all->region[2] != NO_REGION) memcpy(view->region, all->region, sizeof view->region);
+    view->quality = (sps_quality)all->quality;
+    view->slab = all->slab;
+    view->shadow_size = all->shadow_size;
+    view->no_shadows = all->no_shadows;
+}
+
+/* ================================================================================================= reports */
+
+#define PLAN_COUNTS(X)                                                                                                 \
+    X(sweep_count)                                                                                                     \
+    X(color_channels)                                                                                                  \
+    X(sheet_channels)                                                                                                  \
+    X(slab_count)                                                                                                      \
+    X(shadow_width)                                                                                                    \
+    X(shadow_height) X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(voxels_read) X(bytes)
+
+static int print_plan(ex_session *session, const sps_scene *scene, const sps_view *view, ex_error *error) {
+    sps_plan_report plan;
+    if (sps_plan(session->context, scene, view, &plan)) return ex_fail(error, "%s", sps_error(session->context));
+    printf("%-16s %-9s %14s  %s\n", "pass", "runs", "bytes", "why");
+    for (int i = 0; i < SPS_PASS_COUNT; ++i) {
+        char runs[16] = "left out";
+        if (plan.pass[i].runs) snprintf(runs, sizeof runs, "%d", plan.pass[i].runs);
+        printf("%-16s %-9s %14zu  %s\n", sps_pass_name((sps_pass)i), runs, plan.pass[i].bytes, plan.pass[i].reason);
+    }
+#define PRINT_COUNT(field) printf("%-16s %" PRIu64 "\n", #field, (uint64_t)plan.field);
+    PLAN_COUNTS(PRINT_COUNT)
+#undef PRINT_COUNT
+    return 0;
+}
+
+#define STATS_SECONDS(X)                                                                                               \
+    X(seconds_gather) X(seconds_polygons) X(seconds_bin) X(seconds_light) X(seconds_eye) X(seconds_total)
+#define STATS_COUNTS(X)                                                                                                \
+    X(range_calls)                                                                                                     \
+    X(read_calls)                                                                                                      \
+    X(eval_calls)                                                                                                      \
+    X(triangle_calls)                                                                                                  \
+    X(background_calls)                                                                                                \
+    X(blocks_skipped) X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced) X(triangles)                      \
+        X(triangles_degenerate) X(pixels_of_polygons) X(slabs) X(slabs_empty) X(eye_sections) X(eye_fragments)         \
+            X(light_sections) X(light_fragments) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes)            \
+                X(bytes_peak)
+
+static int write_stats(const char *path, const sps_context *context, ex_error *error) {
+    sps_stats_report stats;
+    FILE *file = fopen(path, "w");
+    if (!file) return ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
+    sps_stats(context, &stats);
+    fputs("{\n", file);
+#define WRITE_SECONDS(field) fprintf(file, "  \"%s\": %.9g,\n", #field, stats.field);
+#define WRITE_COUNT(field)   fprintf(file, "  \"%s\": %" PRIu64 ",\n", #field, (uint64_t)stats.field);
+    STATS_SECONDS(WRITE_SECONDS)
+    STATS_COUNTS(WRITE_COUNT)
+#undef WRITE_SECONDS
+#undef WRITE_COUNT
+    fprintf(file, "  \"version\": %d\n}\n", sps_version());
+    int failed = ferror(file);
+    failed |= fclose(file);
+    return failed ? ex_fail(error, "%s: writing failed", path) : 0;
+}
+
+/* ============================================================================================ the program */
+
+static int write_files(const arguments *all, const ex_session *session, const float *rgba, int width, int height,
+                       ex_error *error) {
+    if (all->out && ex_write_png(all->out, rgba, width, height, 1.0f, error)) return 1;
+    if (all->pfm && ex_write_pfm(all->pfm, rgba, width, height, 0, 3, error)) return 1;
+    if (all->alpha_pfm && ex_write_pfm(all->alpha_pfm, rgba, width, height, 3, 1, error)) return 1;
+    return all->stats ? write_stats(all->stats, session->context, error) : 0;
+}
+
+/* Returns the exit status. */
+static int render(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
+                  ex_error *error) {
+    sps_image image;
+    const int width = view->region[2] ? view->region[2] : view->width;
+    const int height = view->region[2] ? view->region[3] : view->height;
+    memset(&image, 0, sizeof image);
+    image.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof *image.rgba);
+    const sps_result result =
+        all->reference ? sps_reference(session->context, scene, view, all->slab > 0 ? all->slab : 0.5, &image)
+                       : sps_render(session->context, scene, view, &image);
+    ex_progress_end(&session->progress);
+    int status = 0;
+    if (result != SPS_OK)
+        status = ex_fail(error, "%s", sps_error(session->context));
+    else if (write_files(all, session, image.rgba, width, height, error))
+        status = 2;
+    free(image.rgba);
+    return status;
+}
+
+/* From checked arguments to files. Returns the exit status. */
+static int run(arguments *all, sps_volume *volumes, sps_mesh *meshes, ex_error *error) {
+    ex_session session;
+    sps_scene scene;
+    sps_view view;
+    memset(&scene, 0, sizeof scene);
+    memset(&view, 0, sizeof view);
+    if (load_scene(all, volumes, meshes, &scene, error)) return 2;
+    make_view(all, &view);
+    if (ex_session_begin(&session, all->threads, error)) return 1;
+    const int status =
+        all->plan ? print_plan(&session, &scene, &view, error) : render(all, &session, &scene, &view, error);
+    ex_session_end(&session);
+    return status;
+}
+
+static void free_arguments(arguments *all) {
+    for (int i = 0; i < all->volume_count; ++i) {
+        ex_grid_free(&all->volumes[i].grid);
+        ex_transfer_free(&all->volumes[i].points);
+    }
+    for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
+    free(all->volumes);
+    free(all->meshes);
+    free(all->lights);
+}
+
+int main(int argc, char **argv) {
+    arguments all;
+    ex_error error;
+    int status = 2;
+    const size_t most = (size_t)argc;
+    memset(&all, 0, sizeof all);
+    all.volumes = (volume_arguments *)ex_allocate(most, sizeof *all.volumes);
+    all.meshes = (mesh_arguments *)ex_allocate(most, sizeof *all.meshes);
+    all.lights = (sps_light *)ex_allocate(most, sizeof *all.lights);
+    all.width = all.height = 512;
+    all.region[2] = all.region[3] = NO_REGION;
+    all.up[1] = 1;
+    if (parse(argc, argv, &all, &error) == 0) {
+        if (all.help) {
+            print_help();
+            free_arguments(&all);
+            return 0;
+        }
+        if (check(&all, &error) == 0) {
+            sps_volume *volumes = (sps_volume *)ex_allocate(most, sizeof *volumes);
+            sps_mesh *meshes = (sps_mesh *)ex_allocate(most, sizeof *meshes);
+            status = run(&all, volumes, meshes, &error);
+            free(volumes);
+            free(meshes);
+        }
+    }
+    if (status) fprintf(stderr, "render: %s\n", error.text);
+    free_arguments(&all);
+    return status;
+}

@@ -1,0 +1,89 @@
+/* A polygon desk in a room full of turbulent smoke. The light comes through the window behind it towards the eye, so
+   the sheets are composited back to front; sash bars, desk and lamp draw shafts of shadow through the smoke.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/smoke_room.c -o smoke_room -lm */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "common.h"
+#include "modelling.h"
+
+/* The room: x -2..2, y 0..2.6, z -2 (window) .. 2 (open, where the viewer stands). */
+static int smoke_value(void *user, size_t count, const double *positions, float *out) {
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
+        const double t = ex_turbulence(ex_vec_of(1.3 * p.x, 1.9 * p.y, 1.3 * p.z), 4);
+        out[i] = (float)(0.25 + 1.5 * ex_ramp(0.15, 1.1, t));
+    }
+    return user != NULL;
+}
+
+static void set_smoke(sps_volume *smoke) {
+    static const sps_lobe forward = {0.35f, 1};
+    ex_volume_box(smoke, ex_vec_of(-2, 0, -2), ex_vec_of(2, 2.6, 2), 96);
+    smoke->eval_fn = smoke_value;
+    smoke->extinction = 0.32f;
+    ex_color(smoke->albedo, 0.92, 0.90, 0.86);
+    smoke->lobes = &forward, smoke->lobe_count = 1;
+}
+
+/* Floor, ceiling, side walls, and a back wall of piers and bars that leaves two tall windows. */
+static void build_room(ex_mesh *mesh) {
+    static const float wall[3] = {0.42f, 0.36f, 0.30f}, boards[2][3] = {{0.30f, 0.17f, 0.09f}, {0.25f, 0.14f, 0.07f}},
+                       frame[3] = {0.30f, 0.28f, 0.26f};
+    static const double piers[3][2] = {{-2.2, -1.45}, {-0.15, 0.15}, {1.45, 2.2}};
+    for (int i = -5; i < 5; ++i)
+        ex_shape_box(mesh, ex_vec_of(0.44 * i, -0.2, -2.2), ex_vec_of(0.44 * (i + 1), 0, 2.2), boards[i & 1]);
+    ex_shape_box(mesh, ex_vec_of(-2.2, 2.6, -2.2), ex_vec_of(2.2, 2.8, 2.2), wall);
+    ex_shape_box(mesh, ex_vec_of(-2.2, 0, -2.2), ex_vec_of(-2, 2.6, 2.2), wall);
+    ex_shape_box(mesh, ex_vec_of(2, 0, -2.2), ex_vec_of(2.2, 2.6, 2.2), wall);
+    for (int i = 0; i < 3; ++i)
+        ex_shape_box(mesh, ex_vec_of(piers[i][0], 0, -2.12), ex_vec_of(piers[i][1], 2.6, -2), wall);
+    ex_shape_box(mesh, ex_vec_of(-2, 0, -2.12), ex_vec_of(2, 0.55, -2), wall);
+    ex_shape_box(mesh, ex_vec_of(-2, 2.35, -2.12), ex_vec_of(2, 2.6, -2), wall);
+    for (int i = -1; i <= 1; i += 2) {
+        ex_shape_box(mesh, ex_vec_of(0.8 * i - 0.03, 0.55, -2.08), ex_vec_of(0.8 * i + 0.03, 2.35, -2.02), frame);
+        ex_shape_box(mesh, ex_vec_of(0.8 * i - 0.65, 1.42, -2.08), ex_vec_of(0.8 * i + 0.65, 1.48, -2.02), frame);
+    }
+}
+
+/* The desk, with drawers on one side, a lamp and some books. */
+static void build_desk(ex_mesh *mesh) {
+    static const float wood[3] = {0.36f, 0.18f, 0.08f}, brass[3] = {0.50f, 0.36f, 0.12f},
+                       green[3] = {0.05f, 0.26f, 0.12f};
+    static const float covers[3][3] = {{0.45f, 0.08f, 0.06f}, {0.08f, 0.16f, 0.36f}, {0.52f, 0.44f, 0.28f}};
+    static const double shade[6] = {0.20, 0.36, 0.14, 0.48, 0.06, 0.52};
+    const ex_lathe lamp = {shade, 3, {0.52, 0.80, -0.45}, {0, 1, 0}};
+    ex_shape_box(mesh, ex_vec_of(-0.85, 0.72, -0.75), ex_vec_of(0.85, 0.79, 0.05), wood);
+    ex_shape_box(mesh, ex_vec_of(0.30, 0.22, -0.70), ex_vec_of(0.78, 0.72, 0.0), wood);
+    for (int i = 0; i < 4; ++i) {
+        const double x = i & 1 ? 0.74 : -0.80, z = i & 2 ? -0.05 : -0.70;
+        ex_shape_box(mesh, ex_vec_of(x, 0, z), ex_vec_of(x + 0.06, 0.72, z + 0.06), wood);
+    }
+    for (int i = 0; i < 3; ++i)
+        ex_shape_box(mesh, ex_vec_of(-0.62 + 0.03 * i, 0.79 + 0.06 * i, -0.52),
+                     ex_vec_of(-0.24 + 0.02 * i, 0.85 + 0.06 * i, -0.22 - 0.03 * i), covers[i]);
+    ex_shape_cylinder(mesh, ex_vec_of(0.52, 0.79, -0.45), ex_vec_of(0.52, 0.82, -0.45), 0.13, 0.10, brass);
+    ex_shape_cylinder(mesh, ex_vec_of(0.52, 0.80, -0.45), ex_vec_of(0.52, 1.32, -0.45), 0.02, 0.02, brass);
+    ex_shape_lathe(mesh, &lamp, 48, green, NULL);
+}
+
+int main(int argc, char **argv) {
+    static float dusk[2][3] = {{0.45f, 0.50f, 0.55f}, {0.62f, 0.74f, 0.86f}};
+    ex_mesh mesh = {0};
+    sps_volume smoke = {0};
+    sps_mesh room = {0};
+    sps_light sun = {0};
+    sps_scene scene = {0};
+    sps_view view = {0};
+    set_smoke(&smoke);
+    build_room(&mesh);
+    build_desk(&mesh);
+    ex_shape_use(&mesh, &room);
+    ex_sun(&sun, ex_vec_of(-0.35, -0.62, 1.0), 16);
+    ex_scene_set(&scene, &smoke, 1, &room, 1, &sun);
+    ex_color(scene.ambient, 0.09, 0.10, 0.12);
+    scene.background_user = dusk;
+    ex_view_set(&view, ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
+    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    ex_mesh_free(&mesh);
+    return status;
+}

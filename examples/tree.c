@@ -1,0 +1,95 @@
+/* A volumetric tree, bark and leaves told apart by a transfer function, above polygon mushrooms on a volumetric plate:
+   volume and polygons throw shadows on each other and on the plate.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/tree.c -o tree -lm */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "common.h"
+#include "modelling.h"
+
+/* A low mound of mossy earth in a dish. */
+static int plate_value(void *user, size_t count, const double *positions, float *out) {
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
+        const double around = sqrt(p.x * p.x + p.z * p.z), grain = ex_fractal(ex_vec_scale(p, 3.0), 3);
+        const double top = 0.02 + 0.05 * ex_ramp(1.2, 0.2, around) + 0.015 * grain;
+        const double earth = fmax(fmax(p.y - top, -0.20 - p.y), around - 1.70);
+        const double dish = ex_ring_distance(p, ex_vec_of(0, -0.06, 0), ex_vec_of(0, 1, 0), 1.72, 0.13);
+        const double tone = dish < earth ? 1.0 : ex_clamp(0.62 + 0.22 * grain, 0.45, 0.78);
+        out[i] = (float)(tone * ex_solid(fmin(earth, dish), 0.07));
+    }
+    return user != NULL;
+}
+
+static void set_plate(sps_volume *plate) {
+    static const sps_transfer_point earth[6] = {
+        {0.15f, {0.30f, 0.26f, 0.14f}, 0},   {0.45f, {0.26f, 0.22f, 0.11f}, 90},  {0.62f, {0.20f, 0.27f, 0.07f}, 120},
+        {0.78f, {0.32f, 0.36f, 0.12f}, 120}, {0.85f, {0.46f, 0.38f, 0.33f}, 120}, {1.00f, {0.55f, 0.44f, 0.36f}, 120}};
+    static const sps_transfer look = {earth, 6, NULL, NULL, 0};
+    ex_volume_box(plate, ex_vec_of(-1.95, -0.28, -1.95), ex_vec_of(1.95, 0.16, 1.95), 150);
+    plate->eval_fn = plate_value;
+    plate->transfer = &look;
+    plate->shading = SPS_SHADING_SURFACE;
+}
+
+/* The S of a bonsai's trunk, with branches from its bends. */
+static void grow_tree(ex_tree *tree) {
+    static const double trunk[6][3] = {{-0.45, -0.05, -0.20}, {-0.32, 0.30, -0.18}, {-0.02, 0.60, -0.22},
+                                       {0.12, 0.90, -0.25},   {-0.05, 1.20, -0.22}, {-0.22, 1.45, -0.20}};
+    static const double limbs[6][6] = {{-0.02, 0.60, -0.22, 0.85, 0.55, 0.45}, {0.12, 0.90, -0.25, 0.75, 0.55, -0.45},
+                                       {0.05, 1.05, -0.22, -1.0, 0.30, 0.25},  {-0.10, 1.25, -0.22, 0.6, 0.5, 0.5},
+                                       {-0.10, 1.25, -0.22, -0.7, 0.5, -0.6},  {-0.22, 1.45, -0.20, 0.0, 0.8, 0.15}};
+    memset(tree, 0, sizeof *tree);
+    tree->random = 19;
+    for (int i = 0; i < 5; ++i) {
+        const ex_vec a = ex_vec_of(trunk[i][0], trunk[i][1], trunk[i][2]);
+        const ex_vec b = ex_vec_of(trunk[i + 1][0], trunk[i + 1][1], trunk[i + 1][2]);
+        ex_tree_rod(tree, a, b, 0.17 - 0.022 * i, 0.17 - 0.022 * (i + 1));
+    }
+    for (int i = 0; i < 6; ++i) {
+        const double *l = limbs[i];
+        ex_tree_grow(tree, ex_vec_of(l[0], l[1], l[2]), ex_vec_unit(ex_vec_of(l[3], l[4], l[5])), 0.46, 0.075, 2);
+    }
+}
+
+static void set_tree(sps_volume *volume, ex_grid *grid) {
+    static const sps_transfer_point bark_and_leaves[6] = {
+        {0.20f, {0.10f, 0.22f, 0.04f}, 0},  {0.32f, {0.12f, 0.26f, 0.04f}, 40},  {0.45f, {0.20f, 0.36f, 0.06f}, 45},
+        {0.56f, {0.34f, 0.42f, 0.10f}, 45}, {0.60f, {0.46f, 0.28f, 0.16f}, 160}, {1.00f, {0.50f, 0.31f, 0.19f}, 200}};
+    static const sps_transfer look = {bark_and_leaves, 6, NULL, NULL, 0};
+    static ex_tree tree;
+    ex_volume_box(volume, ex_vec_of(-1.65, -0.1, -1.5), ex_vec_of(1.65, 2.55, 1.2), 160);
+    grow_tree(&tree);
+    ex_tree_fill(&tree, volume, grid);
+    volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = grid;
+    volume->transfer = &look;
+    volume->shading = SPS_SHADING_SURFACE;
+}
+
+static void build_mushrooms(ex_mesh *mesh) {
+    static const float red[3] = {0.62f, 0.05f, 0.03f}, ochre[3] = {0.68f, 0.36f, 0.08f},
+                       brown[3] = {0.36f, 0.17f, 0.07f};
+    ex_shape_mushroom(mesh, ex_vec_of(0.30, 0.03, 0.62), ex_vec_of(0.05, 1, 0.08), 0.46, 0.27, red, ex_paint_dots);
+    ex_shape_mushroom(mesh, ex_vec_of(0.78, 0.0, 0.62), ex_vec_of(0.14, 1, 0.02), 0.30, 0.19, ochre, NULL);
+    ex_shape_mushroom(mesh, ex_vec_of(-0.22, 0.02, 0.95), ex_vec_of(-0.1, 1, 0.1), 0.25, 0.17, brown, NULL);
+}
+
+int main(int argc, char **argv) {
+    ex_mesh mesh = {0};
+    ex_grid grid = {0};
+    sps_volume volumes[2] = {{0}, {0}};
+    sps_mesh mushrooms = {0};
+    sps_light sun = {0};
+    sps_scene scene = {0};
+    sps_view view = {0};
+    set_tree(&volumes[0], &grid);
+    set_plate(&volumes[1]);
+    build_mushrooms(&mesh);
+    ex_shape_use(&mesh, &mushrooms);
+    ex_sun(&sun, ex_vec_of(0.55, -1.3, 0.12), 3.4);
+    ex_scene_set(&scene, volumes, 2, &mushrooms, 1, &sun);
+    ex_view_set(&view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.92, 0), 27);
+    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    ex_grid_free(&grid);
+    ex_mesh_free(&mesh);
+    return status;
+}

@@ -1,0 +1,44 @@
+/* A cloud: a ball of gas whose edge and inside are stirred by turbulence, under a directional light.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/turbulence.c -o turbulence -lm */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "common.h"
+#include "modelling.h"
+
+/* Three merged puffs, flat underneath; the turbulence eats into their edge, where little is to be eaten. */
+static int cloud_value(void *user, size_t count, const double *positions, float *out) {
+    static const double puffs[3][4] = {{0.0, 0.10, 0.0, 1.0}, {-0.95, -0.12, 0.15, 0.68}, {0.95, -0.15, -0.1, 0.72}};
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
+        double depth = -1;
+        for (int k = 0; k < 3; ++k)
+            depth = fmax(depth,
+                         puffs[k][3] - ex_vec_length(ex_vec_sub(p, ex_vec_of(puffs[k][0], puffs[k][1], puffs[k][2]))));
+        depth -= 0.5 * ex_ramp(-0.35, -0.75, p.y);
+        out[i] = 0;
+        if (depth < -0.12) continue;
+        depth += 0.50 - 0.62 * ex_turbulence(ex_vec_scale(p, 1.6), 5) - 0.35;
+        out[i] = (float)ex_ramp(-0.02, 0.28, depth);
+    }
+    return user != NULL;
+}
+
+int main(int argc, char **argv) {
+    static const sps_lobe lobes[2] = {{0.6f, 0.6f}, {-0.3f, 0.4f}};
+    static float sky[2][3] = {{0.36f, 0.47f, 0.60f}, {0.08f, 0.17f, 0.36f}};
+    sps_volume cloud = {0};
+    sps_light sun = {0};
+    sps_scene scene = {0};
+    sps_view view = {0};
+    ex_volume_box(&cloud, ex_vec_of(-1.75, -0.95, -1.1), ex_vec_of(1.75, 1.15, 1.1), 128);
+    cloud.eval_fn = cloud_value;
+    cloud.extinction = 7;
+    ex_color(cloud.albedo, 0.99, 0.99, 0.99);
+    cloud.lobes = lobes, cloud.lobe_count = 2;
+    ex_sun(&sun, ex_vec_of(0.8, -0.9, -0.35), 20);
+    ex_scene_set(&scene, &cloud, 1, NULL, 0, &sun);
+    ex_color(scene.ambient, 0.15, 0.18, 0.24);
+    scene.background_user = sky;
+    ex_view_set(&view, ex_vec_of(0.3, -0.5, 6.5), ex_vec_of(0, 0, 0), 28);
+    return ex_scene_main(argc, argv, &scene, &view, 1);
+}

@@ -1,0 +1,5030 @@
+/* SPDX-License-Identifier: MIT OR Unlicense
+
+splatshadow.h 0.1.0 (2026-11-21): volumes, gases and polygons into correctly shadowed images, on the CPU.
+MIT or public domain, as you choose (full text at the end of this file).
+
+QUICK START (examples/hello.c is this text)
+
+    #define SPLATSHADOW_IMPLEMENTATION
+    #include "splatshadow.h"
+    #include <math.h>
+    #include <stdio.h>
+    static int blob(void *user, size_t count, const double *xyz, float *density) {
+        for (size_t i = 0; i < count; ++i, xyz += 3)
+            density[i] = (float)exp(-16 * (xyz[0] * xyz[0] + xyz[1] * xyz[1] + xyz[2] * xyz[2]));
+        return user != NULL;
+    }
+    int main(void) {
+        static float rgba[256 * 256 * 4];
+        sps_volume gas = {0, {64, 64, 64}, {{-1, -1, -1}, {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}}}};
+        sps_light sun = {0, SPS_LIGHT_DIRECTIONAL, {1, -1, -1}, {0, 0, 0}, {9, 8, 7}};
+        gas.eval_fn = blob, gas.extinction = 6;
+        gas.albedo[0] = 0.7f, gas.albedo[1] = 0.8f, gas.albedo[2] = 0.9f;
+        sps_scene scene = {0, &gas, 1, NULL, 0, &sun, 1};
+        sps_view view = {0, 256, 256, {0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6};
+        sps_image image = {rgba};
+        sps_context *context = sps_create(NULL);
+        if (sps_render(context, &scene, &view, &image)) return puts(sps_error(context)), 1;
+        printf("P3 256 256 255\n");
+        for (int i = 0; i < 256 * 256 * 4; ++i)
+            if (i % 4 != 3) printf("%d ", (int)(255 * pow(fmin(rgba[i], 1), 1 / 2.2)));
+        return sps_destroy(context), 0;
+    }
+
+CONTENTS (search for the tag)
+
+    >>types        public types                     >>functions    public functions
+    >>config       1  macros and the C library      >>simd         2  vectors of floats
+    >>maths        3  vectors and matrices          >>memory       4  allocator, errors, tasks
+    >>kernel       5  the voxel kernel              >>view         6  rays of a camera or a light
+    >>transfer     7  transfer functions, phase     >>scene        8  checking and measuring a scene
+    >>gather       9  relevant voxels into bricks   >>polygons     10 triangles, depth maps
+    >>slicing      11 slabs and sweeps              >>splat        12 footprints into sheets
+    >>lightsheets  13 optical depth towards a light >>shading      14 light leaving a sheet
+    >>sweep        15 chunks of slabs, tiles        >>plan         16 what a scene calls for
+    >>reference    17 brute-force ray marching      >>public       18 the public functions
+    >>licence
+
+WHAT IT DOES NOT DO
+    No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
+    One sample per pixel: render larger and average where edges of polygons matter.
+
+CONVENTIONS
+    World space is right-handed in the examples, but nothing depends on handedness. Lengths are the caller's unit.
+    Angles are radians. Matrices are row-major and multiply column vectors.
+    Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colours are linear RGB radiance.
+    A directional light's `direction` is the way the light travels; its colour is the irradiance on a plane facing it.
+    A point light's colour is its intensity: irradiance = intensity / distance^2.
+    Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
+    A surface of reflectance r sends r / pi * irradiance * cosine towards the eye.
+    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside of its box a volume's value is 0.
+    The field that a volume stands for is f(p) = sum of value * kernel(p - centre): the kernel is a normalised
+    Gaussian of 0.65 voxels standard deviation, cut at 2.5 voxels. That sum is what sps_reference marches through.
+
+BUILD OPTIONS (define before the implementation is included; none changes a public type)
+
+    SPLATSHADOW_IMPLEMENTATION   in exactly one source file: the code itself
+    SPS_API                      extern; may be `static`, or an export attribute
+    SPS_ASSERT(c)                assert(c); programming errors of the library only, bad input is a sps_result
+    SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
+    SPS_SNPRINTF                 snprintf; writes the error sentences
+    SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
+                                 compiler is told to use (-march=native, /arch:AVX2, ...)
+
+MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
+    about 16 bytes per relevant voxel, 24 to 60 per pixel, 40 per texel of shadow buffer, and per worker a tile of
+    sheets (0.2 to 1.5 MB). sps_plan says how much, before; a memory_limit is never passed.
+ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
+    failure the image is untouched and the context can be used again.
+THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
+    parallel_for_fn. Scene callbacks (read, range, eval, background) run on the calling thread, one at a time.
+REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image.
+LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Values above 1e18 or below 1e-30 are refused
+    or count as zero. Optical depth past 100 counts as opaque: exp(-100) is 0 in every product that is formed.
+
+PAPERS
+    C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
+    D. Ebert, R. Parent, "Rendering and Animation of Gaseous Phenomena by Combining Fast Volume and Scanline
+      A-buffer Techniques", SIGGRAPH 1990 >>transfer
+    M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
+    M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
+*/
+
+#ifndef SPLATSHADOW_H
+#define SPLATSHADOW_H
+#include <stddef.h>
+#include <stdint.h>
+
+#define SPS_VERSION 100 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
+#ifndef SPS_API
+#define SPS_API extern
+#endif
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ================================================================================================ >>types */
+
+typedef enum sps_result {
+    SPS_OK = 0,
+    SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
+    SPS_ERROR_MEMORY,      /* the allocator gave NULL, or memory_limit would be passed */
+    SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
+    SPS_ERROR_DATA,        /* a provider delivered a value that is not finite, negative or above 1e18 */
+    SPS_ERROR_UNSUPPORTED, /* no single slicing direction serves this camera and this light: see sps_light */
+    SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
+} sps_result;
+
+/* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
+   threads, and return when all are done. `worker` is 0..worker_count-1 and never the same for two calls that run
+   at the same moment. */
+typedef void (*sps_task_fn)(void *task_data, int index, int worker);
+typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
+
+/* All zero is valid: malloc, no threads, silence, no limit. Copied by sps_create. */
+typedef struct sps_config {
+    uint32_t start_canary;                           /* leave 0 */
+    void *(*alloc_fn)(void *user, size_t size);      /* set both or neither; alignment as malloc's */
+    void (*free_fn)(void *user, void *pointer, size_t size);
+    sps_parallel_for_fn parallel_for_fn;             /* NULL: the calling thread does all */
+    int worker_count;                                /* 1..1024 with parallel_for_fn; 0 means 1 */
+    int (*progress_fn)(void *user, float fraction);  /* called often, 0..1, never falling; non-zero cancels */
+    void (*message_fn)(void *user, const char *text);/* one line without newline: errors, replaced data */
+    double (*clock_fn)(void *user);                  /* seconds; NULL: sps_stats reports no times */
+    size_t memory_limit;                             /* bytes; 0: none */
+    void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
+    uint32_t end_canary;                             /* leave 0 */
+} sps_config;
+
+/* An affine map: local (0,0,0) goes to origin, local unit steps along x, y, z go along axis[0], axis[1], axis[2].
+   All axes zero: the identity. A zero determinant is an error. */
+typedef struct sps_placement {
+    double origin[3];
+    double axis[3][3];
+} sps_placement;
+
+/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5), c the cosine between the way
+   the light travels and the way it leaves. [Henyey & Greenstein 1941] */
+typedef struct sps_lobe {
+    float asymmetry; /* g, -0.99..0.99; positive scatters forward */
+    float weight;    /* > 0; weights are divided by their sum */
+} sps_lobe;
+
+/* A transfer function: what a value looks like. Either points, or a callback. Straight lines between points;
+   outside of the first and last value: those points' colour and extinction. It is sampled once per call into a
+   table of 2048 entries over 0..value_max. Value 0 (all that lies outside of data) is always empty. */
+typedef struct sps_transfer_point {
+    float value;      /* rising from point to point, >= 0 */
+    float color[3];   /* albedo (gas) or reflectance (surface), 0..1 */
+    float extinction; /* per world unit, >= 0 */
+} sps_transfer_point;
+
+typedef struct sps_transfer {
+    const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
+    int point_count;
+    int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out); /* fills color, extinction */
+    void *user;
+    float value_max; /* the largest value of interest; 0 means the last point's value, or 1 with eval_fn */
+} sps_transfer;
+
+typedef enum sps_shading {
+    SPS_SHADING_GAS = 0, /* scatters by the phase function */
+    SPS_SHADING_SURFACE  /* diffuse and specular, by the gradient, where the gradient is strong; gas elsewhere */
+} sps_shading;
+
+/* A grid of voxels in the world. Values come from read_fn or from eval_fn, in blocks of at most 38^3 voxels.
+   Without a transfer function it is a gas: extinction = value * extinction, scattering = albedo * that. */
+typedef struct sps_volume {
+    uint32_t start_canary;   /* leave 0 */
+    int size[3];             /* voxels along x, y, z; 0 in any: no volume; at most 65536 each */
+    sps_placement placement; /* takes the unit cube to the volume's box; may turn, stretch and shear */
+
+    /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. Non-zero: failure. */
+    int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
+    /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow. */
+    int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
+    /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. */
+    int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
+    void *user;
+    uint64_t revision;       /* not 0: the voxels are kept for the next call, and read again when this changes */
+
+    float extinction;        /* gas: per world unit at value 1, >= 0 */
+    float albedo[3];         /* gas: 0..1; all zero: absorbs only */
+    float emission[3];       /* gas: radiance per world unit at value 1, >= 0 */
+    const sps_lobe *lobes;   /* NULL: isotropic */
+    int lobe_count;          /* 0..8 */
+
+    const sps_transfer *transfer; /* NULL: gas */
+    sps_shading shading;     /* with a transfer function */
+    float gradient_full;     /* change of value per voxel at which shading is wholly a surface's; 0 means 0.05 */
+    float specular;          /* strength of the highlight, 0..1 */
+    float shininess;         /* Blinn-Phong exponent, 0 means 32 */
+    uint32_t end_canary;     /* leave 0 */
+} sps_volume;
+
+typedef struct sps_triangle {
+    float position[3][3]; /* local to the mesh's placement */
+    float normal[3][3];   /* read where has_normals; need not be of unit length; zero: the triangle's own */
+    float color[3][3];    /* read where has_colors; replaces the mesh's colour; 0..1 */
+} sps_triangle;
+
+/* Opaque triangles, lit on both sides. Degenerate triangles are left out; non-finite ones are an error. */
+typedef struct sps_mesh {
+    uint32_t start_canary; /* leave 0 */
+    size_t triangle_count; /* 0: no mesh; at most 2^31 - 1 */
+    /* Writes `count` triangles from `first` on; asked in blocks of 256, each once a call. Non-zero: failure. */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
+    void *user;
+    sps_placement placement;
+    float color[3];        /* reflectance, 0..1 */
+    int has_normals, has_colors;
+    uint32_t end_canary;   /* leave 0 */
+} sps_mesh;
+
+typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
+
+/* A light of no extent. It shadows volumes by slabs perpendicular to the half-way vector between eye and light, so
+   every eye ray and every light ray through the volumes must cross those slabs with a cosine of at least 0.1;
+   otherwise (a point light inside or close to a volume, a very wide camera) rendering stops with
+   SPS_ERROR_UNSUPPORTED, unless no_shadow is set. Polygons have no such limit. */
+typedef struct sps_light {
+    uint32_t start_canary; /* leave 0 */
+    sps_light_kind kind;
+    double direction[3];   /* directional: the way the light travels; any length but 0 */
+    double position[3];    /* point */
+    float color[3];        /* >= 0; directional: irradiance, point: intensity; all zero: no light */
+    int no_shadow;         /* 1: shines through everything */
+    uint32_t end_canary;   /* leave 0 */
+} sps_light;
+
+/* Borrowed for the call. Zero is absent. Anything may overlap anything. */
+typedef struct sps_scene {
+    uint32_t start_canary;     /* leave 0 */
+    const sps_volume *volumes;
+    int volume_count;          /* up to 64 that hold voxels */
+    const sps_mesh *meshes;
+    int mesh_count;
+    const sps_light *lights;
+    int light_count;
+    float ambient[3];          /* radiance from everywhere, >= 0; lights gases and surfaces without shadow */
+    float background[3];       /* radiance behind everything, >= 0; does not count in alpha */
+    /* Instead of the colour: radiance along unit directions (packed triples), one row of pixels a call. */
+    int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
+    void *background_user;
+    int replace_invalid;       /* 1: values that would be an error become 0 and are counted */
+    uint32_t end_canary;       /* leave 0 */
+} sps_scene;
+
+/*                  slab    shadow texels    rays end at
+                  (voxels)     per voxel    transmittance */
+typedef enum sps_quality {
+    SPS_QUALITY_DEFAULT = 0, /* medium */
+    SPS_QUALITY_DRAFT,  /*  2        0.75        0.01      */
+    SPS_QUALITY_MEDIUM, /*  1        1           0.003     */
+    SPS_QUALITY_HIGH,   /*  0.5      2           0.0005    */
+    SPS_QUALITY_ULTRA   /*  0.25     4           0.00005   */
+} sps_quality;
+
+typedef struct sps_view {
+    uint32_t start_canary;     /* leave 0 */
+    int width, height;         /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
+    double position[3], target[3], up[3]; /* up zero or along the view: some axis is chosen */
+    double field_of_view;      /* vertical angle, up to 3.1; 0: orthographic */
+    double ortho_height;       /* orthographic: world height of the image; 0 means 1 */
+    const double *world_to_clip; /* instead of all above but the size: 16 numbers, any depth convention, +y is up */
+    double near_distance;      /* along the camera's axis; what is nearer is not seen; >= 0 */
+    int region[4];             /* x, y, width, height of the part to render; width 0: all */
+    sps_quality quality;
+    double slab;               /* sheet thickness in voxels, the main knob; 0: from quality */
+    int shadow_size;           /* texels of a shadow buffer's longer side, up to 16384; 0: from quality */
+    int no_shadows;            /* 1: as no_shadow on every light */
+    uint32_t end_canary;       /* leave 0 */
+} sps_view;
+
+/* The caller's buffers, of the region's size. */
+typedef struct sps_image {
+    float *rgba;      /* premultiplied radiance and coverage */
+    float *depth;     /* optional: mean distance along the ray of what is seen, weighted by coverage; none: infinity */
+    size_t row_pixels;/* pixels from one row to the next; 0 means the region's width */
+} sps_image;
+
+typedef enum sps_pass {
+    SPS_PASS_GATHER = 0,    /* relevant voxels read into bricks */
+    SPS_PASS_EYE_POLYGONS,  /* triangles rasterised for the eye */
+    SPS_PASS_LIGHT_POLYGONS,/* ... into depth maps, per shadowing light */
+    SPS_PASS_EYE_SHEETS,    /* voxels splatted for the eye, once per sweep */
+    SPS_PASS_LIGHT_SHEETS,  /* ... for a light, once per shadowing light */
+    SPS_PASS_GRADIENT,      /* central differences across sheets */
+    SPS_PASS_SCATTERING,    /* light leaving the sheets */
+    SPS_PASS_EMISSION,
+    SPS_PASS_AMBIENT,
+    SPS_PASS_SURFACE_LIGHT, /* lights on polygons */
+    SPS_PASS_COUNT
+} sps_pass;
+
+typedef struct sps_pass_report {
+    int runs;           /* how many times; 0: left out */
+    const char *reason; /* why, either way; a constant */
+    size_t bytes;       /* held for this pass, at most */
+} sps_pass_report;
+
+typedef struct sps_plan_report {
+    sps_pass_report pass[SPS_PASS_COUNT];
+    int sweep_count;             /* passes over the slabs: one per shadowing light, or one */
+    int color_channels;          /* 3, or 1 where every colour is grey */
+    int sheet_channels;          /* values splatted per pixel and slab for the eye */
+    int slab_count;              /* of the longest sweep */
+    int shadow_width, shadow_height; /* of the largest shadow buffer */
+    uint64_t range_calls, read_calls, eval_calls, triangle_calls; /* exact */
+    uint64_t voxels_read;        /* exact, borders of blocks counted each time */
+    size_t bytes;                /* all that the context will hold, at most; image.depth included */
+} sps_plan_report;
+
+typedef struct sps_stats_report {
+    double seconds_gather, seconds_polygons, seconds_bin, seconds_light, seconds_eye, seconds_total;
+    uint64_t range_calls, read_calls, eval_calls, triangle_calls, background_calls;
+    uint64_t blocks_skipped;     /* of read blocks: not even read, by range */
+    uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
+    uint64_t triangles, triangles_degenerate, pixels_of_polygons;
+    uint64_t slabs, slabs_empty; /* over all sweeps */
+    uint64_t eye_sections, eye_fragments, light_sections, light_fragments;
+    uint64_t pixels_shaded;      /* pixels times slabs that held something */
+    uint64_t tiles_finished;     /* tiles that went opaque before the last slab */
+    uint64_t allocations;
+    size_t bytes, bytes_peak;    /* held now, and at most since sps_create */
+} sps_stats_report;
+
+typedef struct sps_context sps_context; /* opaque */
+
+/* ============================================================================================ >>functions */
+
+/* The version of the compiled implementation, as SPS_VERSION. */
+SPS_API int sps_version(void);
+
+/* A new context; NULL if config is malformed or memory is short. config may be NULL: all defaults. */
+SPS_API sps_context *sps_create(const sps_config *config);
+
+/* Frees everything the context holds. NULL is allowed. */
+SPS_API void sps_destroy(sps_context *context);
+
+/* One sentence about the last call that failed; "" after a call that did not. Valid until the next call. */
+SPS_API const char *sps_error(const sps_context *context);
+
+/* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels or triangles.
+   `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
+SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view, sps_plan_report *report);
+
+/* Renders the view's region into the caller's image. Time is about (relevant voxels) * (footprint area in pixels)
+   * (slabs that a voxel touches) for the eye, the same for each shadowing light, and a little per pixel and slab.
+   The image is written only if SPS_OK is returned. Any sps_result can occur. */
+SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view, const sps_image *image);
+
+/* The same scene by brute force, in double precision, for measuring: marches f(p) along each pixel's ray with
+   shadow rays at every sample, and meets polygons by exact intersection. `step` is in voxels (> 0); the error is
+   second order in it. No slicing limit: any light, any camera. Holds all voxels and triangles in memory. */
+SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
+                                 const sps_image *image);
+
+/* What the last sps_render or sps_reference did; counts stand also after a failure. */
+SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
+
+/* A short lower-case name of a pass ("light sheets"); never NULL. */
+SPS_API const char *sps_pass_name(sps_pass pass);
+
+#ifdef __cplusplus
+}
+#endif
+#endif /* SPLATSHADOW_H */
+
+#ifdef SPLATSHADOW_IMPLEMENTATION
+#ifndef SPSI_IMPLEMENTED /* the header may be included again below its implementation */
+#define SPSI_IMPLEMENTED
+
+/* =============================================================================================== >>config
+   1  Macros and the C library. Everything taken from libc is named here. */
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+#ifndef SPS_ASSERT
+#include <assert.h>
+#define SPS_ASSERT(c) assert(c)
+#endif
+#ifndef SPS_MALLOC
+#include <stdlib.h>
+#define SPS_MALLOC(n) malloc(n)
+#define SPS_FREE(p) free(p)
+#endif
+#ifndef SPS_SNPRINTF
+#include <stdio.h>
+#define SPS_SNPRINTF snprintf
+#endif
+
+#define SPSI_PI 3.14159265358979323846
+#define SPSI_INFINITY ((float)HUGE_VAL)
+
+#define SPSI_SIZE_MAX 16384       /* pixels or texels on a side; 2^28 of them still count in an int */
+#define SPSI_SLABS_MAX (1 << 20)  /* slab coordinates within a chunk stay exact in a float far beyond this */
+#define SPSI_VOLUMES_MAX 64
+#define SPSI_LOBES_MAX 8
+#define SPSI_WORKERS_MAX 1024
+#define SPSI_VALUE_MAX 1e18f      /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_VALUE_MIN 1e-30f     /* smaller ones would only make denormal numbers */
+#define SPSI_DEPTH_MAX 1e15f      /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
+
+#define SPSI_TILE_WIDTH 64        /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
+#define SPSI_TILE_HEIGHT 32
+#define SPSI_CHUNK 8              /* slabs splatted in one visit of a voxel */
+#define SPSI_BRICK 8              /* voxels along a brick's edge: what is binned together */
+#define SPSI_BLOCK 32             /* voxels along a block's edge: what a provider is asked for */
+#define SPSI_MARGIN 3             /* voxels around a block that decide which of its voxels a transfer function shows */
+
+/* ================================================================================================= >>simd
+   2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a truth value for each. All that is above this section
+   is written once, for any width; lanes never mix, so results do not depend on the width but for rounding of fused
+   multiply-add. Only this section names an instruction set. */
+
+#if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
+#define SPSI_SIMD_AVX512
+#include <immintrin.h>
+#elif !defined(SPS_NO_SIMD) && defined(__AVX2__) && (defined(__FMA__) || defined(_MSC_VER))
+#define SPSI_SIMD_AVX2
+#include <immintrin.h>
+#elif !defined(SPS_NO_SIMD) && (defined(__SSE2__) || defined(_M_X64))
+#define SPSI_SIMD_SSE2
+#include <emmintrin.h>
+#elif !defined(SPS_NO_SIMD) && defined(__ARM_NEON) && defined(__aarch64__)
+#define SPSI_SIMD_NEON
+#include <arm_neon.h>
+#endif
+
+#if defined(SPSI_SIMD_AVX512)
+#define SPSI_LANES 16
+typedef __m512 spsi_v;
+typedef __mmask16 spsi_m;
+static inline spsi_v spsi_set(float a) { return _mm512_set1_ps(a); }
+static inline spsi_v spsi_load(const float *p) { return _mm512_loadu_ps(p); }
+static inline void spsi_store(float *p, spsi_v a) { _mm512_storeu_ps(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm512_add_ps(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm512_sub_ps(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm512_mul_ps(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm512_div_ps(a, b); }
+static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm512_fmadd_ps(a, b, c); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm512_min_ps(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm512_max_ps(a, b); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return _mm512_sqrt_ps(a); }
+static inline spsi_v spsi_round(spsi_v a) { return _mm512_roundscale_ps(a, 8); }
+static inline spsi_v spsi_pow2(spsi_v n) {
+    const __m512i e = _mm512_add_epi32(_mm512_cvtps_epi32(n), _mm512_set1_epi32(127));
+    return _mm512_castsi512_ps(_mm512_slli_epi32(e, 23));
+}
+static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm512_cmp_ps_mask(a, b, _CMP_LT_OQ); }
+static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return (spsi_m)(a & b); }
+static inline int spsi_bits(spsi_m m) { return (int)m; }
+static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
+static inline spsi_v spsi_iota(void) {
+    return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
+}
+static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
+    const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
+    const __m512i i = _mm512_add_epi32(row, _mm512_cvttps_epi32(x));
+    quad[0] = _mm512_i32gather_ps(i, grid, 4);
+    quad[1] = _mm512_i32gather_ps(i, grid + 1, 4);
+    quad[2] = _mm512_i32gather_ps(i, grid + stride, 4);
+    quad[3] = _mm512_i32gather_ps(i, grid + stride + 1, 4);
+}
+#define SPSI_HAS_GATHER
+
+#elif defined(SPSI_SIMD_AVX2)
+#define SPSI_LANES 8
+typedef __m256 spsi_v;
+typedef __m256 spsi_m;
+static inline spsi_v spsi_set(float a) { return _mm256_set1_ps(a); }
+static inline spsi_v spsi_load(const float *p) { return _mm256_loadu_ps(p); }
+static inline void spsi_store(float *p, spsi_v a) { _mm256_storeu_ps(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm256_add_ps(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm256_sub_ps(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm256_mul_ps(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm256_div_ps(a, b); }
+static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm256_fmadd_ps(a, b, c); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm256_min_ps(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm256_max_ps(a, b); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return _mm256_sqrt_ps(a); }
+static inline spsi_v spsi_round(spsi_v a) { return _mm256_round_ps(a, 8); }
+static inline spsi_v spsi_pow2(spsi_v n) {
+    const __m256i e = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
+    return _mm256_castsi256_ps(_mm256_slli_epi32(e, 23));
+}
+static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm256_cmp_ps(a, b, _CMP_LT_OQ); }
+static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm256_and_ps(a, b); }
+static inline int spsi_bits(spsi_m m) { return _mm256_movemask_ps(m); }
+static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm256_blendv_ps(b, a, m); }
+static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
+static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
+    const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
+    const __m256i i = _mm256_add_epi32(row, _mm256_cvttps_epi32(x));
+    quad[0] = _mm256_i32gather_ps(grid, i, 4);
+    quad[1] = _mm256_i32gather_ps(grid + 1, i, 4);
+    quad[2] = _mm256_i32gather_ps(grid + stride, i, 4);
+    quad[3] = _mm256_i32gather_ps(grid + stride + 1, i, 4);
+}
+#define SPSI_HAS_GATHER
+
+#elif defined(SPSI_SIMD_SSE2)
+#define SPSI_LANES 4
+typedef __m128 spsi_v;
+typedef __m128 spsi_m;
+static inline spsi_v spsi_set(float a) { return _mm_set1_ps(a); }
+static inline spsi_v spsi_load(const float *p) { return _mm_loadu_ps(p); }
+static inline void spsi_store(float *p, spsi_v a) { _mm_storeu_ps(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return _mm_add_ps(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return _mm_sub_ps(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return _mm_mul_ps(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return _mm_div_ps(a, b); }
+static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return _mm_add_ps(_mm_mul_ps(a, b), c); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm_min_ps(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm_max_ps(a, b); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return _mm_sqrt_ps(a); }
+static inline spsi_v spsi_round(spsi_v a) { return _mm_cvtepi32_ps(_mm_cvtps_epi32(a)); }
+static inline spsi_v spsi_pow2(spsi_v n) {
+    const __m128i e = _mm_add_epi32(_mm_cvtps_epi32(n), _mm_set1_epi32(127));
+    return _mm_castsi128_ps(_mm_slli_epi32(e, 23));
+}
+static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm_cmplt_ps(a, b); }
+static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm_and_ps(a, b); }
+static inline int spsi_bits(spsi_m m) { return _mm_movemask_ps(m); }
+static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) {
+    return _mm_or_ps(_mm_and_ps(m, a), _mm_andnot_ps(m, b));
+}
+static inline spsi_v spsi_iota(void) { return _mm_set_ps(3, 2, 1, 0); }
+
+#elif defined(SPSI_SIMD_NEON)
+#define SPSI_LANES 4
+typedef float32x4_t spsi_v;
+typedef uint32x4_t spsi_m;
+static inline spsi_v spsi_set(float a) { return vdupq_n_f32(a); }
+static inline spsi_v spsi_load(const float *p) { return vld1q_f32(p); }
+static inline void spsi_store(float *p, spsi_v a) { vst1q_f32(p, a); }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return vaddq_f32(a, b); }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return vsubq_f32(a, b); }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return vmulq_f32(a, b); }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return vdivq_f32(a, b); }
+static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return vfmaq_f32(c, a, b); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return vminq_f32(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return vmaxq_f32(a, b); }
+static inline spsi_v spsi_sqrt(spsi_v a) { return vsqrtq_f32(a); }
+static inline spsi_v spsi_round(spsi_v a) { return vrndnq_f32(a); }
+static inline spsi_v spsi_pow2(spsi_v n) {
+    return vreinterpretq_f32_s32(vshlq_n_s32(vaddq_s32(vcvtq_s32_f32(n), vdupq_n_s32(127)), 23));
+}
+static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return vcltq_f32(a, b); }
+static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return vandq_u32(a, b); }
+static inline int spsi_bits(spsi_m m) {
+    const uint32_t weights[4] = {1, 2, 4, 8};
+    return (int)vaddvq_u32(vandq_u32(m, vld1q_u32(weights)));
+}
+static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return vbslq_f32(m, a, b); }
+static inline spsi_v spsi_iota(void) {
+    const float numbers[4] = {0, 1, 2, 3};
+    return vld1q_f32(numbers);
+}
+
+#else
+#define SPSI_LANES 1
+typedef float spsi_v;
+typedef int spsi_m;
+static inline spsi_v spsi_set(float a) { return a; }
+static inline spsi_v spsi_load(const float *p) { return *p; }
+static inline void spsi_store(float *p, spsi_v a) { *p = a; }
+static inline spsi_v spsi_add(spsi_v a, spsi_v b) { return a + b; }
+static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return a - b; }
+static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return a * b; }
+static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return a / b; }
+static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return a * b + c; }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return a < b ? a : b; }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return a > b ? a : b; }
+static inline spsi_v spsi_sqrt(spsi_v a) { return sqrtf(a); }
+static inline spsi_v spsi_round(spsi_v a) { return (float)(int)(a < 0 ? a - 0.5f : a + 0.5f); }
+static inline spsi_v spsi_pow2(spsi_v n) {
+    const uint32_t bits = (uint32_t)((int)n + 127) << 23;
+    float result;
+    memcpy(&result, &bits, sizeof result);
+    return result;
+}
+static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return a < b; }
+static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return a & b; }
+static inline int spsi_bits(spsi_m m) { return m; }
+static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
+static inline spsi_v spsi_iota(void) { return 0; }
+#endif
+
+#ifndef SPSI_HAS_GATHER
+/* The four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1) in a grid, for whole-numbered x and y. */
+static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
+    float xs[SPSI_LANES], ys[SPSI_LANES], values[4][SPSI_LANES];
+    spsi_store(xs, x);
+    spsi_store(ys, y);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const float *p = grid + (ptrdiff_t)ys[i] * stride + (ptrdiff_t)xs[i];
+        values[0][i] = p[0];
+        values[1][i] = p[1];
+        values[2][i] = p[stride];
+        values[3][i] = p[stride + 1];
+    }
+    for (int i = 0; i < 4; ++i) quad[i] = spsi_load(values[i]);
+}
+#endif
+
+static inline spsi_v spsi_clamp(spsi_v a, spsi_v low, spsi_v high) { return spsi_max(low, spsi_min(a, high)); }
+static inline spsi_v spsi_abs(spsi_v a) { return spsi_max(a, spsi_sub(spsi_set(0), a)); }
+static inline spsi_v spsi_mix(spsi_v a, spsi_v b, spsi_v t) { return spsi_fma(spsi_sub(b, a), t, a); }
+
+/* Largest whole number not above a, for |a| < 2^30. */
+static inline spsi_v spsi_floor(spsi_v a) {
+    const spsi_v r = spsi_round(a);
+    return spsi_select(spsi_less(a, r), spsi_sub(r, spsi_set(1)), r);
+}
+
+/* e^x to 2e-7 of itself for -86 < x < 88; exactly 0 below, so that no denormal number is made.
+   x = n ln 2 + r; the polynomial in r was fitted for this library (largest relative error 1.1e-7). */
+static inline spsi_v spsi_exp(spsi_v x) {
+    const spsi_v inside = spsi_clamp(x, spsi_set(-87.0f), spsi_set(88.0f));
+    const spsi_v n = spsi_round(spsi_mul(inside, spsi_set(1.44269504f)));
+    spsi_v r = spsi_fma(n, spsi_set(-0.693359375f), inside);
+    spsi_v p = spsi_set(0.008261530995f);
+    r = spsi_fma(n, spsi_set(2.12194440e-4f), r);
+    p = spsi_fma(p, r, spsi_set(0.04189873203f));
+    p = spsi_fma(p, r, spsi_set(0.1666811427f));
+    p = spsi_fma(p, r, spsi_set(0.4999914103f));
+    p = spsi_fma(p, r, spsi_set(0.9999995317f));
+    p = spsi_fma(p, r, spsi_set(1.0f));
+    return spsi_select(spsi_less(x, spsi_set(-86.0f)), spsi_set(0), spsi_mul(p, spsi_pow2(n)));
+}
+
+/* ================================================================================================ >>maths
+   3  Vectors and matrices in double precision: all placing is done with these, relative to the camera or to the first
+   slab, before anything becomes a float. */
+
+static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
+
+static void spsi_cross(const double a[3], const double b[3], double out[3]) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* out = a + t b */
+static void spsi_along(const double a[3], const double b[3], double t, double out[3]) {
+    for (int i = 0; i < 3; ++i) out[i] = a[i] + t * b[i];
+}
+
+/* Scales a to length 1 without overflow or underflow; gives 0, and leaves a alone, where it has no direction. */
+static int spsi_normalise(double a[3]) {
+    const double largest = fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
+    double length;
+    if (!(largest > 0) || !(largest <= DBL_MAX)) return 0;
+    for (int i = 0; i < 3; ++i) a[i] /= largest;
+    length = spsi_length(a);
+    for (int i = 0; i < 3; ++i) a[i] /= length;
+    return 1;
+}
+
+/* Two unit vectors square to the unit vector n; `x` lies along the coordinate axis that is least along n. */
+static void spsi_basis(const double n[3], double x[3], double y[3]) {
+    const double ax = fabs(n[0]), ay = fabs(n[1]), az = fabs(n[2]);
+    const int least = ax <= ay && ax <= az ? 0 : ay <= az ? 1 : 2;
+    double axis[3] = {0, 0, 0};
+    axis[least] = 1;
+    spsi_along(axis, n, -n[least], x);
+    spsi_normalise(x);
+    spsi_cross(n, x, y);
+}
+
+/* The determinant of the matrix with columns a, b, c. */
+static double spsi_determinant(const double a[3], const double b[3], const double c[3]) {
+    double bc[3];
+    spsi_cross(b, c, bc);
+    return spsi_dot(a, bc);
+}
+
+/* Rows of the inverse of the matrix with columns a, b, c; gives 0 where there is none. */
+static int spsi_invert(const double a[3], const double b[3], const double c[3], double rows[3][3]) {
+    const double determinant = spsi_determinant(a, b, c);
+    if (!(fabs(determinant) > 0) || !(fabs(determinant) <= DBL_MAX)) return 0;
+    spsi_cross(b, c, rows[0]);
+    spsi_cross(c, a, rows[1]);
+    spsi_cross(a, b, rows[2]);
+    for (int i = 0; i < 9; ++i) rows[i / 3][i % 3] /= determinant;
+    return 1;
+}
+
+static int spsi_finite(const double *values, int count) {
+    for (int i = 0; i < count; ++i)
+        if (!(fabs(values[i]) <= DBL_MAX)) return 0;
+    return 1;
+}
+
+static int spsi_colour_valid(const float c[3], float most) {
+    return c[0] >= 0 && c[1] >= 0 && c[2] >= 0 && c[0] <= most && c[1] <= most && c[2] <= most;
+}
+
+static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
+static int spsi_grey(const float c[3]) { return !(c[0] < c[1] || c[0] > c[1] || c[1] < c[2] || c[1] > c[2]); }
+static int spsi_least(int a, int b) { return a < b ? a : b; }
+static int spsi_most(int a, int b) { return a > b ? a : b; }
+
+/* =============================================================================================== >>memory
+   4  The context, its one allocator, its one error path, and how work is handed out.
+   Memory lives in numbered buffers that keep their largest size from call to call. */
+
+typedef enum spsi_buffer_id {
+    SPSI_BUFFER_FRAME,     /* the checked scene, >>scene */
+    SPSI_BUFFER_TABLES,    /* transfer functions */
+    SPSI_BUFFER_BLOCK,     /* one block of values, its positions and flags, >>gather */
+    SPSI_BUFFER_BRICKS,
+    SPSI_BUFFER_SEGMENTS,  /* the list of voxel segments */
+    SPSI_BUFFER_FACES,     /* triangles, >>polygons */
+    SPSI_BUFFER_FACE_ROWS, /* which rows each triangle covers */
+    SPSI_BUFFER_EYE_FACES, /* the triangle that each pixel shows */
+    SPSI_BUFFER_DEPTH_MAPS,
+    SPSI_BUFFER_PIXELS,    /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,    /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_SHEETS,    /* a tile of sheets per worker */
+    SPSI_BUFFER_SPANS,     /* which slabs and pixels each brick touches, >>sweep */
+    SPSI_BUFFER_CHUNK,     /* the bricks of one chunk */
+    SPSI_BUFFER_TILES,     /* what is known of each tile */
+    SPSI_BUFFER_RUN,       /* what the tasks of a sweep share */
+    SPSI_BUFFER_TOTAL,     /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,       /* directions and colours of one row of background */
+    SPSI_BUFFER_MARCHER,   /* >>reference */
+    SPSI_BUFFER_REFERENCE_VALUES,
+    SPSI_BUFFER_REFERENCE_FACES,
+    SPSI_BUFFER_REFERENCE_NODES,
+    SPSI_BUFFER_COUNT
+} spsi_buffer_id;
+
+typedef struct spsi_buffer {
+    void *data;
+    size_t size;
+} spsi_buffer;
+
+struct sps_context {
+    sps_config config;
+    sps_stats_report stats;
+    sps_result result;
+    char error[256];
+    float progress;
+    double clock_start;
+    spsi_buffer buffers[SPSI_BUFFER_COUNT];
+    int segment_count;      /* voxel segments held, >>gather */
+    uint64_t gathered;      /* fingerprint of the volumes whose voxels are held; 0: none */
+    int brick_count;
+    uint64_t voxel_count;
+};
+
+/* The one way to fail: records the sentence, tells message_fn, and hands the result on. The first failure stands. */
+static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
+    if (context->result == SPS_OK) {
+        context->result = result;
+        SPS_SNPRINTF(context->error, sizeof context->error, "%s", sentence);
+        if (context->config.message_fn) context->config.message_fn(context->config.message_user, context->error);
+    }
+    return context->result;
+}
+
+/* As spsi_fail, for "NAME[index].FIELD is VALUE; RULE". index < 0 leaves the brackets out. */
+static sps_result spsi_fail_field(sps_context *context, sps_result result, const char *name, int index,
+                                  const char *field, double value, const char *rule) {
+    char sentence[256], brackets[24] = "";
+    if (index >= 0) SPS_SNPRINTF(brackets, sizeof brackets, "[%d]", index);
+    SPS_SNPRINTF(sentence, sizeof sentence, "%s%s.%s is %g; %s", name, brackets, field, value, rule);
+    return spsi_fail(context, result, sentence);
+}
+
+static void spsi_release(sps_context *context, void *data, size_t size) {
+    if (!data) return;
+    if (context->config.free_fn) context->config.free_fn(context->config.alloc_user, data, size);
+    else SPS_FREE(data);
+    context->stats.bytes -= size;
+}
+
+/* Every allocation but the context's own passes here: overflow, limit and failure are one error. NULL after it. */
+static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
+    const size_t limit = context->config.memory_limit;
+    const size_t bytes = count * size;
+    void *data = NULL;
+    char sentence[256];
+    if (count == 0 || count <= SIZE_MAX / size) {
+        if (limit == 0 || (bytes <= limit && context->stats.bytes <= limit - bytes))
+            data = context->config.alloc_fn ? context->config.alloc_fn(context->config.alloc_user, bytes)
+                                            : SPS_MALLOC(bytes);
+    }
+    if (!data) {
+        SPS_SNPRINTF(sentence, sizeof sentence, "memory: %.0f bytes more than the %.0f held were refused by the %s",
+                     (double)count * (double)size, (double)context->stats.bytes,
+                     limit && (double)count * (double)size + (double)context->stats.bytes > (double)limit
+                         ? "memory_limit" : "allocator");
+        spsi_fail(context, SPS_ERROR_MEMORY, sentence);
+        return NULL;
+    }
+    context->stats.allocations += 1;
+    context->stats.bytes += bytes;
+    if (context->stats.bytes > context->stats.bytes_peak) context->stats.bytes_peak = context->stats.bytes;
+    return data;
+}
+
+/* Makes a buffer hold count * size bytes at least; what it held is lost if it has to grow. NULL: failed. */
+static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
+    spsi_buffer *buffer = &context->buffers[id];
+    const size_t wanted = count > 0 ? count : 1;
+    if (buffer->data && buffer->size / size >= wanted) return buffer->data;
+    spsi_release(context, buffer->data, buffer->size);
+    buffer->size = 0;
+    buffer->data = spsi_acquire(context, wanted, size);
+    if (buffer->data) buffer->size = wanted * size;
+    return buffer->data;
+}
+
+/* As spsi_reserve, but keeps the first `kept` items and grows by half at least. */
+static void *spsi_extend(sps_context *context, spsi_buffer_id id, size_t kept, size_t count, size_t size) {
+    spsi_buffer *buffer = &context->buffers[id];
+    const size_t held = buffer->size / size, grown = held + held / 2;
+    const size_t wanted = grown > count ? grown : count;
+    void *data;
+    if (buffer->data && held >= count) return buffer->data;
+    data = spsi_acquire(context, wanted, size);
+    if (!data) return NULL;
+    if (kept > 0) memcpy(data, buffer->data, kept * size);
+    spsi_release(context, buffer->data, buffer->size);
+    buffer->data = data;
+    buffer->size = wanted * size;
+    return data;
+}
+
+static int spsi_worker_count(const sps_context *context) {
+    return context->config.parallel_for_fn && context->config.worker_count > 0 ? context->config.worker_count : 1;
+}
+
+/* Runs task(data, i, worker) for i = 0..count-1. Tasks write to disjoint places, so the order does not matter. */
+static void spsi_parallel(sps_context *context, int count, sps_task_fn task, void *data) {
+    if (context->config.parallel_for_fn && count > 1) {
+        context->config.parallel_for_fn(context->config.parallel_user, count, task, data);
+        return;
+    }
+    for (int i = 0; i < count; ++i) task(data, i, 0);
+}
+
+static double spsi_clock(const sps_context *context) {
+    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
+}
+
+/* Tells how far the work is; SPS_ERROR_CANCELLED where the caller wants to stop. */
+static sps_result spsi_progress(sps_context *context, double fraction) {
+    const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
+    context->progress = now;
+    if (context->config.progress_fn && context->config.progress_fn(context->config.progress_user, now))
+        return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
+    return SPS_OK;
+}
+
+/* =============================================================================================== >>kernel
+   5  The voxel kernel, a Gaussian of SPSI_SIGMA voxels cut at SPSI_CUT standard deviations, and the closed forms for
+   light in a sheet. */
+
+#define SPSI_SIGMA 0.65         /* voxels; a lattice of such kernels is constant to 0.05 % */
+#define SPSI_REACH 2.5          /* voxels */
+#define SPSI_CUT (SPSI_REACH / SPSI_SIGMA)
+#define SPSI_PIXEL_SIGMA 0.5    /* least footprint width in pixels: the pixel filter where voxels are smaller */
+
+/* The kernel's mass in the disc of the footprint that is kept: 1 - exp(-SPSI_CUT^2 / 2). Dividing by it makes a
+   constant grid constant. */
+static double spsi_footprint_mass(void) { return -expm1(-0.5 * SPSI_CUT * SPSI_CUT); }
+
+/* The share of a kernel's line integral that lies before a plane; v = distance / (SPSI_CUT * standard deviation).
+   A polynomial whose derivative (1 - v^2)^2 (..) is nowhere negative, so that sheets are never negative; fitted to the
+   cut Gaussian: largest error 2e-4 of the integral, and the shares of all slabs add up to 1. */
+static inline spsi_v spsi_kernel_share(spsi_v v) {
+    const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
+    spsi_v p = spsi_set(0.915625417f);
+    p = spsi_fma(p, x2, spsi_set(-4.38040258f));
+    p = spsi_fma(p, x2, spsi_set(8.9310312f));
+    p = spsi_fma(p, x2, spsi_set(-10.2611645f));
+    p = spsi_fma(p, x2, spsi_set(7.45445085f));
+    p = spsi_fma(p, x2, spsi_set(-3.6912726f));
+    p = spsi_fma(p, x2, spsi_set(1.53173222f));
+    return spsi_fma(p, x, spsi_set(0.5f));
+}
+
+/* The mean of exp(-x) for x between a and b (any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
+   Light that enters a sheet with optical depth a behind it and leaves with b, so summed over a sheet of depth t that
+   sends c per unit of depth, is c t spsi_mean_transmittance(a, b): exact where extinction is constant in the sheet,
+   for either compositing order. The series below d = 0.25 is good to 1e-7. */
+static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
+    const spsi_v d = spsi_abs(spsi_sub(a, b));
+    const spsi_v quotient = spsi_div(spsi_sub(spsi_set(1), spsi_exp(spsi_sub(spsi_set(0), d))),
+                                     spsi_max(d, spsi_set(0.25f)));
+    spsi_v series = spsi_fma(d, spsi_set(-1.0f / 720), spsi_set(1.0f / 120));
+    series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(1.0f / 24));
+    series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(1.0f / 6));
+    series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(0.5f));
+    series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(1));
+    return spsi_mul(spsi_exp(spsi_sub(spsi_set(0), spsi_min(a, b))),
+                    spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
+}
+
+/* ================================================================================================= >>view
+   6  Rays. A camera and a light are the same thing: a grid of rays through pixel (or texel) centres,
+       perspective    p = origin + t (c + x a + y b)
+       orthographic   p = origin + x a + y b + t c
+   so one rasteriser and one splatter serve both. Ray space is (x, y, t). Depths are stored as t - depth_reference, so
+   that a distant camera loses no digits. */
+
+typedef struct spsi_rays {
+    int perspective, width, height;
+    double origin[3], a[3], b[3], c[3];
+    double inverse[3][3]; /* rows; (p - origin) to (x t, y t, t) or (x, y, t) */
+    double depth_reference, near_depth;
+} spsi_rays;
+
+static int spsi_rays_complete(spsi_rays *rays) { return spsi_invert(rays->a, rays->b, rays->c, rays->inverse); }
+
+/* World offset from the origin to ray coordinates, before any division. */
+static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q[3]) {
+    for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
+}
+
+/* Pixel coordinates and depth t of a world point; x and y mean nothing where a perspective t is not positive. */
+static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
+    double offset[3];
+    spsi_along(point, rays->origin, -1, offset);
+    spsi_to_rays(rays, offset, q);
+    if (rays->perspective && q[2] > 0) q[0] /= q[2], q[1] /= q[2];
+}
+
+/* The direction of a pixel's ray: how p changes with t. */
+static void spsi_ray_direction(const spsi_rays *rays, double x, double y, double direction[3]) {
+    memcpy(direction, rays->c, sizeof rays->c);
+    if (!rays->perspective) return;
+    spsi_along(direction, rays->a, x, direction);
+    spsi_along(direction, rays->b, y, direction);
+}
+
+static void spsi_ray_point(const spsi_rays *rays, double x, double y, double t, double point[3]) {
+    double direction[3];
+    spsi_ray_direction(rays, x, y, direction);
+    spsi_along(rays->origin, direction, t, point);
+    if (rays->perspective) return;
+    spsi_along(point, rays->a, x, point);
+    spsi_along(point, rays->b, y, point);
+}
+
+/* Rays from a basis: centre of the image plane along `forward`, pixel steps along `right` and down, pixel size `pitch`
+   at t = 1 (perspective) or everywhere. */
+static void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double right[3], const double down[3],
+                          const double forward[3], double pitch_x, double pitch_y) {
+    const double x = -0.5 * (rays->width - 1) * pitch_x, y = -0.5 * (rays->height - 1) * pitch_y;
+    double *corner = rays->perspective ? rays->c : rays->origin;
+    for (int i = 0; i < 3; ++i) {
+        rays->a[i] = right[i] * pitch_x;
+        rays->b[i] = down[i] * pitch_y;
+        rays->c[i] = forward[i];
+        rays->origin[i] = eye[i];
+    }
+    spsi_along(corner, right, x, corner);
+    spsi_along(corner, down, y, corner);
+}
+
+static int spsi_rays_from_camera(spsi_rays *rays, const sps_view *view) {
+    double forward[3], right[3], down[3], pitch;
+    spsi_along(view->target, view->position, -1, forward);
+    if (!spsi_normalise(forward)) return 0;
+    spsi_cross(forward, view->up, right);
+    if (!(spsi_length(right) > 1e-6 * spsi_length(view->up)) || !spsi_normalise(right)) spsi_basis(forward, right, down);
+    spsi_cross(forward, right, down);
+    rays->perspective = view->field_of_view > 0;
+    pitch = rays->perspective ? 2 * tan(0.5 * view->field_of_view)
+                              : view->ortho_height > 0 ? view->ortho_height : 1;
+    pitch /= view->height;
+    spsi_rays_aim(rays, view->position, right, down, forward, pitch, pitch);
+    return spsi_rays_complete(rays);
+}
+
+/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; row 2 (the depth convention) is not needed. The ray of clip
+   position (X,Y) lies in the planes (r0 - X r3) p = 0 and (r1 - Y r3) p = 0, so its direction is linear in X and Y. */
+static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
+    const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
+    const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
+    double rows[3][3], base[3], ax[3], ay[3], scale;
+    rays->perspective = spsi_length(r3) > 1e-12 * (spsi_length(r0) + spsi_length(r1));
+    spsi_cross(r0, r1, base);
+    if (rays->perspective) {
+        spsi_cross(r1, r3, ax);
+        spsi_cross(r3, r0, ay);
+        scale = spsi_dot(base, r3);
+        if (!spsi_invert(r0, r1, r3, rows)) return 0;
+        for (int i = 0; i < 3; ++i) rays->origin[i] = -(rows[0][i] * r0[3] + rows[1][i] * r1[3] + rows[2][i] * r3[3]);
+        scale = spsi_length(r3) / scale;
+    } else {
+        if (!(r3[3] > 0) || !spsi_invert(r0, r1, base, rows)) return 0;
+        for (int i = 0; i < 3; ++i) {
+            rays->origin[i] = (rows[0][i] * (x0 * r3[3] - r0[3])) + rows[1][i] * (y0 * r3[3] - r1[3]);
+            ax[i] = rows[0][i] * r3[3];
+            ay[i] = rows[1][i] * r3[3];
+        }
+        scale = (spsi_dot(base, m + 8) < 0 ? -1 : 1) / spsi_length(base);
+    }
+    for (int i = 0; i < 3; ++i) {
+        rays->a[i] = ax[i] * dx * (rays->perspective ? scale : 1);
+        rays->b[i] = ay[i] * dy * (rays->perspective ? scale : 1);
+        rays->c[i] = rays->perspective ? (base[i] + ax[i] * x0 + ay[i] * y0) * scale : base[i] * scale;
+    }
+    return spsi_rays_complete(rays);
+}
+
+/* ============================================================================================= >>transfer
+   7  What a value looks like. A gas scatters albedo * extinction * value by a sum of Henyey-Greenstein lobes; a
+   transfer function is a table from value to colour and extinction. */
+
+#define SPSI_TABLE_SIZE 2048
+
+typedef struct spsi_table {
+    float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
+    int shown[SPSI_TABLE_SIZE + 2];      /* how many of the entries before this one have extinction */
+} spsi_table;
+
+typedef struct spsi_material {
+    float extinction, albedo[3], emission[3];
+    sps_lobe lobes[SPSI_LOBES_MAX]; /* weights add up to 1 */
+    int lobe_count;
+    spsi_table *table;              /* NULL: gas */
+    float table_scale;              /* entries per unit of value */
+    sps_shading shading;
+    float gradient_scale;           /* per change of value per voxel */
+    float voxel_length;             /* world; the cube root of a voxel's volume */
+    float specular, shininess;
+    int scatters, emits, extinguishes;
+} spsi_material;
+
+/* One lobe for a vector of cosines. The denominator is at least (1 - |g|)^2 > 0. [Henyey & Greenstein 1941] */
+static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
+    const spsi_v square = spsi_max(spsi_set((1 - g) * (1 - g) < (1 + g) * (1 + g) ? (1 - g) * (1 - g) : (1 + g) * (1 + g)),
+                                   spsi_fma(cosine, spsi_set(-2 * g), spsi_set(1 + g * g)));
+    return spsi_div(spsi_set((1 - g * g) * (float)(0.25 / SPSI_PI)), spsi_mul(square, spsi_sqrt(square)));
+}
+
+static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < material->lobe_count; ++i)
+        sum = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), sum);
+    return sum;
+}
+
+/* Red, green, blue and extinction for a vector of values; straight lines between table entries. */
+static inline void spsi_classify(const spsi_material *material, spsi_v value, spsi_v out[4]) {
+    float at[SPSI_LANES], channel[4][SPSI_LANES];
+    const spsi_v scaled = spsi_mul(value, spsi_set(material->table_scale));
+    spsi_store(at, spsi_clamp(scaled, spsi_set(0), spsi_set((float)SPSI_TABLE_SIZE)));
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const int entry = at[i] < SPSI_TABLE_SIZE - 1 ? (int)at[i] : SPSI_TABLE_SIZE - 1;
+        const float *low = material->table->entry[entry], *high = low + 4, t = at[i] - (float)entry;
+        for (int c = 0; c < 4; ++c) channel[c][i] = low[c] + t * (high[c] - low[c]);
+    }
+    for (int c = 0; c < 4; ++c) out[c] = spsi_load(channel[c]);
+    out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
+}
+
+static int spsi_transfer_entry_valid(const float entry[4]) {
+    return spsi_colour_valid(entry, 1) && entry[3] >= 0 && entry[3] <= SPSI_VALUE_MAX;
+}
+
+/* The transfer function at `value` by straight lines between its points. */
+static void spsi_transfer_at_points(const sps_transfer *transfer, float value, float out[4]) {
+    const sps_transfer_point *points = transfer->points;
+    int high = 0;
+    float t = 0;
+    while (high < transfer->point_count - 1 && points[high].value < value) ++high;
+    const int low = high > 0 ? high - 1 : 0;
+    if (points[high].value > points[low].value)
+        t = (value - points[low].value) / (points[high].value - points[low].value);
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    for (int c = 0; c < 3; ++c)
+        out[c] = points[low].color[c] + t * (points[high].color[c] - points[low].color[c]);
+    out[3] = points[low].extinction + t * (points[high].extinction - points[low].extinction);
+}
+
+static sps_result spsi_transfer_from_callback(sps_context *context, const sps_transfer *transfer, float last,
+                                              spsi_table *table) {
+    enum { BATCH = 64 };
+    float values[BATCH];
+    sps_transfer_point points[BATCH];
+    for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
+        const int count = spsi_least(BATCH, SPSI_TABLE_SIZE + 1 - first);
+        memset(points, 0, sizeof points);
+        for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
+        if (transfer->eval_fn(transfer->user, (size_t)count, values, points))
+            return spsi_fail(context, SPS_ERROR_CALLBACK, "transfer.eval_fn failed");
+        for (int i = 0; i < count; ++i) {
+            memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
+            table->entry[first + i][3] = points[i].extinction;
+        }
+    }
+    return SPS_OK;
+}
+
+static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *transfer, int volume) {
+    if (!transfer->points == !transfer->eval_fn)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer", 0,
+                               "it needs either points or eval_fn");
+    if (transfer->points && transfer->point_count < 1)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.point_count",
+                               transfer->point_count, "it must be at least 1");
+    for (int i = 0; i < transfer->point_count && transfer->points; ++i) {
+        const float value = transfer->points[i].value;
+        if (!(value >= 0 && value <= SPSI_VALUE_MAX) || (i > 0 && !(value > transfer->points[i - 1].value)))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.points.value",
+                                   (double)value, "values must be >= 0 and rise from point to point");
+    }
+    if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.value_max",
+                               (double)transfer->value_max, "it must be 0 or positive");
+    return SPS_OK;
+}
+
+/* Fills a material's table and what follows from it. */
+static sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
+                                         spsi_material *material) {
+    float last = transfer->value_max;
+    if (spsi_transfer_check(context, transfer, volume)) return context->result;
+    if (!(last > 0) && transfer->points) last = transfer->points[transfer->point_count - 1].value;
+    if (!(last > 0)) last = 1;
+    material->table_scale = SPSI_TABLE_SIZE / last;
+    if (!transfer->points && spsi_transfer_from_callback(context, transfer, last, material->table))
+        return context->result;
+    material->table->shown[0] = 0;
+    for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
+        float *entry = material->table->entry[i];
+        if (transfer->points) spsi_transfer_at_points(transfer, last * (float)i / SPSI_TABLE_SIZE, entry);
+        if (!spsi_transfer_entry_valid(entry))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer at value",
+                                   (double)(last * (float)i / SPSI_TABLE_SIZE),
+                                   "colours must be 0..1 and extinction >= 0 there");
+        material->table->shown[i + 1] = material->table->shown[i] + (entry[3] > 0);
+        material->extinguishes |= entry[3] > 0;
+        material->scatters |= entry[3] > 0 && !spsi_black(entry);
+    }
+    return SPS_OK;
+}
+
+/* Whether any value between low and high has extinction. */
+static int spsi_transfer_shows(const spsi_material *material, float low, float high) {
+    const float first = low * material->table_scale, last = high * material->table_scale;
+    const int a = first < SPSI_TABLE_SIZE ? (int)first : SPSI_TABLE_SIZE;
+    const int b = last < SPSI_TABLE_SIZE - 1 ? (int)last + 1 : SPSI_TABLE_SIZE;
+    return material->table->shown[b + 1] > material->table->shown[a];
+}
+
+/* ================================================================================================ >>scene
+   8  The frame: a scene and a view, checked, with every default filled in. Nothing above this section reads a caller's
+   zero. */
+
+typedef struct spsi_medium { /* a volume that holds voxels */
+    const sps_volume *volume;
+    int index;               /* in the scene's array, for error sentences */
+    double corner[3];        /* world position of the box's corner at voxel (0,0,0) */
+    double step[3][3];       /* world vectors of one voxel's edges */
+    double voxel_volume;
+    int channel;             /* of the eye's sheets, and index of its material */
+    int light_channel;       /* of a light's sheets: gases share number 0 */
+} spsi_medium;
+
+typedef struct spsi_bounds {
+    double low[3], high[3]; /* low > high: empty */
+} spsi_bounds;
+
+typedef struct spsi_frame {
+    const sps_scene *scene;
+    sps_view view;               /* all fields resolved; region filled in */
+    double threshold;            /* transmittance at which an eye ray ends */
+    double shadow_texels;        /* per voxel */
+    spsi_rays eye;
+    int medium_count, material_count, light_channel_count;
+    spsi_medium media[SPSI_VOLUMES_MAX];
+    spsi_material materials[SPSI_VOLUMES_MAX];
+    spsi_bounds volume_bounds, mesh_bounds;
+    size_t triangle_count;
+    int channels;                /* of radiance: 1 where all is grey */
+    int lit_count;               /* lights that are not black */
+    int shadow_count;            /* of these, lights that cast shadows */
+    int scatters, emits, has_gradient, has_ambient, wants_depth;
+} spsi_frame;
+
+static const spsi_bounds spsi_nowhere = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+
+static int spsi_bounds_empty(const spsi_bounds *bounds) { return !(bounds->low[0] <= bounds->high[0]); }
+
+static void spsi_bounds_add(spsi_bounds *bounds, const double point[3]) {
+    for (int i = 0; i < 3; ++i) {
+        bounds->low[i] = fmin(bounds->low[i], point[i]);
+        bounds->high[i] = fmax(bounds->high[i], point[i]);
+    }
+}
+
+static void spsi_bounds_corner(const spsi_bounds *bounds, int corner, double point[3]) {
+    for (int i = 0; i < 3; ++i) point[i] = corner >> i & 1 ? bounds->high[i] : bounds->low[i];
+}
+
+static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
+    for (int i = 0; i < 3; ++i) point[i] = bounds->low[i] + 0.5 * (bounds->high[i] - bounds->low[i]);
+}
+
+/* The position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
+static void spsi_voxel_position(const spsi_medium *medium, const double at[3], double point[3]) {
+    spsi_along(medium->corner, medium->step[0], at[0], point);
+    spsi_along(point, medium->step[1], at[1], point);
+    spsi_along(point, medium->step[2], at[2], point);
+}
+
+/* The length of a voxel's kernel along a unit direction, as the root of s' V V' s: a cube's edge for cubes. */
+static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) sum += spsi_dot(medium->step[i], s) * spsi_dot(medium->step[i], s);
+    return sqrt(sum);
+}
+
+/* Copies a placement with the identity for all-zero axes; gives 0 where it is not finite or flat. */
+static int spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
+    const double *axes = &from->axis[0][0];
+    int zero = 1;
+    double determinant;
+    *to = *from;
+    for (int i = 0; i < 9; ++i) zero &= axes[i] == 0.0;
+    for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
+    if (!spsi_finite(to->origin, 3) || !spsi_finite(&to->axis[0][0], 9)) return 0;
+    determinant = spsi_determinant(to->axis[0], to->axis[1], to->axis[2]);
+    return fabs(determinant) > 0 && fabs(determinant) <= DBL_MAX;
+}
+
+static int spsi_volume_present(const sps_volume *volume) {
+    return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
+}
+
+static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
+    if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "extinction", (double)volume->extinction,
+                               "it must be 0..1e18");
+    if (!spsi_colour_valid(volume->albedo, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "albedo", (double)volume->albedo[0],
+                               "red, green and blue must be 0..1");
+    if (!spsi_colour_valid(volume->emission, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "emission", (double)volume->emission[0],
+                               "red, green and blue must be 0..1e18");
+    return SPS_OK;
+}
+
+static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
+    const char *name = "volume";
+    if (volume->start_canary || volume->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "canary", 1, "the struct was not zeroed");
+    for (int k = 0; k < 3; ++k)
+        if (volume->size[k] < 0 || volume->size[k] > 65536)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "size", volume->size[k], "it must be 0..65536");
+    if (!spsi_volume_present(volume)) return SPS_OK;
+    if (!volume->read_fn == !volume->eval_fn)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "read_fn", 0,
+                               "exactly one of read_fn and eval_fn must be set");
+    if (volume->lobe_count < 0 || volume->lobe_count > SPSI_LOBES_MAX || (volume->lobe_count > 0 && !volume->lobes))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobe_count", volume->lobe_count,
+                               "it must be 0..8, with lobes set");
+    for (int k = 0; k < volume->lobe_count; ++k) {
+        if (!(fabsf(volume->lobes[k].asymmetry) <= 0.99f))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobes.asymmetry",
+                                   (double)volume->lobes[k].asymmetry, "it must be -0.99..0.99");
+        if (!(volume->lobes[k].weight > 0 && volume->lobes[k].weight <= SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobes.weight",
+                                   (double)volume->lobes[k].weight, "it must be above 0");
+    }
+    if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "gradient_full", (double)volume->gradient_full,
+                               "it must be 0 or positive");
+    if (!(volume->specular >= 0 && volume->specular <= 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "specular", (double)volume->specular,
+                               "it must be 0..1");
+    if (!(volume->shininess >= 0 && volume->shininess <= 1e4f))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "shininess", (double)volume->shininess,
+                               "it must be 0..10000");
+    if ((int)volume->shading < 0 || volume->shading > SPS_SHADING_SURFACE)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "shading", (double)(int)volume->shading,
+                               "it must be an sps_shading");
+    return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
+}
+
+static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
+    if (mesh->start_canary || mesh->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "canary", 1, "the struct was not zeroed");
+    if (mesh->triangle_count > 0x7fffffff)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "triangle_count", (double)mesh->triangle_count,
+                               "it must be below 2^31");
+    if (mesh->triangle_count > 0 && !mesh->read_fn)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "read_fn", 0, "it must be set");
+    if (!spsi_colour_valid(mesh->color, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color", (double)mesh->color[0],
+                               "red, green and blue must be 0..1");
+    return SPS_OK;
+}
+
+static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
+    double direction[3];
+    if (light->start_canary || light->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "canary", 1, "the struct was not zeroed");
+    if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "kind", (double)(int)light->kind,
+                               "it must be an sps_light_kind");
+    if (!spsi_colour_valid(light->color, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "color", (double)light->color[0],
+                               "red, green and blue must be 0..1e18");
+    memcpy(direction, light->direction, sizeof direction);
+    if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "direction", spsi_length(light->direction),
+                               "it must be finite and have a length");
+    if (light->kind == SPS_LIGHT_POINT && !spsi_finite(light->position, 3))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "position", light->position[0],
+                               "it must be finite");
+    return SPS_OK;
+}
+
+static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
+    if (scene->start_canary || scene->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "canary", 1, "the struct was not zeroed");
+    if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "volume_count", scene->volume_count,
+                               "it must be 0 or more, with volumes set");
+    if (scene->mesh_count < 0 || (scene->mesh_count > 0 && !scene->meshes))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "mesh_count", scene->mesh_count,
+                               "it must be 0 or more, with meshes set");
+    if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "light_count", scene->light_count,
+                               "it must be 0 or more, with lights set");
+    if (!spsi_colour_valid(scene->ambient, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "ambient", (double)scene->ambient[0],
+                               "red, green and blue must be 0..1e18");
+    if (!spsi_colour_valid(scene->background, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "background", (double)scene->background[0],
+                               "red, green and blue must be 0..1e18");
+    for (int i = 0; i < scene->volume_count; ++i)
+        if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
+    for (int i = 0; i < scene->mesh_count; ++i)
+        if (spsi_check_mesh(context, &scene->meshes[i], i)) return context->result;
+    for (int i = 0; i < scene->light_count; ++i)
+        if (spsi_check_light(context, &scene->lights[i], i)) return context->result;
+    return SPS_OK;
+}
+
+static sps_result spsi_check_camera(sps_context *context, const sps_view *view) {
+    if (view->world_to_clip) {
+        if (spsi_finite(view->world_to_clip, 16)) return SPS_OK;
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip holds a number that is not finite");
+    }
+    for (int i = 0; i < 3; ++i)
+        if (!spsi_finite(&view->position[i], 1) || !spsi_finite(&view->target[i], 1) || !spsi_finite(&view->up[i], 1))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "position, target or up",
+                                   view->position[i], "they must be finite");
+    if (!(view->field_of_view >= 0 && view->field_of_view <= 3.1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "field_of_view", view->field_of_view,
+                               "it must be 0..3.1 radians");
+    if (!(view->ortho_height >= 0 && view->ortho_height <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "ortho_height", view->ortho_height,
+                               "it must be 0 or positive");
+    return SPS_OK;
+}
+
+static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
+    const int *r = view->region;
+    if (view->start_canary || view->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "canary", 1, "the struct was not zeroed");
+    if (view->width < 0 || view->width > SPSI_SIZE_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "width", view->width, "it must be 0..16384");
+    if (view->height < 0 || view->height > SPSI_SIZE_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "height", view->height, "it must be 0..16384");
+    if (view->width == 0 || view->height == 0) return SPS_OK;
+    if (r[2] && (r[0] < 0 || r[1] < 0 || r[2] < 0 || r[3] < 1 || r[0] >= view->width || r[1] >= view->height ||
+                 r[2] > view->width - r[0] || r[3] > view->height - r[1]))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "region", r[2],
+                               "x, y, width, height must lie inside the image");
+    if ((int)view->quality < 0 || view->quality > SPS_QUALITY_ULTRA)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "quality", (double)(int)view->quality,
+                               "it must be an sps_quality");
+    if (!(view->slab >= 0 && view->slab <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "slab", view->slab, "it must be 0 or positive");
+    if (view->shadow_size < 0 || view->shadow_size > SPSI_SIZE_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "shadow_size", view->shadow_size,
+                               "it must be 0..16384");
+    if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "near_distance", view->near_distance,
+                               "it must be 0 or positive");
+    return spsi_check_camera(context, view);
+}
+
+static void spsi_resolve_quality(spsi_frame *frame) {
+    static const double slab[] = {1, 2, 1, 0.5, 0.25}, texels[] = {1, 0.75, 1, 2, 4};
+    static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
+    if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->view.quality];
+    frame->shadow_texels = texels[frame->view.quality];
+    frame->threshold = threshold[frame->view.quality];
+}
+
+static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
+    sps_view *view = &frame->view;
+    spsi_rays *eye = &frame->eye;
+    if (view->region[2] == 0) {
+        view->region[0] = view->region[1] = 0;
+        view->region[2] = view->width;
+        view->region[3] = view->height;
+    }
+    eye->width = view->width;
+    eye->height = view->height;
+    if (view->world_to_clip) {
+        if (!spsi_rays_from_matrix(eye, view->world_to_clip))
+            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip cannot be inverted");
+    } else if (!spsi_rays_from_camera(eye, view)) {
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
+    }
+    eye->near_depth = view->world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL
+                                                                                           : view->near_distance;
+    spsi_resolve_quality(frame);
+    return SPS_OK;
+}
+
+static void spsi_material_gas(const sps_volume *volume, spsi_material *material) {
+    material->extinction = volume->extinction;
+    for (int c = 0; c < 3; ++c) {
+        material->albedo[c] = volume->albedo[c];
+        material->emission[c] = volume->emission[c];
+    }
+    material->extinguishes = volume->extinction > 0;
+    material->scatters = material->extinguishes && !spsi_black(volume->albedo);
+    material->emits = !spsi_black(volume->emission);
+}
+
+static void spsi_material_lobes(const sps_volume *volume, spsi_material *material) {
+    double sum = 0;
+    material->lobe_count = volume->lobe_count > 0 ? volume->lobe_count : 1;
+    material->lobes[0].weight = 1;
+    for (int i = 0; i < volume->lobe_count; ++i) sum += (double)volume->lobes[i].weight;
+    for (int i = 0; i < volume->lobe_count; ++i) {
+        material->lobes[i] = volume->lobes[i];
+        material->lobes[i].weight = (float)((double)volume->lobes[i].weight / sum);
+    }
+}
+
+/* Gases that look the same share one channel of the sheets. */
+static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
+    for (int i = 0; i < frame->material_count; ++i)
+        if (!material->table && memcmp(material, &frame->materials[i], sizeof *material) == 0) return i;
+    return -1;
+}
+
+static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium, spsi_table *table) {
+    const sps_volume *volume = medium->volume;
+    spsi_material material;
+    memset(&material, 0, sizeof material);
+    spsi_material_lobes(volume, &material);
+    if (volume->transfer) {
+        material.table = table;
+        material.shading = volume->shading;
+        material.gradient_scale = 1 / (volume->gradient_full > 0 ? volume->gradient_full : 0.05f);
+        material.voxel_length = (float)cbrt(medium->voxel_volume);
+        material.specular = volume->specular;
+        material.shininess = volume->shininess > 0 ? volume->shininess : 32;
+        if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
+        medium->light_channel = frame->light_channel_count++;
+        frame->has_gradient |= volume->shading == SPS_SHADING_SURFACE && frame->lit_count > 0;
+    } else {
+        spsi_material_gas(volume, &material);
+    }
+    frame->scatters |= material.scatters;
+    frame->emits |= material.emits;
+    medium->channel = spsi_find_material(frame, &material);
+    if (medium->channel < 0) {
+        medium->channel = frame->material_count++;
+        frame->materials[medium->channel] = material;
+    }
+    return SPS_OK;
+}
+
+static int spsi_medium_place(spsi_medium *medium) {
+    sps_placement placement;
+    if (!spsi_placement_resolve(&medium->volume->placement, &placement)) return 0;
+    memcpy(medium->corner, placement.origin, sizeof medium->corner);
+    for (int axis = 0; axis < 3; ++axis)
+        for (int i = 0; i < 3; ++i) medium->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
+    medium->voxel_volume = fabs(spsi_determinant(medium->step[0], medium->step[1], medium->step[2]));
+    return medium->voxel_volume > 0;
+}
+
+static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) {
+    const sps_scene *scene = frame->scene;
+    int classified = 0;
+    spsi_table *table;
+    for (int i = 0; i < scene->volume_count; ++i) {
+        const sps_volume *volume = &scene->volumes[i];
+        const int visible = volume->transfer || volume->extinction > 0 || !spsi_black(volume->emission);
+        spsi_medium *medium = &frame->media[frame->medium_count];
+        if (!spsi_volume_present(volume) || !visible) continue;
+        if (frame->medium_count == SPSI_VOLUMES_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "volume_count", scene->volume_count,
+                                   "at most 64 volumes may hold voxels");
+        medium->volume = volume;
+        medium->index = i;
+        if (!spsi_medium_place(medium))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "placement", 0,
+                                   "it must be finite, with a determinant that is not 0");
+        frame->medium_count += 1;
+        classified += volume->transfer != NULL;
+        frame->light_channel_count |= !volume->transfer; /* number 0 is for gases, where there are any */
+    }
+    table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
+    if (!table) return context->result;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        spsi_medium *medium = &frame->media[i];
+        if (spsi_add_material(context, frame, medium, table)) return context->result;
+        table += medium->volume->transfer != NULL;
+        for (int corner = 0; corner < 8; ++corner) {
+            const double margin = SPSI_REACH;
+            double at[3], point[3];
+            for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->volume->size[k] + margin : -margin;
+            spsi_voxel_position(medium, at, point);
+            spsi_bounds_add(&frame->volume_bounds, point);
+        }
+    }
+    return SPS_OK;
+}
+
+static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
+    for (int i = 0; i < frame->scene->mesh_count; ++i) {
+        sps_placement placement;
+        if (!spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "placement", 0,
+                                   "it must be finite, with a determinant that is not 0");
+        frame->triangle_count += frame->scene->meshes[i].triangle_count;
+    }
+    if (frame->triangle_count > 0x7fffffff)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "mesh_count", frame->scene->mesh_count,
+                               "all meshes together must have below 2^31 triangles");
+    return SPS_OK;
+}
+
+static int spsi_light_shadows(const spsi_frame *frame, const sps_light *light) {
+    return !spsi_black(light->color) && !light->no_shadow && !frame->view.no_shadows;
+}
+
+/* 1 where every colour in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
+static int spsi_count_channels(const spsi_frame *frame) {
+    const sps_scene *scene = frame->scene;
+    int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
+    for (int i = 0; i < scene->light_count; ++i) grey &= spsi_grey(scene->lights[i].color);
+    for (int i = 0; i < scene->mesh_count; ++i) grey &= !scene->meshes[i].has_colors && spsi_grey(scene->meshes[i].color);
+    for (int i = 0; i < frame->material_count; ++i) {
+        const spsi_material *material = &frame->materials[i];
+        grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
+        for (int k = 0; k <= SPSI_TABLE_SIZE && material->table; ++k) grey &= spsi_grey(material->table->entry[k]);
+    }
+    return grey ? 1 : 3;
+}
+
+/* Checks everything and fills a frame; no voxel or triangle is read. NULL: failed. */
+static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                    int wants_depth) {
+    spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
+    if (!frame) return NULL;
+    if (spsi_check_scene(context, scene) || spsi_check_view(context, view)) return NULL;
+    memset(frame, 0, sizeof *frame);
+    frame->scene = scene;
+    frame->view = *view;
+    frame->wants_depth = wants_depth;
+    frame->volume_bounds = frame->mesh_bounds = spsi_nowhere;
+    for (int i = 0; i < scene->light_count; ++i) {
+        frame->lit_count += !spsi_black(scene->lights[i].color);
+        frame->shadow_count += spsi_light_shadows(frame, &scene->lights[i]);
+    }
+    if (spsi_resolve_volumes(context, frame) || spsi_resolve_meshes(context, frame)) return NULL;
+    if (view->width > 0 && view->height > 0 && spsi_resolve_view(context, frame)) return NULL;
+    frame->has_ambient = !spsi_black(scene->ambient);
+    frame->channels = spsi_count_channels(frame);
+    return frame;
+}
+
+/* =============================================================================================== >>gather
+   9  Relevant voxels. Providers are read block by block; voxels that matter go into bricks of 8^3, 16 bytes each, in
+   segments that never move. For a gas a voxel matters if it is not 0. For a transfer function, it matters within two
+   voxels of a place where the values of 3^3 neighbours span something that has extinction: two voxels hold 99.6 % of
+   a kernel's weight, so that what shows is made of all that adds to it. Cost: one visit per voxel of the blocks read. */
+
+#define SPSI_SEGMENT 16384 /* voxels; a brick lies in one segment */
+
+typedef struct spsi_segment {
+    float x[SPSI_SEGMENT + 16], y[SPSI_SEGMENT + 16], z[SPSI_SEGMENT + 16]; /* voxel steps from the brick's base */
+    float value[SPSI_SEGMENT + 16]; /* 16 more, so that a vector may be loaded at the last voxel */
+    int used;
+} spsi_segment;
+
+typedef struct spsi_brick {
+    int medium, base[3];               /* base: its first voxel */
+    unsigned char low[3], high[3];     /* its voxels' least and largest steps */
+    int segment, first, count;
+} spsi_brick;
+
+typedef struct spsi_block {
+    const spsi_medium *medium;
+    const spsi_material *material;
+    int low[3], size[3];               /* what is read: the core and its margin, cut at the volume's faces */
+    int core_low[3], core_high[3];     /* what is gathered from it */
+    float *values, *least, *flags;     /* SPSI_BLOCK_VOXELS each */
+    double *positions;                 /* of one layer, for eval_fn */
+} spsi_block;
+
+#define SPSI_BLOCK_EDGE (SPSI_BLOCK + 2 * SPSI_MARGIN)
+#define SPSI_BLOCK_VOXELS (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
+#define SPSI_BLOCK_BYTES (3 * SPSI_BLOCK_VOXELS * sizeof(float) + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * sizeof(double))
+
+static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material, int index) {
+    const int margin = material->table ? SPSI_MARGIN : 0;
+    block->medium = medium;
+    block->material = material;
+    for (int i = 0; i < 3; ++i) {
+        const int size = medium->volume->size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
+        block->core_low[i] = index % count * SPSI_BLOCK;
+        block->core_high[i] = spsi_least(size, block->core_low[i] + SPSI_BLOCK);
+        block->low[i] = spsi_most(0, block->core_low[i] - margin);
+        block->size[i] = spsi_least(size, block->core_high[i] + margin) - block->low[i];
+        index /= count;
+    }
+}
+
+static int spsi_block_count(const spsi_medium *medium) {
+    int count = 1;
+    for (int i = 0; i < 3; ++i) count *= (medium->volume->size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
+    return count;
+}
+
+static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
+    return (size_t)(x - block->low[0]) +
+           (size_t)block->size[0] * ((size_t)(y - block->low[1]) + (size_t)block->size[1] * (size_t)(z - block->low[2]));
+}
+
+/* Whether the block lies against one of the volume's faces, beyond which the value is 0. */
+static int spsi_block_outermost(const spsi_block *block) {
+    int outermost = 0;
+    for (int i = 0; i < 3; ++i)
+        outermost |= block->low[i] == 0 || block->low[i] + block->size[i] == block->medium->volume->size[i];
+    return outermost;
+}
+
+/* Sets *empty where range_fn says that nothing in the block can matter. */
+static sps_result spsi_block_range(sps_context *context, const spsi_block *block, int *empty) {
+    const sps_volume *volume = block->medium->volume;
+    float range[2] = {0, 0};
+    *empty = 0;
+    if (!volume->range_fn) return SPS_OK;
+    context->stats.range_calls += 1;
+    if (volume->range_fn(volume->user, block->low, block->size, range))
+        return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "range_fn", 1, "it failed");
+    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading will tell */
+    if (range[0] < 0 || spsi_block_outermost(block)) range[0] = 0;
+    if (block->material->table) *empty = !spsi_transfer_shows(block->material, range[0], range[1]);
+    else *empty = range[1] < SPSI_VALUE_MIN;
+    return SPS_OK;
+}
+
+static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *block) {
+    const sps_volume *volume = block->medium->volume;
+    const size_t layer = (size_t)block->size[0] * (size_t)block->size[1];
+    for (int z = 0; z < block->size[2]; ++z) {
+        double *position = block->positions;
+        for (int y = 0; y < block->size[1]; ++y)
+            for (int x = 0; x < block->size[0]; ++x, position += 3) {
+                const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
+                spsi_voxel_position(block->medium, at, position);
+            }
+        context->stats.eval_calls += 1;
+        if (volume->eval_fn(volume->user, layer, block->positions, block->values + layer * (size_t)z))
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "eval_fn", 1,
+                                   "it failed");
+    }
+    return SPS_OK;
+}
+
+/* Fails on, or replaces, the values that are no densities. */
+static sps_result spsi_block_validate(sps_context *context, const spsi_block *block, int replace) {
+    size_t i = 0;
+    for (int z = 0; z < block->size[2]; ++z)
+        for (int y = 0; y < block->size[1]; ++y)
+            for (int x = 0; x < block->size[0]; ++x, ++i) {
+                char rule[96];
+                if (block->values[i] >= 0 && block->values[i] <= SPSI_VALUE_MAX) continue;
+                if (replace) {
+                    block->values[i] = 0;
+                    context->stats.values_replaced += 1;
+                    continue;
+                }
+                SPS_SNPRINTF(rule, sizeof rule, "values must be 0..1e18 (voxel %d,%d,%d)", block->low[0] + x,
+                             block->low[1] + y, block->low[2] + z);
+                return spsi_fail_field(context, SPS_ERROR_DATA, "volume", block->medium->index, "value",
+                                       (double)block->values[i], rule);
+            }
+    return SPS_OK;
+}
+
+static sps_result spsi_block_read(sps_context *context, const spsi_block *block, int replace) {
+    const sps_volume *volume = block->medium->volume;
+    if (volume->eval_fn) {
+        if (spsi_block_evaluate(context, block)) return context->result;
+    } else {
+        context->stats.read_calls += 1;
+        if (volume->read_fn(volume->user, block->low, block->size, block->values))
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "read_fn", 1,
+                                   "it failed");
+    }
+    context->stats.voxels_read += (uint64_t)block->size[0] * (uint64_t)block->size[1] * (uint64_t)block->size[2];
+    return spsi_block_validate(context, block, replace);
+}
+
+/* Replaces each value by the largest (sign 1) or least (sign -1) within `reach` along one axis, in place. */
+static void spsi_block_spread(const spsi_block *block, float *data, int axis, int reach, float sign) {
+    const size_t stride = axis == 0 ? 1 : (size_t)block->size[0] * (axis == 1 ? 1 : (size_t)block->size[1]);
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3, length = block->size[axis];
+    float line[SPSI_BLOCK_EDGE];
+    for (int b = 0; b < block->size[v]; ++b)
+        for (int a = 0; a < block->size[u]; ++a) {
+            int start[3];
+            float *p;
+            start[axis] = block->low[axis];
+            start[u] = block->low[u] + a;
+            start[v] = block->low[v] + b;
+            p = data + spsi_block_index(block, start[0], start[1], start[2]);
+            for (int i = 0; i < length; ++i) line[i] = sign * p[(size_t)i * stride];
+            for (int i = 0; i < length; ++i) {
+                float most = line[i];
+                for (int k = spsi_most(0, i - reach); k <= spsi_least(length - 1, i + reach); ++k)
+                    most = line[k] > most ? line[k] : most;
+                p[(size_t)i * stride] = sign * most;
+            }
+        }
+}
+
+/* Flags (1 or 0) the voxels of a block that add to something a transfer function shows. */
+static void spsi_block_flag_shown(const spsi_block *block) {
+    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
+    size_t i = 0;
+    memcpy(block->least, block->values, count * sizeof(float));
+    memcpy(block->flags, block->values, count * sizeof(float));
+    for (int axis = 0; axis < 3; ++axis) {
+        spsi_block_spread(block, block->least, axis, 1, -1);
+        spsi_block_spread(block, block->flags, axis, 1, 1);
+    }
+    for (int z = 0; z < block->size[2]; ++z)
+        for (int y = 0; y < block->size[1]; ++y)
+            for (int x = 0; x < block->size[0]; ++x, ++i) {
+                const int at[3] = {block->low[0] + x, block->low[1] + y, block->low[2] + z};
+                int face = 0;
+                for (int k = 0; k < 3; ++k) face |= at[k] == 0 || at[k] == block->medium->volume->size[k] - 1;
+                block->flags[i] = (float)spsi_transfer_shows(block->material, face ? 0 : block->least[i],
+                                                             block->flags[i]);
+            }
+    for (int axis = 0; axis < 3; ++axis) spsi_block_spread(block, block->flags, axis, 2, 1);
+}
+
+/* Whether anything in a block that was read can matter: a quick look that spares most blocks the flags. */
+static int spsi_block_matters(const spsi_block *block) {
+    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
+    float least = block->values[0], most = least;
+    for (size_t i = 1; i < count; ++i) {
+        least = block->values[i] < least ? block->values[i] : least;
+        most = block->values[i] > most ? block->values[i] : most;
+    }
+    if (!block->material->table) return most >= SPSI_VALUE_MIN;
+    return spsi_transfer_shows(block->material, spsi_block_outermost(block) ? 0 : least, most);
+}
+
+static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
+    return ((spsi_segment **)context->buffers[SPSI_BUFFER_SEGMENTS].data)[index];
+}
+
+/* The segment with room for a whole brick; `current` is its number, and moves on. NULL: failed. */
+static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) {
+    const int whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
+    spsi_segment *segment = *current < 0 ? NULL : spsi_segment_at(context, *current);
+    if (segment && segment->used + whole <= SPSI_SEGMENT) return segment;
+    *current += 1;
+    if (*current == context->segment_count) {
+        spsi_segment **list = (spsi_segment **)spsi_extend(context, SPSI_BUFFER_SEGMENTS, (size_t)*current,
+                                                           (size_t)*current + 1, sizeof(spsi_segment *));
+        if (!list) return NULL;
+        list[*current] = (spsi_segment *)spsi_acquire(context, 1, sizeof(spsi_segment));
+        if (!list[*current]) return NULL;
+        memset(list[*current], 0, sizeof(spsi_segment));
+        context->segment_count += 1;
+    }
+    segment = spsi_segment_at(context, *current);
+    segment->used = 0;
+    return segment;
+}
+
+static void spsi_brick_widen(spsi_brick *brick, const int step[3]) {
+    for (int i = 0; i < 3; ++i) {
+        if (brick->count == 0 || step[i] < brick->low[i]) brick->low[i] = (unsigned char)step[i];
+        if (brick->count == 0 || step[i] > brick->high[i]) brick->high[i] = (unsigned char)step[i];
+    }
+}
+
+/* Collects the brick at `base` from a block. */
+static void spsi_brick_fill(const spsi_block *block, const int base[3], spsi_segment *segment, spsi_brick *brick) {
+    int end[3];
+    memcpy(brick->base, base, sizeof brick->base);
+    brick->first = segment->used;
+    brick->count = 0;
+    for (int i = 0; i < 3; ++i) end[i] = spsi_least(SPSI_BRICK, block->core_high[i] - base[i]);
+    for (int z = 0; z < end[2]; ++z)
+        for (int y = 0; y < end[1]; ++y) {
+            const size_t row = spsi_block_index(block, base[0], base[1] + y, base[2] + z);
+            for (int x = 0; x < end[0]; ++x) {
+                const float value = block->values[row + (size_t)x];
+                const int step[3] = {x, y, z};
+                if (value < SPSI_VALUE_MIN || (block->material->table && !(block->flags[row + (size_t)x] > 0))) continue;
+                spsi_brick_widen(brick, step);
+                segment->x[segment->used] = (float)x;
+                segment->y[segment->used] = (float)y;
+                segment->z[segment->used] = (float)z;
+                segment->value[segment->used++] = value;
+                brick->count += 1;
+            }
+        }
+}
+
+static sps_result spsi_block_to_bricks(sps_context *context, const spsi_block *block, int medium, int *current) {
+    int base[3];
+    for (base[2] = block->core_low[2]; base[2] < block->core_high[2]; base[2] += SPSI_BRICK)
+        for (base[1] = block->core_low[1]; base[1] < block->core_high[1]; base[1] += SPSI_BRICK)
+            for (base[0] = block->core_low[0]; base[0] < block->core_high[0]; base[0] += SPSI_BRICK) {
+                const int count = context->brick_count;
+                spsi_segment *segment = spsi_segment_with_room(context, current);
+                spsi_brick *bricks = segment ? (spsi_brick *)spsi_extend(context, SPSI_BUFFER_BRICKS, (size_t)count,
+                                                                         (size_t)count + 1, sizeof(spsi_brick))
+                                             : NULL;
+                if (!bricks) return context->result;
+                bricks[count].medium = medium;
+                bricks[count].segment = *current;
+                spsi_brick_fill(block, base, segment, &bricks[count]);
+                if (bricks[count].count > 0) context->brick_count += 1;
+                context->voxel_count += (uint64_t)bricks[count].count;
+            }
+    return SPS_OK;
+}
+
+static void spsi_block_buffers(spsi_block *block, void *memory) {
+    block->positions = (double *)memory;
+    block->values = (float *)(block->positions + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE);
+    block->least = block->values + SPSI_BLOCK_VOXELS;
+    block->flags = block->least + SPSI_BLOCK_VOXELS;
+}
+
+static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
+    const int count = spsi_block_count(&frame->media[medium]);
+    void *memory = spsi_reserve(context, SPSI_BUFFER_BLOCK, 1, SPSI_BLOCK_BYTES);
+    spsi_block block;
+    if (!memory) return context->result;
+    spsi_block_buffers(&block, memory);
+    for (int i = 0; i < count; ++i) {
+        int empty;
+        spsi_block_place(&block, &frame->media[medium], &frame->materials[frame->media[medium].channel], i);
+        if (spsi_progress(context, 0.2 * (medium + (double)i / count) / frame->medium_count)) return context->result;
+        if (spsi_block_range(context, &block, &empty)) return context->result;
+        context->stats.blocks_skipped += (uint64_t)empty;
+        if (empty) continue;
+        if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
+        if (!spsi_block_matters(&block)) continue;
+        if (block.material->table) spsi_block_flag_shown(&block);
+        if (spsi_block_to_bricks(context, &block, medium, current)) return context->result;
+    }
+    return SPS_OK;
+}
+
+/* FNV-1a, 64 bits. [Fowler, Noll, Vo] */
+static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
+    const unsigned char *bytes = (const unsigned char *)data;
+    for (size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * UINT64_C(1099511628211);
+    return hash;
+}
+
+/* A number that changes with whatever decides which voxels are held; 0 where a volume has no revision. */
+static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
+    uint64_t hash = UINT64_C(14695981039346656037);
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const sps_volume *volume = frame->media[i].volume;
+        const spsi_table *table = frame->materials[frame->media[i].channel].table;
+        if (volume->revision == 0) return 0;
+        hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
+        hash = spsi_fingerprint(hash, &volume->user, sizeof volume->user);
+        hash = spsi_fingerprint(hash, &volume->read_fn, sizeof volume->read_fn);
+        hash = spsi_fingerprint(hash, &volume->eval_fn, sizeof volume->eval_fn);
+        hash = spsi_fingerprint(hash, &volume->revision, sizeof volume->revision);
+        if (volume->eval_fn) hash = spsi_fingerprint(hash, frame->media[i].step, sizeof frame->media[i].step);
+        if (volume->eval_fn) hash = spsi_fingerprint(hash, frame->media[i].corner, sizeof frame->media[i].corner);
+        if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
+        if (table) hash = spsi_fingerprint(hash, &volume->transfer->value_max, sizeof volume->transfer->value_max);
+    }
+    return hash | 1;
+}
+
+/* The world bounds of the relevant voxels and their kernels; the whole boxes' are kept where there are none. */
+static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    frame->volume_bounds = spsi_nowhere;
+    for (int i = 0; i < context->brick_count; ++i)
+        for (int corner = 0; corner < 8; ++corner) {
+            double at[3], point[3];
+            for (int k = 0; k < 3; ++k)
+                at[k] = bricks[i].base[k] + 0.5 + (corner >> k & 1 ? bricks[i].high[k] + SPSI_REACH
+                                                                  : bricks[i].low[k] - SPSI_REACH);
+            spsi_voxel_position(&frame->media[bricks[i].medium], at, point);
+            spsi_bounds_add(&frame->volume_bounds, point);
+        }
+}
+
+/* Holds the relevant voxels of all volumes, reading them unless they are still held from the last call. */
+static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
+    const uint64_t fingerprint = spsi_volumes_fingerprint(frame);
+    if (fingerprint == 0 || fingerprint != context->gathered) {
+        int current = -1;
+        context->gathered = 0;
+        context->brick_count = 0;
+        context->voxel_count = 0;
+        for (int i = 0; i < frame->medium_count; ++i)
+            if (spsi_gather_medium(context, frame, i, &current)) return context->result;
+        context->gathered = fingerprint;
+    }
+    context->stats.bricks = (uint64_t)context->brick_count;
+    context->stats.voxels_relevant = context->voxel_count;
+    spsi_tighten_bounds(context, frame);
+    return SPS_OK;
+}
+
+/* ============================================================================================= >>polygons
+   10 Triangles, as seen by the eye and by each light, with homogeneous edge functions [Olano & Greer 1997]: for corners
+   h0, h1, h2 in ray space, (h1 x h2) . (x, y, 1) is positive on the inside of that edge, also for corners behind the
+   eye, so nothing is ever clipped. Both triangles of a shared edge compute the same number for it, corner order
+   settled by comparison, so a pixel on the edge goes to exactly one of them. Cost: triangles * rows of tiles for
+   sorting out, then three edge functions per pixel of a triangle's bounding box. */
+
+typedef struct spsi_face {
+    float position[3][3]; /* relative to the face origin */
+    float normal[3][3], color[3][3];
+} spsi_face;
+
+typedef struct spsi_hit {
+    float depth;   /* t - depth_reference; infinity: nothing */
+    int face;
+    float weights[2]; /* of corners 1 and 2 */
+} spsi_hit;
+
+typedef struct spsi_faces {
+    const spsi_face *list;
+    int count;
+    double origin[3];
+} spsi_faces;
+
+static int spsi_triangle_finite(const sps_triangle *t, const sps_mesh *mesh) {
+    for (int i = 0; i < 9; ++i) {
+        if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) return 0;
+        if (mesh->has_normals && !(fabsf(t->normal[i / 3][i % 3]) <= FLT_MAX)) return 0;
+    }
+    for (int i = 0; i < 3 && mesh->has_colors; ++i)
+        if (!spsi_colour_valid(t->color[i], 1)) return 0;
+    return 1;
+}
+
+/* World position of a local one. */
+static void spsi_place(const sps_placement *placement, const float local[3], double world[3]) {
+    memcpy(world, placement->origin, sizeof placement->origin);
+    for (int i = 0; i < 3; ++i) spsi_along(world, placement->axis[i], (double)local[i], world);
+}
+
+/* Corner normals in the world (by the cofactors of the placement, so that they stay square to the surface under any
+   affine map), or the triangle's own. */
+static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
+                              const double own[3], spsi_face *face) {
+    double cofactors[3][3];
+    for (int i = 0; i < 3; ++i) spsi_cross(placement->axis[(i + 1) % 3], placement->axis[(i + 2) % 3], cofactors[i]);
+    for (int corner = 0; corner < 3; ++corner) {
+        double n[3] = {0, 0, 0};
+        for (int i = 0; i < 3 && mesh->has_normals; ++i)
+            spsi_along(n, cofactors[i], (double)triangle->normal[corner][i], n);
+        if (!spsi_normalise(n)) memcpy(n, own, sizeof n);
+        for (int i = 0; i < 3; ++i) face->normal[corner][i] = (float)n[i];
+    }
+}
+
+/* Turns one triangle into a face; gives 0 where it has no area. */
+static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
+                                   spsi_frame *frame, spsi_faces *faces, spsi_face *face) {
+    double world[3][3], u[3], v[3], own[3];
+    for (int corner = 0; corner < 3; ++corner) spsi_place(placement, triangle->position[corner], world[corner]);
+    spsi_along(world[1], world[0], -1, u);
+    spsi_along(world[2], world[0], -1, v);
+    spsi_cross(u, v, own);
+    if (!spsi_normalise(own)) return 0;
+    if (faces->count == 0) memcpy(faces->origin, world[0], sizeof faces->origin);
+    for (int corner = 0; corner < 3; ++corner) {
+        spsi_bounds_add(&frame->mesh_bounds, world[corner]);
+        for (int i = 0; i < 3; ++i) {
+            face->position[corner][i] = (float)(world[corner][i] - faces->origin[i]);
+            face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
+        }
+    }
+    spsi_face_normals(mesh, placement, triangle, own, face);
+    return 1;
+}
+
+static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int index, spsi_faces *faces,
+                                   spsi_face *list) {
+    const size_t batch = 256;
+    const sps_mesh *mesh = &frame->scene->meshes[index];
+    sps_triangle *triangles = (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, batch, sizeof(sps_triangle));
+    sps_placement placement;
+    if (!triangles) return context->result;
+    spsi_placement_resolve(&mesh->placement, &placement);
+    for (size_t first = 0; first < mesh->triangle_count; first += batch) {
+        const size_t left = mesh->triangle_count - first, count = left < batch ? left : batch;
+        memset(triangles, 0, count * sizeof(sps_triangle));
+        context->stats.triangle_calls += 1;
+        if (mesh->read_fn(mesh->user, first, count, triangles))
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "mesh", index, "read_fn", 1, "it failed");
+        for (size_t i = 0; i < count; ++i) {
+            if (!spsi_triangle_finite(&triangles[i], mesh))
+                return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, "triangle", (double)(first + i),
+                                       "positions and normals must be finite, colours 0..1");
+            if (spsi_face_from_triangle(mesh, &placement, &triangles[i], frame, faces, &list[faces->count]))
+                faces->count += 1;
+            else context->stats.triangles_degenerate += 1;
+        }
+    }
+    return SPS_OK;
+}
+
+/* Reads every mesh, once. */
+static sps_result spsi_gather_faces(sps_context *context, spsi_frame *frame, spsi_faces *faces) {
+    spsi_face *list;
+    memset(faces, 0, sizeof *faces);
+    if (frame->triangle_count == 0) return SPS_OK;
+    list = (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->triangle_count, sizeof(spsi_face));
+    if (!list || !spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, frame->triangle_count, 4 * sizeof(int)))
+        return context->result;
+    faces->list = list;
+    for (int i = 0; i < frame->scene->mesh_count; ++i)
+        if (spsi_gather_mesh(context, frame, i, faces, list)) return context->result;
+    context->stats.triangles = (uint64_t)faces->count;
+    return SPS_OK;
+}
+
+typedef struct spsi_edges {
+    double edge[3][3];  /* of corner pairs 12, 20, 01: positive inside after multiplication with its sign */
+    double sign[3];
+    double depth[3];    /* of the corners */
+} spsi_edges;
+
+/* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise; depth apart. */
+static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, double corner[3][3],
+                              double depth[3]) {
+    double origin[3];
+    spsi_along(faces->origin, rays->origin, -1, origin);
+    for (int i = 0; i < 3; ++i) {
+        const float *p = faces->list[index].position[i];
+        const double offset[3] = {origin[0] + (double)p[0], origin[1] + (double)p[1], origin[2] + (double)p[2]};
+        spsi_to_rays(rays, offset, corner[i]);
+        depth[i] = corner[i][2] - rays->depth_reference;
+        if (!rays->perspective) corner[i][2] = 1;
+    }
+}
+
+/* The edge function of two corners, computed in an order that does not depend on which triangle asks. */
+static double spsi_edge(const double a[3], const double b[3], double edge[3]) {
+    const int swapped = a[0] > b[0] || (a[0] >= b[0] && (a[1] > b[1] || (a[1] >= b[1] && a[2] > b[2])));
+    spsi_cross(swapped ? b : a, swapped ? a : b, edge);
+    return swapped ? -1 : 1;
+}
+
+/* Gives 0 where the triangle is seen edge-on. */
+static int spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
+    double corner[3][3], determinant;
+    spsi_face_corners(faces, index, rays, corner, e->depth);
+    determinant = spsi_determinant(corner[0], corner[1], corner[2]);
+    if (!(fabs(determinant) > 0)) return 0;
+    for (int i = 0; i < 3; ++i) {
+        e->sign[i] = spsi_edge(corner[(i + 1) % 3], corner[(i + 2) % 3], e->edge[i]);
+        if (determinant < 0) e->sign[i] = -e->sign[i];
+    }
+    return 1;
+}
+
+/* The pixels that a face may cover: x0, y0, x1, y1 inclusive; x1 < x0 for none. Everything, where a corner lies at or
+   behind the eye's plane. */
+static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
+    double corner[3][3], depth[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    int behind = 0;
+    spsi_face_corners(faces, index, rays, corner, depth);
+    for (int i = 0; i < 3; ++i) {
+        behind += !(corner[i][2] > 0);
+        for (int k = 0; k < 2; ++k) {
+            const double at = corner[i][k] / (corner[i][2] > 0 ? corner[i][2] : 1);
+            low[k] = fmin(low[k], at);
+            high[k] = fmax(high[k], at);
+        }
+    }
+    box[0] = box[1] = 0;
+    box[2] = behind == 3 ? -1 : rays->width - 1;
+    box[3] = rays->height - 1;
+    if (behind) return;
+    box[0] = (int)fmin(fmax(ceil(low[0] - 1e-6), 0), rays->width);
+    box[1] = (int)fmin(fmax(ceil(low[1] - 1e-6), 0), rays->height);
+    box[2] = (int)fmax(fmin(floor(high[0] + 1e-6), rays->width - 1), -1);
+    box[3] = (int)fmax(fmin(floor(high[1] + 1e-6), rays->height - 1), -1);
+}
+
+/* Where the pixel's ray meets the triangle: barycentric weights; gives 0 where it misses. A ray exactly through an
+   edge belongs to the triangle on the edge's positive side. */
+static int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
+    double sum = 0;
+    for (int i = 0; i < 3; ++i) {
+        const double value = e->edge[i][0] * x + e->edge[i][1] * y + e->edge[i][2];
+        const double inside = value * e->sign[i];
+        if (inside < 0 || (!(inside > 0) && e->sign[i] < 0)) return 0;
+        weights[i] = inside;
+        sum += inside;
+    }
+    if (!(sum > 0)) return 0;
+    for (int i = 0; i < 3; ++i) weights[i] /= sum;
+    return 1;
+}
+
+typedef struct spsi_raster {
+    const spsi_faces *faces;
+    const spsi_rays *rays;
+    int *boxes;       /* four per face */
+    spsi_hit *hits;   /* one of these: for the eye, */
+    float *depths;    /* for a light */
+    int pitch;        /* pixels from one row of them to the next */
+} spsi_raster;
+
+static void spsi_raster_box_task(void *data, int index, int worker) {
+    const spsi_raster *raster = (const spsi_raster *)data;
+    const int last = spsi_least(raster->faces->count, (index + 1) * 1024);
+    (void)worker;
+    for (int i = index * 1024; i < last; ++i) spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
+}
+
+static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
+    const int *box = raster->boxes + 4 * face;
+    spsi_edges e;
+    if (!spsi_face_edges(raster->faces, face, raster->rays, &e)) return;
+    for (int y = spsi_most(y0, box[1]); y <= spsi_least(y1, box[3]); ++y)
+        for (int x = box[0]; x <= box[2]; ++x) {
+            const size_t at = (size_t)y * (size_t)raster->pitch + (size_t)x;
+            double w[3];
+            float depth;
+            if (!spsi_face_hit(&e, x, y, w)) continue;
+            depth = (float)(w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2]);
+            if (!((double)depth + raster->rays->depth_reference > raster->rays->near_depth)) continue;
+            if (raster->depths) {
+                if (depth < raster->depths[at]) raster->depths[at] = depth;
+            } else if (depth < raster->hits[at].depth) {
+                const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
+                raster->hits[at] = hit;
+            }
+        }
+}
+
+/* One band of rows: cleared, then every face that reaches into it, in order. */
+static void spsi_raster_band_task(void *data, int index, int worker) {
+    const spsi_raster *raster = (const spsi_raster *)data;
+    const int y0 = index * SPSI_TILE_HEIGHT, y1 = spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1;
+    const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
+    const size_t first = (size_t)y0 * (size_t)raster->pitch, end = (size_t)(y1 + 1) * (size_t)raster->pitch;
+    (void)worker;
+    for (size_t i = first; i < end; ++i) {
+        if (raster->depths) raster->depths[i] = SPSI_INFINITY;
+        else raster->hits[i] = nothing;
+    }
+    for (int face = 0; face < raster->faces->count; ++face) {
+        const int *box = raster->boxes + 4 * face;
+        if (box[2] >= box[0] && box[1] <= y1 && box[3] >= y0) spsi_raster_face(raster, face, y0, y1);
+    }
+}
+
+static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
+                           float *depths, int pitch) {
+    spsi_raster raster;
+    raster.faces = faces;
+    raster.rays = rays;
+    raster.boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
+    raster.hits = hits;
+    raster.depths = depths;
+    raster.pitch = pitch;
+    spsi_parallel(context, (faces->count + 1023) / 1024, spsi_raster_box_task, &raster);
+    spsi_parallel(context, (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT, spsi_raster_band_task, &raster);
+}
+
+/* ============================================================================================== >>slicing
+   11 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
+   normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light always crosses
+   in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section 4] */
+
+#define SPSI_COSINE_MIN 0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
+
+typedef struct spsi_sweep {
+    int light;             /* index of the light that casts shadows in this sweep; -1: none */
+    int first;             /* 1: this sweep also carries ambient, emission, lights without shadow, and coverage */
+    int back_to_front;
+    double normal[3];      /* s */
+    double start;          /* s . p of the first slab's entry */
+    double thickness;
+    int slab_count;
+    spsi_rays rays;        /* of the light's sheets */
+} spsi_sweep;
+
+/* The way light travels at a point. */
+static void spsi_light_direction(const sps_light *light, const double point[3], double direction[3]) {
+    if (light->kind == SPS_LIGHT_DIRECTIONAL) memcpy(direction, light->direction, sizeof light->direction);
+    else spsi_along(point, light->position, -1, direction);
+    spsi_normalise(direction);
+}
+
+/* The least cosine between s and rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
+static double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
+    double least = 1;
+    int inside = 1;
+    for (int i = 0; i < 3; ++i) inside &= from[i] >= bounds->low[i] && from[i] <= bounds->high[i];
+    for (int corner = 0; corner < 8 && !inside; ++corner) {
+        double ray[3];
+        spsi_bounds_corner(bounds, corner, ray);
+        spsi_along(ray, from, -1, ray);
+        if (!spsi_normalise(ray)) return -1;
+        least = fmin(least, spsi_dot(s, ray));
+    }
+    return inside ? -1 : least;
+}
+
+/* The least cosine between s and the rays that matter: those inside the image, and also those that can meet a volume;
+   the milder of the two conditions is enough. */
+static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
+    const spsi_rays *eye = &frame->eye;
+    double least = 1;
+    for (int corner = 0; corner < 4; ++corner) {
+        double ray[3];
+        spsi_ray_direction(eye, corner & 1 ? eye->width - 1 : 0, corner & 2 ? eye->height - 1 : 0, ray);
+        spsi_normalise(ray);
+        least = fmin(least, spsi_dot(s, ray));
+    }
+    if (eye->perspective) least = fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->volume_bounds));
+    return least;
+}
+
+/* The middle of the eye's rays: towards the volumes from outside, along the camera's axis from within. */
+static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
+    const spsi_rays *eye = &frame->eye;
+    double axis[3], centre[3], to_centre[3];
+    spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
+    spsi_normalise(axis);
+    memcpy(direction, axis, sizeof axis);
+    if (!eye->perspective) return;
+    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_along(centre, eye->origin, -1, to_centre);
+    if (spsi_normalise(to_centre) && spsi_cosine_to_bounds(axis, eye->origin, &frame->volume_bounds) > 0)
+        memcpy(direction, to_centre, sizeof to_centre);
+}
+
+/* Chooses s for a light, or for none. */
+static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+    double eye[3], toward[3], centre[3], least;
+    spsi_eye_direction(frame, eye);
+    memcpy(sweep->normal, eye, sizeof eye);
+    sweep->back_to_front = 0;
+    if (sweep->light >= 0) {
+        const sps_light *light = &frame->scene->lights[sweep->light];
+        spsi_bounds_centre(&frame->volume_bounds, centre);
+        spsi_light_direction(light, centre, toward);
+        sweep->back_to_front = spsi_dot(eye, toward) < 0;
+        spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->normal);
+        spsi_normalise(sweep->normal);
+        least = light->kind == SPS_LIGHT_DIRECTIONAL
+                    ? spsi_dot(sweep->normal, toward)
+                    : spsi_cosine_to_bounds(sweep->normal, light->position, &frame->volume_bounds);
+        if (!(least >= SPSI_COSINE_MIN))
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "light", sweep->light, "cosine with the slabs",
+                                   least, "its rays through the volumes need 0.1: it is inside or too close to them");
+    }
+    for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->normal[i] : sweep->normal[i];
+    least = spsi_cosine_of_eye(frame, toward);
+    if (!(least >= SPSI_COSINE_MIN))
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "view", -1, "field_of_view's cosine with the slabs",
+                               least, "0.1 is needed: narrow the camera, or set no_shadow on the light");
+    return SPS_OK;
+}
+
+/* Cuts the volumes' bounds into slabs. */
+static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+    double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
+    for (int i = 0; i < frame->medium_count; ++i)
+        extent = fmin(extent, spsi_voxel_extent(&frame->media[i], sweep->normal));
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3];
+        spsi_bounds_corner(&frame->volume_bounds, corner, point);
+        low = fmin(low, spsi_dot(point, sweep->normal));
+        high = fmax(high, spsi_dot(point, sweep->normal));
+    }
+    sweep->start = low;
+    sweep->thickness = frame->view.slab * extent;
+    count = ceil((high - low) / sweep->thickness);
+    if (!(count <= SPSI_SLABS_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "slab", frame->view.slab,
+                               "it makes more than 2^20 slabs");
+    sweep->slab_count = spsi_most(1, (int)count);
+    return SPS_OK;
+}
+
+/* The least length of any volume's voxels across a ray. */
+static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
+    double least = HUGE_VAL;
+    for (int i = 0; i < frame->medium_count; ++i)
+        least = fmin(least, fmin(spsi_voxel_extent(&frame->media[i], right), spsi_voxel_extent(&frame->media[i], down)));
+    return least;
+}
+
+/* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
+   for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
+   Two texels of border stay free all round. Gives 0 where a point light does not see the bounds within a cone. */
+static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, double texel, int size, int most,
+                         spsi_rays *rays) {
+    double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    double eye[3], pitch, extent, distance;
+    spsi_bounds_centre(bounds, centre);
+    spsi_light_direction(light, centre, forward);
+    spsi_basis(forward, right, down);
+    rays->perspective = light->kind == SPS_LIGHT_POINT;
+    memcpy(eye, rays->perspective ? light->position : centre, sizeof eye);
+    for (int corner = 0; corner < 8; ++corner) {
+        double offset[3], depth, at[2];
+        spsi_bounds_corner(bounds, corner, offset);
+        spsi_along(offset, eye, -1, offset);
+        depth = rays->perspective ? spsi_dot(offset, forward) : 1;
+        if (!(depth > 0.2 * spsi_length(offset)) && rays->perspective) return 0;
+        at[0] = spsi_dot(offset, right) / depth;
+        at[1] = spsi_dot(offset, down) / depth;
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], at[k]), high[k] = fmax(high[k], at[k]);
+    }
+    spsi_along(centre, eye, -1, centre);
+    distance = rays->perspective ? spsi_dot(centre, forward) : 1;
+    extent = fmax(high[0] - low[0], high[1] - low[1]);
+    if (size == 0) size = (int)fmin(fmax(ceil(extent * distance / texel) + 4, 16), most);
+    pitch = extent > 0 ? extent / spsi_most(1, size - 4) : 1;
+    rays->width = spsi_most(2, spsi_least(size, (int)ceil((high[0] - low[0]) / pitch) + 4));
+    rays->height = spsi_most(2, spsi_least(size, (int)ceil((high[1] - low[1]) / pitch) + 4));
+    spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
+    {
+        double *corner = rays->perspective ? rays->c : rays->origin;
+        spsi_along(corner, right, 0.5 * (low[0] + high[0]), corner);
+        spsi_along(corner, down, 0.5 * (low[1] + high[1]), corner);
+    }
+    rays->depth_reference = rays->perspective ? distance : 0;
+    rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
+    return spsi_rays_complete(rays);
+}
+
+/* Rays for the light's sheets: texels of a voxel's size divided by the quality's number. */
+static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+    const sps_light *light = &frame->scene->lights[sweep->light];
+    double centre[3], forward[3], right[3], down[3];
+    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_light_direction(light, centre, forward);
+    spsi_basis(forward, right, down);
+    if (spsi_rays_fit(light, &frame->volume_bounds, spsi_voxel_across(frame, right, down) / frame->shadow_texels,
+                      frame->view.shadow_size, 4096, &sweep->rays))
+        return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "light", sweep->light, "position", light->position[0],
+                           "the volumes do not lie within a cone of 78 degrees about their middle as seen from it");
+}
+
+/* How many sweeps a frame takes: one per light that casts shadows, or one. */
+static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->shadow_count); }
+
+/* The index of the n-th light that casts shadows; -1 if there is none. */
+static int spsi_shadow_light(const spsi_frame *frame, int n) {
+    for (int i = 0; i < frame->scene->light_count; ++i)
+        if (spsi_light_shadows(frame, &frame->scene->lights[i]) && n-- == 0) return i;
+    return -1;
+}
+
+/* Sets up the n-th sweep. Without volumes there are no slabs, and nothing can be in the way of slicing. */
+static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
+    memset(sweep, 0, sizeof *sweep);
+    sweep->light = spsi_shadow_light(frame, n);
+    sweep->first = n == 0;
+    sweep->normal[2] = sweep->thickness = 1;
+    if (frame->medium_count == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    if (spsi_sweep_direction(context, frame, sweep) || spsi_sweep_slabs(context, frame, sweep)) return context->result;
+    return sweep->light < 0 ? SPS_OK : spsi_sweep_light(context, frame, sweep);
+}
+
+/* ================================================================================================ >>splat
+   12 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
+   is a 2D Gaussian in the pixel plane, and the share of it between two slab planes is the difference of
+   spsi_kernel_share at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
+   slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness. Every
+   section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets.
+   Near a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is
+   taken instead. Sheets hold the integral of value over t; the length of a ray per t comes in at shading.
+   Cost: about 14 vector operations per vector of fragments and section, and 25 per row. */
+
+#define SPSI_NEAR_REACHES 16 /* kernel radii from the eye below which a kernel is integrated along each ray's own way */
+
+/* What is the same for all voxels of a volume, for one set of rays and slabs. */
+typedef struct spsi_splatter {
+    int perspective;
+    float sign;             /* -1 where rays cross the slabs against their order, else 1 */
+    float step[3][3];       /* change of (x t, y t, t) or (x, y, t) per voxel along each axis */
+    float slab_step[3];     /* change of slab coordinate per voxel along each axis */
+    float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
+    float covariance[6];    /* of the kernel there: 00 01 02 11 12 22 */
+    float inverse[6];       /* its inverse, and its determinant's root, for the near case */
+    float root_determinant;
+    float weight;           /* integral for value 1, but for what depends on the footprint */
+    float reach_slabs;      /* kernel radius along s */
+    float near_depth;       /* t below which the near case applies */
+    float eye_near;         /* t at which rays begin, as t - depth_reference */
+    float depth_reference;
+} spsi_splatter;
+
+/* Where a brick's first voxel is: ray coordinates, depth, slab. */
+typedef struct spsi_anchor {
+    float q[3], depth, slab;
+} spsi_anchor;
+
+/* Footprints of a vector of voxels. Distances along a ray are in v = t / (SPSI_CUT * standard deviation). */
+typedef struct spsi_footprints {
+    float x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES], depth[SPSI_LANES], slab[SPSI_LANES];
+    float amplitude[SPSI_LANES];
+    float across[SPSI_LANES];       /* 1 / variance of x at given y */
+    float lean[SPSI_LANES];         /* change of the mean x per y */
+    float upright[SPSI_LANES];      /* 1 / variance of y */
+    float half_height[SPSI_LANES];
+    float per_slab[SPSI_LANES];     /* change of v from plane to plane */
+    float slope_x[SPSI_LANES], slope_y[SPSI_LANES]; /* change of a plane's v per pixel */
+    float mean_x[SPSI_LANES], mean_y[SPSI_LANES];   /* change of the kernel's mean t per pixel */
+    float per_depth[SPSI_LANES];    /* v per t */
+    float spread[SPSI_LANES];       /* how much the x slope widens the range of v in a row */
+} spsi_footprints;
+
+/* A tile's sheets: one float per pixel, slab and channel. */
+typedef struct spsi_tile {
+    float *sheets;
+    size_t sheet_size, channel_size; /* floats from one slab, and one channel, to the next */
+    int x0, y0, x1, y1;              /* pixels covered, the last ones included */
+    int pitch, slab_count;
+    int clamped;                     /* 1: sections end at `limits`, or begin at the near plane */
+    const spsi_hit *limits;          /* depths of polygons, of the whole image; NULL: none */
+    int limit_width, limit_height;
+    float eye_slab;                  /* slab coordinate of the eye, for the near case */
+    uint64_t sections, fragments;
+} spsi_tile;
+
+static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
+                                spsi_splatter *splatter) {
+    double e[3][3], covariance[3][3], rows[3][3], reach = 0;
+    memset(splatter, 0, sizeof *splatter);
+    memset(covariance, 0, sizeof covariance);
+    splatter->perspective = rays->perspective;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double slabs = spsi_dot(sweep->normal, medium->step[axis]) / sweep->thickness;
+        spsi_to_rays(rays, medium->step[axis], e[axis]);
+        splatter->slab_step[axis] = (float)slabs;
+        reach += slabs * slabs;
+        for (int i = 0; i < 3; ++i) splatter->step[axis][i] = (float)e[axis][i];
+        for (int i = 0; i < 9; ++i) covariance[i / 3][i % 3] += SPSI_SIGMA * SPSI_SIGMA * e[axis][i / 3] * e[axis][i % 3];
+    }
+    spsi_invert(covariance[0], covariance[1], covariance[2], rows);
+    for (int i = 0, k = 0; i < 3; ++i)
+        for (int j = i; j < 3; ++j, ++k) {
+            splatter->covariance[k] = (float)covariance[i][j];
+            splatter->inverse[k] = (float)rows[i][j];
+        }
+    splatter->root_determinant = (float)sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
+    splatter->slab_x = (float)(spsi_dot(sweep->normal, rays->a) / sweep->thickness);
+    splatter->slab_y = (float)(spsi_dot(sweep->normal, rays->b) / sweep->thickness);
+    splatter->slab_t = (float)(spsi_dot(sweep->normal, rays->c) / sweep->thickness);
+    splatter->sign = 1;
+    splatter->weight = (float)((double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
+                               (2 * SPSI_PI * spsi_footprint_mass()));
+    splatter->reach_slabs = (float)(SPSI_REACH * sqrt(reach));
+    splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * SPSI_CUT * sqrt(covariance[2][2])) : -FLT_MAX;
+    splatter->depth_reference = (float)rays->depth_reference;
+    splatter->eye_near = rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
+}
+
+/* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional forms, the section. */
+static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
+                                        spsi_footprints *out) {
+    const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]);
+    const spsi_v near_one = s->perspective ? spsi_div(one, spsi_max(t, spsi_set(FLT_MIN * 16))) : one;
+    const spsi_v px = s->perspective ? x : spsi_set(0), py = s->perspective ? y : spsi_set(0);
+    const spsi_v square = spsi_mul(near_one, near_one);
+    const spsi_v x22 = spsi_mul(px, c22), y22 = spsi_mul(py, c22);
+    const spsi_v c02 = spsi_set(s->covariance[2]), c12 = spsi_set(s->covariance[4]);
+    const spsi_v rxt = spsi_mul(near_one, spsi_sub(c02, x22)), ryt = spsi_mul(near_one, spsi_sub(c12, y22));
+    const spsi_v two = spsi_set(2), half = spsi_set(0.5f);
+    spsi_v rxx = spsi_add(spsi_set(s->covariance[0]), spsi_mul(px, spsi_sub(x22, spsi_mul(two, c02))));
+    spsi_v ryy = spsi_add(spsi_set(s->covariance[3]), spsi_mul(py, spsi_sub(y22, spsi_mul(two, c12))));
+    spsi_v rxy = spsi_sub(spsi_fma(px, spsi_sub(y22, c12), spsi_set(s->covariance[1])), spsi_mul(py, c02));
+    spsi_v least, widen, determinant, across, mean_x, mean_y, per_depth, along, slope_x;
+    rxx = spsi_mul(rxx, square);
+    ryy = spsi_mul(ryy, square);
+    rxy = spsi_mul(rxy, square);
+    least = spsi_mul(half, spsi_sub(rxx, ryy));
+    least = spsi_sub(spsi_mul(half, spsi_add(rxx, ryy)), spsi_sqrt(spsi_fma(least, least, spsi_mul(rxy, rxy))));
+    widen = spsi_max(spsi_set(0), spsi_sub(spsi_set((float)(SPSI_PIXEL_SIGMA * SPSI_PIXEL_SIGMA)), least));
+    rxx = spsi_add(rxx, widen);
+    ryy = spsi_add(ryy, widen);
+    determinant = spsi_max(spsi_sub(spsi_mul(rxx, ryy), spsi_mul(rxy, rxy)), spsi_mul(spsi_set(1e-6f), spsi_mul(rxx, ryy)));
+    across = spsi_div(ryy, determinant);
+    mean_x = spsi_div(spsi_sub(spsi_mul(rxt, ryy), spsi_mul(ryt, rxy)), determinant);
+    mean_y = spsi_div(spsi_sub(spsi_mul(ryt, rxx), spsi_mul(rxt, rxy)), determinant);
+    along = spsi_sub(spsi_sub(c22, spsi_mul(mean_x, rxt)), spsi_mul(mean_y, ryt));
+    per_depth = spsi_div(spsi_set((float)(1 / SPSI_CUT)), spsi_sqrt(spsi_max(along, spsi_mul(spsi_set(1e-6f), c22))));
+    spsi_store(out->amplitude, spsi_div(spsi_mul(spsi_mul(value, spsi_set(s->weight)), square), spsi_sqrt(determinant)));
+    spsi_store(out->across, across);
+    spsi_store(out->lean, spsi_div(rxy, ryy));
+    spsi_store(out->upright, spsi_div(one, ryy));
+    spsi_store(out->half_height, spsi_mul(spsi_set((float)SPSI_CUT), spsi_sqrt(ryy)));
+    spsi_store(out->mean_x, mean_x);
+    spsi_store(out->mean_y, mean_y);
+    spsi_store(out->per_depth, per_depth);
+    {   /* a plane's t changes by -(s.a) / (s.w) per pixel, times t in perspective */
+        const spsi_v crossing = spsi_fma(px, spsi_set(s->slab_x), spsi_fma(py, spsi_set(s->slab_y), spsi_set(s->slab_t)));
+        const spsi_v per_crossing = spsi_div(spsi_set(s->sign), crossing);
+        const spsi_v tilt = spsi_mul(per_crossing, s->perspective ? t : one);
+        const spsi_v signed_depth = spsi_mul(per_depth, spsi_set(s->sign));
+        slope_x = spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_x)), per_depth, spsi_mul(mean_x, signed_depth)));
+        spsi_store(out->slope_x, slope_x);
+        spsi_store(out->slope_y, spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_y)), per_depth,
+                                                                spsi_mul(mean_y, signed_depth))));
+        spsi_store(out->per_slab, spsi_mul(per_depth, per_crossing));
+    }
+    spsi_store(out->spread, spsi_sqrt(spsi_fma(spsi_mul(slope_x, slope_x),
+                                               spsi_div(spsi_set((float)(SPSI_CUT * SPSI_CUT)), across), one)));
+}
+
+/* Adds a footprint's row vector to the sheets from one plane on: `weight` times the change of share from plane to plane.
+   At the kernel's own first and last plane (open ends) the share is that of the limits: 0 and 1 where nothing clamps. */
+static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count, spsi_v weight, spsi_v v, spsi_v per_slab,
+                                     int starts, int ends, int clamped, spsi_v low, spsi_v high) {
+    spsi_v before, after;
+    if (starts) before = clamped ? spsi_kernel_share(low) : spsi_set(0);
+    else before = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
+    for (int k = 0; k < count - ends; ++k, sheet += sheet_size) {
+        v = spsi_add(v, per_slab);
+        after = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
+        spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
+        before = after;
+    }
+    if (!ends) return;
+    after = clamped ? spsi_kernel_share(high) : spsi_set(1);
+    spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
+}
+
+/* Rows of one footprint, a vector of rows at a time: where each begins and ends, in pixels and in slabs. */
+typedef struct spsi_rows {
+    float dy[SPSI_LANES], middle[SPSI_LANES], x0[SPSI_LANES], x1[SPSI_LANES], exponent[SPSI_LANES];
+    float v[SPSI_LANES], first[SPSI_LANES], last[SPSI_LANES];
+} spsi_rows;
+
+static inline void spsi_rows_build(const spsi_footprints *f, int i, int y, spsi_rows *rows) {
+    const spsi_v dy = spsi_sub(spsi_add(spsi_set((float)y), spsi_iota()), spsi_set(f->y[i]));
+    const spsi_v square = spsi_mul(spsi_mul(dy, dy), spsi_set(f->upright[i]));
+    const spsi_v radius = spsi_sqrt(spsi_max(spsi_set(0), spsi_sub(spsi_set((float)(SPSI_CUT * SPSI_CUT)), square)));
+    const spsi_v half = spsi_mul(radius, spsi_set(1 / sqrtf(f->across[i])));
+    const spsi_v middle = spsi_fma(dy, spsi_set(f->lean[i]), spsi_set(f->x[i]));
+    const spsi_v v = spsi_fma(dy, spsi_set(f->slope_x[i] * f->lean[i] + f->slope_y[i]),
+                              spsi_set(-f->per_slab[i] * f->slab[i]));
+    const spsi_v range = spsi_mul(radius, spsi_set(f->spread[i] * (float)(1 / SPSI_CUT)));
+    const spsi_v slabs = spsi_set(1 / f->per_slab[i]), far = spsi_set((float)SPSI_SLABS_MAX), zero = spsi_set(0);
+    const spsi_v low = spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v), slabs), spsi_sub(zero, far), far);
+    const spsi_v high = spsi_clamp(spsi_mul(spsi_sub(range, v), slabs), spsi_sub(zero, far), far);
+    const spsi_v wide = spsi_set((float)(2 * SPSI_SIZE_MAX));
+    spsi_store(rows->dy, dy);
+    spsi_store(rows->middle, middle);
+    spsi_store(rows->exponent, spsi_mul(square, spsi_set(-0.5f)));
+    spsi_store(rows->v, v);
+    spsi_store(rows->x0, spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_sub(zero, wide), wide))));
+    spsi_store(rows->x1, spsi_floor(spsi_clamp(spsi_add(middle, half), spsi_sub(zero, wide), wide)));
+    spsi_store(rows->first, spsi_floor(low));
+    spsi_store(rows->last, spsi_add(spsi_floor(high), spsi_set(1)));
+}
+
+/* v of the polygon in front of which a section must end, and of the near plane behind which it begins. */
+static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, int x, int y, spsi_v mean, spsi_v per_depth,
+                               spsi_v *low, spsi_v *high) {
+    float depth[SPSI_LANES];
+    spsi_v far = spsi_set(SPSI_INFINITY), near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
+    if (tile->limits) {
+        const int row = spsi_least(spsi_most(y, 0), tile->limit_height - 1); /* margins repeat the edge */
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const int column = spsi_least(spsi_most(x + i, 0), tile->limit_width - 1);
+            depth[i] = tile->limits[(size_t)row * (size_t)tile->limit_width + (size_t)column].depth;
+        }
+        far = spsi_load(depth);
+    }
+    far = spsi_clamp(spsi_mul(spsi_sub(far, mean), per_depth), spsi_set(-2), spsi_set(2));
+    near_v = spsi_clamp(near_v, spsi_set(-2), far);
+    *low = s->sign > 0 ? near_v : spsi_sub(spsi_set(0), far);
+    *high = s->sign > 0 ? far : spsi_sub(spsi_set(0), near_v);
+}
+
+static inline void spsi_splat_row(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
+                                  const spsi_rows *rows, int r, int y, float *channel, int clamped) {
+    const int first = (int)rows->first[r], last = (int)rows->last[r];
+    const int k0 = spsi_most(first, 0), k1 = spsi_least(last, tile->slab_count);
+    const int x0 = spsi_most((int)rows->x0[r], tile->x0), x1 = spsi_least((int)rows->x1[r], tile->x1);
+    float *sheet = channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x0 - tile->x0));
+    const spsi_v per_slab = spsi_set(f->per_slab[i]), v0 = spsi_set(rows->v[r] + f->per_slab[i] * (float)k0);
+    if (x0 > x1 || k0 >= k1) return;
+    tile->fragments += (uint64_t)((x1 - x0 + 1) * (k1 - k0));
+    for (int x = x0; x <= x1; x += SPSI_LANES, sheet += SPSI_LANES) {
+        const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), d = spsi_sub(at, spsi_set(rows->middle[r]));
+        const spsi_v exponent = spsi_fma(spsi_mul(d, spsi_set(-0.5f * f->across[i])), d, spsi_set(rows->exponent[r]));
+        const spsi_v gauss = spsi_mul(spsi_exp(exponent), spsi_set(f->amplitude[i]));
+        const spsi_v weight = spsi_select(spsi_less(at, spsi_set((float)x1 + 0.5f)), gauss, spsi_set(0));
+        const spsi_v v = spsi_fma(d, spsi_set(f->slope_x[i]), v0);
+        spsi_v low = spsi_set(0), high = low;
+        if (clamped) {
+            const spsi_v dx = spsi_sub(at, spsi_set(f->x[i]));
+            const spsi_v mean = spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
+            spsi_limits(tile, s, x, y, mean, spsi_set(f->per_depth[i]), &low, &high);
+        }
+        spsi_add_sections(sheet, tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, clamped, low,
+                          high);
+    }
+}
+
+static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
+                                 float *channel) {
+    const int y0 = spsi_most((int)ceilf(f->y[i] - f->half_height[i]), tile->y0);
+    const int y1 = spsi_least((int)floorf(f->y[i] + f->half_height[i]), tile->y1);
+    for (int y = y0; y <= y1; y += SPSI_LANES) {
+        const int count = spsi_least(SPSI_LANES, y1 - y + 1);
+        spsi_rows rows;
+        spsi_rows_build(f, i, y, &rows);
+        if (tile->clamped)
+            for (int r = 0; r < count; ++r) spsi_splat_row(tile, s, f, i, &rows, r, y + r, channel, 1);
+        else
+            for (int r = 0; r < count; ++r) spsi_splat_row(tile, s, f, i, &rows, r, y + r, channel, 0);
+    }
+}
+
+/* The least and greatest pixel coordinate of an ellipsoid (centre q, reach^2 times the covariance) along one axis, by
+   the tangent planes through the eye; gives 0 where the eye's plane cuts it, so that there is no bound. */
+static int spsi_near_extent(float q, float q2, float c, float c2, float c22, float *low, float *high) {
+    const float cut = (float)(SPSI_CUT * SPSI_CUT);
+    const float a = q2 * q2 - cut * c22, b = q * q2 - cut * c2, root = b * b - a * (q * q - cut * c);
+    if (!(a > 1e-4f * q2 * q2) || q2 < 0) return 0;
+    *low = (b - sqrtf(root > 0 ? root : 0)) / a;
+    *high = (b + sqrtf(root > 0 ? root : 0)) / a;
+    return 1;
+}
+
+/* A vector of pixels of the near case: w = (x, y, 1) is the ray, a = w' C^-1 w, and the exponent
+   (P x w)' adj(C^-1) (P x w) / a holds no difference of large numbers. */
+static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, const float q[3], float value, int x,
+                                       int y, int x1, int first, int last, float *channel) {
+    const float *c = s->covariance, *n = s->inverse, fy = (float)y;
+    const int k0 = spsi_most(first, 0), k1 = spsi_least(last, tile->slab_count);
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
+    const spsi_v nx = spsi_fma(at, spsi_set(n[0]), spsi_set(n[1] * fy + n[2]));
+    const spsi_v ny = spsi_fma(at, spsi_set(n[1]), spsi_set(n[3] * fy + n[4]));
+    const spsi_v nt = spsi_fma(at, spsi_set(n[2]), spsi_set(n[4] * fy + n[5]));
+    const spsi_v a = spsi_max(spsi_fma(at, nx, spsi_fma(spsi_set(fy), ny, nt)), spsi_set(FLT_MIN));
+    const spsi_v b = spsi_fma(spsi_set(q[0]), nx, spsi_fma(spsi_set(q[1]), ny, spsi_mul(spsi_set(q[2]), nt)));
+    const spsi_v ux = spsi_set(q[1] - q[2] * fy), uy = spsi_sub(spsi_mul(spsi_set(q[2]), at), spsi_set(q[0]));
+    const spsi_v ut = spsi_sub(spsi_set(q[0] * fy), spsi_mul(spsi_set(q[1]), at));
+    const spsi_v two = spsi_set(2);
+    spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, v, weight;
+    spsi_v low, high, per_slab;
+    e = spsi_fma(spsi_mul(uy, uy), spsi_set(c[3]), spsi_fma(spsi_mul(ut, ut), spsi_set(c[5]), e));
+    e = spsi_fma(two, spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]), spsi_fma(spsi_mul(ux, ut), spsi_set(c[2]),
+                               spsi_mul(spsi_mul(uy, ut), spsi_set(c[4])))), e);
+    e = spsi_div(e, spsi_mul(a, spsi_set(s->root_determinant * s->root_determinant)));
+    per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT)));
+    mean = spsi_div(b, a);
+    crossing = spsi_mul(spsi_set(s->sign), spsi_fma(at, spsi_set(s->slab_x), spsi_set(s->slab_y * fy + s->slab_t)));
+    per_slab = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
+    v = spsi_sub(spsi_mul(per_slab, spsi_set((float)k0 - tile->eye_slab)), spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
+    weight = spsi_div(spsi_mul(spsi_set(value * s->weight / s->root_determinant), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
+    weight = spsi_select(spsi_less(e, spsi_set((float)(SPSI_CUT * SPSI_CUT))), weight, zero);
+    weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
+    spsi_limits(tile, s, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
+    spsi_add_sections(channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
+                      tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
+}
+
+static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float q[3], float slab, float value,
+                            float *channel) {
+    const float *c = s->covariance;
+    const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
+    int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
+    float low, high;
+    if (spsi_near_extent(q[0], q[2], c[0], c[2], c[5], &low, &high)) {
+        x0 = spsi_most(x0, (int)fmaxf(ceilf(low), 0));
+        x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
+    }
+    if (spsi_near_extent(q[1], q[2], c[3], c[4], c[5], &low, &high)) {
+        y0 = spsi_most(y0, (int)fmaxf(ceilf(low), 0));
+        y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
+    }
+    if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
+    tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
+                       (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
+    for (int y = y0; y <= y1; ++y)
+        for (int x = x0; x <= x1; x += SPSI_LANES)
+            spsi_splat_near_row(tile, s, q, value, x, y, x1, first, last, channel);
+}
+
+/* Ray coordinates, depth and slab of a vector of a brick's voxels. */
+static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *anchor, spsi_v x, spsi_v y, spsi_v z,
+                                     spsi_v q[3], spsi_v *depth, spsi_v *slab) {
+    for (int i = 0; i < 3; ++i)
+        q[i] = spsi_fma(x, spsi_set(s->step[0][i]), spsi_fma(y, spsi_set(s->step[1][i]),
+                        spsi_fma(z, spsi_set(s->step[2][i]), spsi_set(anchor->q[i]))));
+    *depth = spsi_add(spsi_sub(q[2], spsi_set(anchor->q[2])), spsi_set(anchor->depth));
+    *slab = spsi_fma(x, spsi_set(s->slab_step[0]), spsi_fma(y, spsi_set(s->slab_step[1]),
+                     spsi_fma(z, spsi_set(s->slab_step[2]), spsi_set(anchor->slab))));
+}
+
+/* Which of a vector of footprints reach into the tile: a bit each. */
+static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footprints *f) {
+    const spsi_v x = spsi_load(f->x), y = spsi_load(f->y), height = spsi_load(f->half_height);
+    const spsi_v lean = spsi_mul(spsi_load(f->lean), height); /* the row where the ellipse is widest */
+    const spsi_v width = spsi_sqrt(spsi_fma(lean, lean, spsi_div(spsi_set((float)(SPSI_CUT * SPSI_CUT)), spsi_load(f->across))));
+    const spsi_m m0 = spsi_and(spsi_less(spsi_sub(x, width), spsi_set((float)tile->x1 + 0.5f)),
+                               spsi_less(spsi_set((float)tile->x0 - 0.5f), spsi_add(x, width)));
+    const spsi_m m1 = spsi_and(spsi_less(spsi_sub(y, height), spsi_set((float)tile->y1 + 0.5f)),
+                               spsi_less(spsi_set((float)tile->y0 - 0.5f), spsi_add(y, height)));
+    return spsi_bits(spsi_and(spsi_and(m0, m1), spsi_less(spsi_set(0), spsi_load(f->per_slab))));
+}
+
+/* Splats the voxels of one brick into a tile. */
+static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi_anchor *anchor,
+                             const spsi_segment *segment, const spsi_brick *brick, float *channel) {
+    const spsi_v reach = spsi_set(s->reach_slabs);
+    spsi_footprints f;
+    if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
+    const float unit = f.amplitude[0];
+    for (int i = 0; i < brick->count; i += SPSI_LANES) {
+        const int at = brick->first + i;
+        const int all = brick->count - i < SPSI_LANES ? (1 << (brick->count - i)) - 1 : (1 << SPSI_LANES) - 1;
+        const spsi_v value = spsi_load(segment->value + at);
+        spsi_v q[3], depth, slab;
+        int bits, near_bits;
+        spsi_voxels_place(s, anchor, spsi_load(segment->x + at), spsi_load(segment->y + at),
+                          spsi_load(segment->z + at), q, &depth, &slab);
+        bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
+                                        spsi_less(spsi_set(0), spsi_add(slab, reach))));
+        if (!bits) continue;
+        near_bits = s->perspective ? bits & spsi_bits(spsi_less(q[2], spsi_set(s->near_depth))) : 0;
+        spsi_store(f.t, q[2]);
+        spsi_store(f.depth, depth);
+        spsi_store(f.slab, slab);
+        if (s->perspective) {
+            const spsi_v t = spsi_max(q[2], spsi_set(s->near_depth)), x = spsi_div(q[0], t), y = spsi_div(q[1], t);
+            spsi_store(f.x, x);
+            spsi_store(f.y, y);
+            if (bits & ~near_bits) spsi_footprint_shape(s, x, y, t, value, &f);
+        } else {
+            spsi_store(f.x, q[0]);
+            spsi_store(f.y, q[1]);
+            spsi_store(f.amplitude, spsi_mul(value, spsi_set(unit)));
+        }
+        bits &= ~near_bits;
+        if (bits) bits &= spsi_footprints_inside(tile, &f);
+        for (int lane = 0; lane < SPSI_LANES; ++lane) {
+            const float position[3] = {f.x[lane] * s->near_depth, f.y[lane] * s->near_depth, f.t[lane]};
+            if ((bits | near_bits) >> lane & 1) tile->sections += 1;
+            if (bits >> lane & 1) spsi_splat_footprint(tile, s, &f, lane, channel);
+            if (near_bits >> lane & 1)
+                spsi_splat_near(tile, s, position, f.slab[lane], segment->value[at + lane], channel);
+        }
+    }
+}
+
+/* Where a brick lies for these rays and slabs, slab coordinates counted from `first_slab`. */
+static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays,
+                              const spsi_sweep *sweep, int first_slab, spsi_anchor *anchor) {
+    double at[3], point[3], offset[3], q[3];
+    for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
+    spsi_voxel_position(medium, at, point);
+    spsi_along(point, rays->origin, -1, offset);
+    spsi_to_rays(rays, offset, q);
+    for (int i = 0; i < 3; ++i) anchor->q[i] = (float)q[i];
+    anchor->depth = (float)(q[2] - rays->depth_reference);
+    anchor->slab = (float)((spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness - first_slab);
+}
+
+/* ========================================================================================== >>lightsheets
+   13 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
+   through when it enters slab k. The planes of texels that a chunk does not touch all hold the depth so far. Polygons
+   are not in here: what lies behind an opaque one is dark by its depth map, whatever the planes say there. */
+
+typedef struct spsi_planes {
+    float *depth[SPSI_CHUNK + 1]; /* width * height each */
+    int width, height, tiles_x, tiles_y;
+    unsigned char *uneven;        /* per tile: its planes differ, so that they must be levelled before the next chunk */
+} spsi_planes;
+
+/* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), d being
+   t - depth_reference. Slab coordinates, light ray coordinates and positions are all of this kind. */
+typedef struct spsi_linear {
+    float base[3], slope[3];
+} spsi_linear;
+
+/* The linear quantity row . (p - origin) + offset. */
+static void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
+                              spsi_linear *linear) {
+    const double a = spsi_dot(row, rays->a), b = spsi_dot(row, rays->b), c = spsi_dot(row, rays->c);
+    const double t = rays->depth_reference;
+    double from[3];
+    spsi_along(rays->origin, origin, -1, from);
+    memset(linear, 0, sizeof *linear);
+    linear->base[0] = (float)(spsi_dot(row, from) + offset + t * c);
+    linear->base[1] = (float)(a * (rays->perspective ? t : 1));
+    linear->base[2] = (float)(b * (rays->perspective ? t : 1));
+    linear->slope[0] = (float)c;
+    if (!rays->perspective) return;
+    linear->slope[1] = (float)a;
+    linear->slope[2] = (float)b;
+}
+
+static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float y) {
+    return spsi_fma(x, spsi_set(linear->base[1]), spsi_set(linear->base[0] + y * linear->base[2]));
+}
+
+static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, float y) {
+    return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
+}
+
+/* World length of a unit of t along the rays of a row of pixels. */
+static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) {
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 3; ++i) {
+        const float fixed = (float)(rays->c[i] + (rays->perspective ? (double)y * rays->b[i] : 0));
+        const spsi_v part = rays->perspective ? spsi_fma(x, spsi_set((float)rays->a[i]), spsi_set(fixed)) : spsi_set(fixed);
+        sum = spsi_fma(part, part, sum);
+    }
+    return spsi_sqrt(sum);
+}
+
+/* Bilinear look-up; outside of the grid its edge goes on (the border of a light's planes is 0). */
+static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
+    const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
+    const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
+    const spsi_v ix = spsi_min(spsi_floor(cx), spsi_set((float)(width - 2)));
+    const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 2)));
+    const spsi_v fx = spsi_sub(cx, ix), fy = spsi_sub(cy, iy);
+    spsi_v quad[4];
+    spsi_gather_quad(grid, width, ix, iy, quad);
+    return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
+}
+
+typedef struct spsi_light_shader {
+    const spsi_frame *frame;
+    const spsi_rays *rays;
+    spsi_linear slab;
+    int material_of_channel[SPSI_VOLUMES_MAX]; /* -1: gases, whose sheets hold optical depth already */
+    spsi_planes *planes;
+} spsi_light_shader;
+
+/* Optical depth of one slab for a vector of texels. */
+static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
+                                      spsi_v per_slab) {
+    spsi_v depth = spsi_set(0);
+    for (int c = 0; c < shader->frame->light_channel_count; ++c) {
+        const int material = shader->material_of_channel[c];
+        const spsi_v sum = spsi_load(tile->sheets + (size_t)c * tile->channel_size + at);
+        spsi_v looks[4];
+        if (material < 0) {
+            depth = spsi_fma(sum, length, depth);
+            continue;
+        }
+        spsi_classify(&shader->frame->materials[material], spsi_div(sum, per_slab), looks);
+        depth = spsi_fma(looks[3], spsi_mul(per_slab, length), depth);
+    }
+    return depth;
+}
+
+/* Adds a tile's sheets to the planes, slab after slab. */
+static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_tile *tile, int last_x) {
+    spsi_planes *planes = shader->planes;
+    for (int y = tile->y0; y <= tile->y1; ++y)
+        for (int x = tile->x0; x <= last_x; x += SPSI_LANES) {
+            const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
+            const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+            const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
+            const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
+            const spsi_v per_slab = spsi_abs(spsi_div(spsi_set(1), spsi_linear_slope(&shader->slab, at, (float)y)));
+            const int count = spsi_least(SPSI_LANES, last_x - x + 1);
+            float lanes[SPSI_LANES] = {0};
+            memcpy(lanes, planes->depth[SPSI_CHUNK] + to, (size_t)count * sizeof(float));
+            spsi_v depth = spsi_load(lanes);
+            for (int k = 0; k <= SPSI_CHUNK; ++k) {
+                spsi_store(lanes, depth);
+                memcpy(planes->depth[k] + to, lanes, (size_t)count * sizeof(float));
+                if (k == SPSI_CHUNK) break;
+                depth = spsi_add(depth, spsi_light_sheet(shader, tile, from + (size_t)k * tile->sheet_size, length, per_slab));
+                depth = spsi_min(depth, spsi_set(SPSI_DEPTH_MAX));
+            }
+        }
+}
+
+/* Sets all planes of a tile to the depth so far, if the last chunk touched it. */
+static void spsi_planes_level(spsi_planes *planes, int tile) {
+    const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
+    const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
+    if (!planes->uneven[tile]) return;
+    planes->uneven[tile] = 0;
+    for (int y = y0; y < spsi_least(planes->height, y0 + SPSI_TILE_HEIGHT); ++y)
+        for (int k = 0; k < SPSI_CHUNK; ++k) {
+            const size_t at = (size_t)y * (size_t)planes->width + (size_t)x0;
+            memcpy(planes->depth[k] + at, planes->depth[SPSI_CHUNK] + at, (size_t)width * sizeof(float));
+        }
+}
+
+/* ============================================================================================== >>shading
+   14 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 - A0)
+   before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its way
+   out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
+   polygon in the light's way ends that share; one in the eye's way cuts the slab (section 12) and shares with it. */
+
+typedef struct spsi_depth_map {
+    int face_count;          /* 0: no polygons; 1; 6 for a point light among them */
+    spsi_rays rays[6];
+    float *depths[6];
+    spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays */
+} spsi_depth_map;
+
+typedef struct spsi_shader {
+    const spsi_frame *frame;
+    const spsi_sweep *sweep;
+    const spsi_faces *faces;
+    const spsi_planes *planes;
+    const spsi_depth_map *map;
+    const spsi_hit *hits;        /* whole image */
+    spsi_linear slab;            /* slab coordinate */
+    spsi_linear light_rays[3];   /* ray coordinates of the light's planes */
+    spsi_linear position[3];     /* relative to `position_origin` */
+    double position_origin[3];
+    const sps_light *light;      /* of the sweep, or NULL */
+    int unshadowed;              /* 1: the sweep also carries lights without shadow */
+    int first_slab;              /* of the chunk at hand */
+    int x_origin, y_origin;      /* pixel that comes first in the buffers below */
+    int pitch;                   /* pixels from row to row there */
+    float *depth, *radiance[3], *distance; /* optical depth and radiance so far; distance: NULL unless wanted */
+    float end_depth;             /* optical depth at which a ray ends */
+} spsi_shader;
+
+/* What a vector of pixels knows about its rays. */
+typedef struct spsi_pixels {
+    int x, y;
+    spsi_v at, length;           /* x coordinates; world length per t */
+    spsi_v slab_base, slab_scale;/* plane k lies at d = (k - base) * scale, k counted from the chunk */
+    spsi_v polygon;              /* d of the polygon, or infinity */
+    spsi_v polygon_slab;         /* its slab coordinate, from the first slab of all */
+    spsi_v toward[3];            /* unit direction from the eye */
+    spsi_v light_base[3], light_slope[3];
+} spsi_pixels;
+
+/* One material's part of a sheet. */
+typedef struct spsi_sample {
+    spsi_v depth, value_length;  /* optical depth; integral of value over world length */
+    spsi_v colour[3];            /* albedo or reflectance */
+    spsi_v surface, normal[3];   /* 0: gas .. 1: surface, with a unit normal */
+    int has_normal;
+} spsi_sample;
+
+static void spsi_pixels_build(const spsi_shader *shader, int x, int y, int width, spsi_pixels *p) {
+    const spsi_rays *eye = &shader->frame->eye;
+    const float fy = (float)y;
+    const spsi_v one = spsi_set(1), at = spsi_add(spsi_set((float)x), spsi_iota());
+    spsi_v slope, inverse_length;
+    p->x = x;
+    p->y = y;
+    p->at = at;
+    p->length = spsi_ray_lengths(eye, at, fy);
+    inverse_length = spsi_div(one, p->length);
+    slope = spsi_linear_slope(&shader->slab, at, fy);
+    slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
+    p->slab_base = spsi_sub(spsi_linear_base(&shader->slab, at, fy), spsi_set((float)shader->first_slab));
+    p->slab_scale = spsi_div(one, slope);
+    p->polygon = p->polygon_slab = spsi_set(SPSI_INFINITY);
+    if (shader->hits && width > 0) {
+        const spsi_hit *hits = shader->hits + (size_t)y * (size_t)eye->width + (size_t)x;
+        float depth[SPSI_LANES];
+        for (int i = 0; i < SPSI_LANES; ++i) depth[i] = i < width ? hits[i].depth : SPSI_INFINITY;
+        p->polygon = spsi_load(depth);
+        p->polygon_slab = spsi_fma(p->polygon, slope, spsi_linear_base(&shader->slab, at, fy));
+    }
+    for (int i = 0; i < 3; ++i) {
+        p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
+        p->light_base[i] = spsi_linear_base(&shader->light_rays[i], at, fy);
+        p->light_slope[i] = spsi_linear_slope(&shader->light_rays[i], at, fy);
+    }
+}
+
+static inline spsi_v spsi_plane_depth(const spsi_pixels *p, int k) {
+    return spsi_mul(spsi_sub(spsi_set((float)k), p->slab_base), p->slab_scale);
+}
+
+/* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v *enter, spsi_v *leave) {
+    const spsi_rays *eye = &shader->frame->eye;
+    const spsi_v a = spsi_plane_depth(p, k), b = spsi_plane_depth(p, k + 1);
+    const float near_d = eye->near_depth > -DBL_MAX ? (float)(eye->near_depth - eye->depth_reference) : -FLT_MAX;
+    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), p->polygon);
+    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), p->polygon));
+}
+
+static inline spsi_v spsi_lookup_planes(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v d) {
+    const spsi_planes *planes = shader->planes;
+    spsi_v x = spsi_fma(d, p->light_slope[0], p->light_base[0]), y = spsi_fma(d, p->light_slope[1], p->light_base[1]);
+    if (shader->sweep->rays.perspective) {
+        const spsi_v t = spsi_max(spsi_fma(d, p->light_slope[2], p->light_base[2]), spsi_set(FLT_MIN * 16));
+        x = spsi_div(x, t);
+        y = spsi_div(y, t);
+    }
+    return spsi_bilinear(planes->depth[k], planes->width, planes->height, x, y);
+}
+
+/* The share of the way from d0 to d1 that one face of a depth map leaves in the light; 1 outside of its grid. */
+static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1) {
+    const spsi_rays *rays = &map->rays[face];
+    const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d0, d1)), zero = spsi_set(0), one = spsi_set(1);
+    spsi_v q[3], quad[4], share[4], t0, t1, ix, iy, rise;
+    spsi_m inside;
+    for (int i = 0; i < 3; ++i)
+        q[i] = spsi_fma(middle, spsi_linear_slope(&map->along[face][i], at, y), spsi_linear_base(&map->along[face][i], at, y));
+    t0 = spsi_linear_slope(&map->along[face][2], at, y);
+    t1 = spsi_sub(spsi_fma(spsi_sub(d1, middle), t0, q[2]), spsi_set((float)rays->depth_reference));
+    t0 = spsi_sub(spsi_fma(spsi_sub(d0, middle), t0, q[2]), spsi_set((float)rays->depth_reference));
+    inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX), q[2]);
+    if (rays->perspective) {
+        q[2] = spsi_max(q[2], spsi_set(FLT_MIN * 16));
+        q[0] = spsi_div(q[0], q[2]);
+        q[1] = spsi_div(q[1], q[2]);
+    }
+    inside = spsi_and(inside, spsi_and(spsi_less(zero, q[0]), spsi_less(q[0], spsi_set((float)(rays->width - 1)))));
+    inside = spsi_and(inside, spsi_and(spsi_less(zero, q[1]), spsi_less(q[1], spsi_set((float)(rays->height - 1)))));
+    q[0] = spsi_clamp(q[0], zero, spsi_set((float)(rays->width - 1)));
+    q[1] = spsi_clamp(q[1], zero, spsi_set((float)(rays->height - 1)));
+    ix = spsi_min(spsi_floor(q[0]), spsi_set((float)(rays->width - 2)));
+    iy = spsi_min(spsi_floor(q[1]), spsi_set((float)(rays->height - 2)));
+    spsi_gather_quad(map->depths[face], rays->width, ix, iy, quad);
+    rise = spsi_max(spsi_sub(t1, t0), spsi_set(FLT_MIN * 16));
+    for (int i = 0; i < 4; ++i) share[i] = spsi_clamp(spsi_div(spsi_sub(quad[i], t0), rise), zero, one);
+    return spsi_select(inside, spsi_mix(spsi_mix(share[0], share[1], spsi_sub(q[0], ix)),
+                                        spsi_mix(share[2], share[3], spsi_sub(q[0], ix)), spsi_sub(q[1], iy)), one);
+}
+
+/* The mean value of a classified material in slab k at pixel (x, y), and the middle of its way there. `fallback` stands
+   in where the slab is cut away. */
+static inline spsi_v spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel, int x, int y, int k,
+                                     spsi_v fallback, spsi_v *middle) {
+    const size_t margin = (size_t)((tile->slab_count - SPSI_CHUNK) / 2);
+    const size_t at = (size_t)channel * tile->channel_size + (size_t)(k + (int)margin) * tile->sheet_size +
+                      (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    spsi_pixels p;
+    spsi_v enter, leave, way;
+    spsi_pixels_build(shader, x, y, 0, &p);
+    if (shader->hits) {
+        const spsi_rays *eye = &shader->frame->eye;
+        float depth[SPSI_LANES];
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const int px = spsi_least(spsi_most(x + i, 0), eye->width - 1), py = spsi_least(spsi_most(y, 0), eye->height - 1);
+            depth[i] = shader->hits[(size_t)py * (size_t)eye->width + (size_t)px].depth;
+        }
+        p.polygon = spsi_load(depth);
+    }
+    spsi_slab_range(shader, &p, k, &enter, &leave);
+    way = spsi_sub(leave, enter);
+    *middle = spsi_mul(spsi_set(0.5f), spsi_add(spsi_plane_depth(&p, k), spsi_plane_depth(&p, k + 1)));
+    return spsi_select(spsi_less(spsi_set(1e-3f), spsi_mul(way, spsi_abs(spsi_div(spsi_set(1), p.slab_scale)))),
+                       spsi_div(spsi_load(tile->sheets + at), spsi_max(way, spsi_set(FLT_MIN * 16))), fallback);
+}
+
+/* World position at depth d, relative to the shader's position origin. */
+static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
+    for (int i = 0; i < 3; ++i)
+        position[i] = spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
+}
+
+static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
+    }
+}
+
+static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
+    return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
+}
+
+/* Fills a sample's normal and surface share from central differences: between neighbours along x and y in the same
+   sheet, and between the sheets before and after. The three ways are not square to each other, so the gradient g is
+   solved from way . g = difference. No volume spanned by the ways: no gradient, wholly gas. */
+static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
+                                 int k, const spsi_material *material, spsi_v here, spsi_sample *sample) {
+    static const int around[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    spsi_v way[3][3], difference[3], g[3], cofactor[3][3], determinant, size;
+    for (int i = 0; i < 3; ++i) {
+        spsi_v value[2], end[2][3];
+        for (int side = 0; side < 2; ++side) {
+            const int sign = side ? 1 : -1;
+            const int x = p->x + sign * around[i][0], y = p->y + sign * around[i][1];
+            spsi_v middle;
+            value[side] = spsi_mean_value(shader, tile, channel, x, y, k + sign * around[i][2], here, &middle);
+            spsi_position_at(shader, spsi_add(p->at, spsi_set((float)(x - p->x))), (float)y, middle, end[side]);
+        }
+        difference[i] = spsi_sub(value[1], value[0]);
+        for (int c = 0; c < 3; ++c) way[i][c] = spsi_sub(end[1][c], end[0][c]);
+    }
+    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], cofactor[i]);
+    determinant = spsi_dot_v(way[0], cofactor[0]);
+    determinant = spsi_select(spsi_less(spsi_abs(determinant), spsi_set(FLT_MIN)), spsi_set(SPSI_INFINITY), determinant);
+    for (int c = 0; c < 3; ++c) {
+        g[c] = spsi_mul(difference[0], cofactor[0][c]);
+        g[c] = spsi_fma(difference[1], cofactor[1][c], spsi_fma(difference[2], cofactor[2][c], g[c]));
+        g[c] = spsi_div(g[c], determinant);
+    }
+    size = spsi_sqrt(spsi_dot_v(g, g));
+    for (int c = 0; c < 3; ++c) sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
+    sample->surface = spsi_min(spsi_set(1), spsi_mul(size, spsi_set(material->voxel_length * material->gradient_scale)));
+    sample->has_normal = 1;
+}
+
+/* Reads one material's part of slab k. */
+static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
+                                     int k, size_t at, spsi_v way, spsi_sample *sample) {
+    const spsi_material *material = &shader->frame->materials[channel];
+    const spsi_v sum = spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at);
+    sample->has_normal = 0;
+    sample->surface = spsi_set(0);
+    sample->value_length = spsi_mul(sum, p->length);
+    if (!material->table) {
+        sample->depth = spsi_mul(sample->value_length, spsi_set(material->extinction));
+        for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->albedo[c]);
+        return;
+    }
+    {
+        const spsi_v mean = spsi_div(sum, spsi_max(way, spsi_set(FLT_MIN * 16)));
+        spsi_v looks[4];
+        spsi_classify(material, mean, looks);
+        sample->depth = spsi_mul(looks[3], spsi_mul(way, p->length));
+        for (int c = 0; c < 3; ++c) sample->colour[c] = looks[c];
+        if (material->shading != SPS_SHADING_SURFACE || !shader->frame->has_gradient) return;
+        if (spsi_bits(spsi_less(spsi_set(0), sample->depth)))
+            spsi_sample_gradient(shader, tile, p, channel, k, material, mean, sample);
+    }
+}
+
+/* Blinn-Phong highlight, normalised so that it sends back at most what arrives: (n + 8) / (8 pi) (n.h)^n. */
+static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, cosine);
+    for (int i = 0; i < SPSI_LANES; ++i)
+        lanes[i] = lanes[i] > 0 ? powf(lanes[i] < 1 ? lanes[i] : 1, exponent) * (exponent + 8) * (float)(0.125 / SPSI_PI) : 0;
+    return spsi_load(lanes);
+}
+
+/* What a sample sends towards the eye per unit of its optical depth and of irradiance travelling along `travel`. */
+static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
+                                 const spsi_v travel[3], spsi_v response[3]) {
+    const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
+    const spsi_v gas = spsi_phase(material, cosine);
+    spsi_v halfway[3], facing, diffuse, shine = spsi_set(0);
+    if (!sample->has_normal) {
+        for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->colour[c], gas);
+        return;
+    }
+    facing = spsi_max(spsi_set(0), spsi_sub(spsi_set(0), spsi_dot_v(sample->normal, travel)));
+    if (material->specular > 0) {
+        spsi_v size;
+        for (int c = 0; c < 3; ++c) halfway[c] = spsi_sub(spsi_set(0), spsi_add(travel[c], toward[c]));
+        size = spsi_sqrt(spsi_max(spsi_dot_v(halfway, halfway), spsi_set(1e-12f)));
+        shine = spsi_highlight(spsi_div(spsi_dot_v(sample->normal, halfway), size), material->shininess);
+        shine = spsi_mul(spsi_mul(shine, facing), spsi_mul(sample->surface, spsi_set(material->specular)));
+    }
+    diffuse = spsi_mix(gas, spsi_mul(facing, spsi_set((float)(1 / SPSI_PI))), sample->surface);
+    for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
+}
+
+/* The way a light travels at depth d, and the share of its colour that is irradiance there. Nearer to a point light
+   than half a slab, irradiance grows no more. */
+static void spsi_light_at(const spsi_shader *shader, const sps_light *light, const spsi_pixels *p, spsi_v d,
+                          spsi_v travel[3], spsi_v *irradiance) {
+    double direction[3];
+    *irradiance = spsi_set(1);
+    if (light->kind == SPS_LIGHT_DIRECTIONAL) {
+        spsi_light_direction(light, shader->position_origin, direction);
+        for (int i = 0; i < 3; ++i) travel[i] = spsi_set((float)direction[i]);
+    } else {
+        const float nearest = (float)(0.25 * shader->sweep->thickness * shader->sweep->thickness);
+        spsi_v square, inverse;
+        spsi_position_at(shader, p->at, (float)p->y, d, travel);
+        for (int i = 0; i < 3; ++i)
+            travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
+        square = spsi_max(spsi_dot_v(travel, travel), spsi_set(nearest));
+        inverse = spsi_div(spsi_set(1), spsi_sqrt(square));
+        for (int i = 0; i < 3; ++i) travel[i] = spsi_mul(travel[i], inverse);
+        *irradiance = spsi_mul(inverse, inverse);
+    }
+}
+
+/* A slab on a vector of rays: its samples, and where they lie. */
+typedef struct spsi_slab {
+    int k, sample_count;
+    spsi_sample *samples;
+    spsi_v enter, leave, middle; /* depths along the ray */
+    spsi_v first, last;          /* shares of the slab, in the light's order, between which the ray is in it */
+    spsi_v depth;                /* optical depth of all samples */
+    spsi_v before, after;        /* optical depth between eye and the slab's first and last plane, light's order */
+} spsi_slab;
+
+/* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
+static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const sps_light *light,
+                           spsi_v carried, spsi_v radiance[3]) {
+    spsi_v travel[3], irradiance;
+    spsi_light_at(shader, light, p, slab->middle, travel, &irradiance);
+    irradiance = spsi_mul(irradiance, carried);
+    for (int m = 0; m < slab->sample_count; ++m) {
+        const spsi_material *material = &shader->frame->materials[m];
+        spsi_v response[3], share;
+        if (!material->scatters) continue;
+        share = spsi_mul(irradiance, slab->samples[m].depth);
+        spsi_sample_response(material, &slab->samples[m], p->toward, travel, response);
+        for (int c = 0; c < shader->frame->channels; ++c)
+            radiance[c] = spsi_fma(spsi_mul(share, response[c]), spsi_set(light->color[c]), radiance[c]);
+    }
+}
+
+/* Light of the sweep's own light: through its planes, ended by polygons. */
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, spsi_v radiance[3]) {
+    const spsi_v d0 = spsi_plane_depth(p, slab->k), d1 = spsi_plane_depth(p, slab->k + 1);
+    const spsi_v a0 = spsi_lookup_planes(shader, p, slab->k, d0), a1 = spsi_lookup_planes(shader, p, slab->k + 1, d1);
+    const spsi_v way = spsi_max(spsi_sub(slab->last, slab->first), spsi_set(1e-6f));
+    spsi_v last = slab->last, lit = spsi_set(1), start, end, eye_end;
+    if (shader->map->face_count > 0) {
+        spsi_v share = spsi_set(1);
+        for (int face = 0; face < shader->map->face_count; ++face)
+            share = spsi_min(share, spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
+        last = spsi_clamp(share, slab->first, slab->last);
+        lit = spsi_div(spsi_sub(last, slab->first), way);
+        if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
+    }
+    start = spsi_add(spsi_mix(a0, a1, slab->first), slab->before);
+    eye_end = spsi_mix(slab->before, slab->after, lit);
+    end = spsi_add(spsi_mix(a0, a1, last), eye_end);
+    spsi_add_light(shader, p, slab, shader->light, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
+}
+
+/* Ambient light, emission, and lights without shadow. */
+static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
+                                spsi_v radiance[3]) {
+    const sps_scene *scene = shader->frame->scene;
+    const spsi_v mean = spsi_mean_transmittance(slab->before, slab->after);
+    for (int m = 0; m < slab->sample_count; ++m) {
+        const spsi_material *material = &shader->frame->materials[m];
+        const spsi_sample *sample = &slab->samples[m];
+        for (int c = 0; c < shader->frame->channels; ++c) {
+            spsi_v sent = spsi_set(0);
+            if (material->scatters && shader->frame->has_ambient)
+                sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(scene->ambient[c]));
+            if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
+            radiance[c] = spsi_fma(sent, mean, radiance[c]);
+        }
+    }
+    for (int i = 0; i < scene->light_count && shader->frame->lit_count > shader->frame->shadow_count; ++i)
+        if (!spsi_black(scene->lights[i].color) && !spsi_light_shadows(shader->frame, &scene->lights[i]))
+            spsi_add_light(shader, p, slab, &scene->lights[i], mean, radiance);
+}
+
+/* --- polygons: one pixel at a time, in double precision --- */
+
+/* The share of a light that a depth map lets through to a point on a surface with geometric normal `plane`: four texels
+   about the point, each compared with the depth that the surface's own tangent plane has there, so that a surface
+   does not shade itself however grazing the light. */
+static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double plane[3]) {
+    for (int face = 0; face < map->face_count; ++face) {
+        const spsi_rays *rays = &map->rays[face];
+        double q[3], sum = 0, x, y;
+        spsi_project(rays, point, q);
+        if (rays->perspective && !(q[2] > 0)) continue;
+        if (!(q[0] >= 0 && q[1] >= 0 && q[0] <= rays->width - 1 && q[1] <= rays->height - 1)) continue;
+        x = fmin(floor(q[0]), rays->width - 2);
+        y = fmin(floor(q[1]), rays->height - 2);
+        for (int i = 0; i < 4; ++i) {
+            const double tx = x + (i & 1), ty = y + (i >> 1);
+            const float texel = map->depths[face][(size_t)ty * (size_t)rays->width + (size_t)tx];
+            double foot[3], ray[3], offset[3], slope, own, bias;
+            spsi_ray_point(rays, tx, ty, q[2], foot);
+            spsi_ray_direction(rays, tx, ty, ray);
+            spsi_along(point, foot, -1, offset);
+            slope = spsi_dot(plane, ray);
+            bias = spsi_length(offset);
+            own = fabs(slope) > 0.02 * spsi_length(ray) ? spsi_dot(plane, offset) / slope : 0;
+            bias = 0.05 * bias + 1e-5 * fabs(q[2]) + (fabs(slope) > 0.02 * spsi_length(ray) ? 0 : 50 * bias);
+            if ((double)texel + rays->depth_reference >= q[2] + own - bias)
+                sum += (1 - fabs(q[0] - tx)) * (1 - fabs(q[1] - ty));
+        }
+        return sum;
+    }
+    return 1;
+}
+
+/* Optical depth between the sweep's light and a point, by the planes of the chunk at hand. */
+static double spsi_light_depth(const spsi_shader *shader, const double point[3]) {
+    const spsi_sweep *sweep = shader->sweep;
+    const spsi_planes *planes = shader->planes;
+    double q[3], slab, share;
+    float lanes[SPSI_LANES];
+    int k;
+    spsi_v x, y;
+    if (!planes->width) return 0;
+    spsi_project(&sweep->rays, point, q);
+    if (sweep->rays.perspective && !(q[2] > 0)) return 0;
+    slab = (spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness - shader->first_slab;
+    slab = fmin(fmax(slab, 0), SPSI_CHUNK);
+    k = spsi_least((int)slab, SPSI_CHUNK - 1);
+    share = slab - k;
+    x = spsi_set((float)fmin(fmax(q[0], -1), planes->width));
+    y = spsi_set((float)fmin(fmax(q[1], -1), planes->height));
+    spsi_store(lanes, spsi_mix(spsi_bilinear(planes->depth[k], planes->width, planes->height, x, y),
+                               spsi_bilinear(planes->depth[k + 1], planes->width, planes->height, x, y),
+                               spsi_set((float)share)));
+    return (double)lanes[0];
+}
+
+/* Position, normals and reflectance where a pixel meets its polygon; both normals are turned towards the eye. */
+static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int x, int y, double point[3], double normal[3],
+                            double plane[3], double colour[3]) {
+    const spsi_face *face = &shader->faces->list[hit->face];
+    const spsi_rays *eye = &shader->frame->eye;
+    const double w[3] = {1.0 - (double)hit->weights[0] - (double)hit->weights[1], (double)hit->weights[0],
+                         (double)hit->weights[1]};
+    double ray[3], u[3], v[3];
+    spsi_ray_point(eye, x, y, (double)hit->depth + eye->depth_reference, point);
+    spsi_ray_direction(eye, x, y, ray);
+    for (int i = 0; i < 3; ++i) {
+        u[i] = (double)face->position[1][i] - (double)face->position[0][i];
+        v[i] = (double)face->position[2][i] - (double)face->position[0][i];
+        normal[i] = colour[i] = 0;
+        for (int corner = 0; corner < 3; ++corner) {
+            normal[i] += w[corner] * (double)face->normal[corner][i];
+            colour[i] += w[corner] * (double)face->color[corner][i];
+        }
+    }
+    spsi_cross(u, v, plane);
+    spsi_normalise(plane);
+    if (!spsi_normalise(normal)) memcpy(normal, plane, 3 * sizeof(double));
+    for (int i = 0; i < 3; ++i) u[i] = -ray[i];
+    if (spsi_dot(plane, ray) > 0) spsi_along(plane, plane, -2, plane);
+    if (spsi_dot(normal, plane) < 0) spsi_along(normal, normal, -2, normal);
+}
+
+/* Irradiance per unit of a light's colour on a surface, before any shadow. */
+static double spsi_surface_irradiance(const sps_light *light, const double point[3], const double normal[3],
+                                      const double plane[3]) {
+    double travel[3], square = 1;
+    if (light->kind == SPS_LIGHT_POINT) {
+        spsi_along(point, light->position, -1, travel);
+        square = fmax(spsi_dot(travel, travel), DBL_MIN);
+    }
+    spsi_light_direction(light, point, travel);
+    if (spsi_dot(plane, travel) >= 0) return 0; /* from behind */
+    return fmax(0, -spsi_dot(normal, travel)) / square;
+}
+
+static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
+    const sps_scene *scene = shader->frame->scene;
+    const spsi_hit *hit = &shader->hits[(size_t)y * (size_t)shader->frame->eye.width + (size_t)x];
+    double point[3], normal[3], plane[3], colour[3];
+    spsi_surface_at(shader, hit, x, y, point, normal, plane, colour);
+    for (int c = 0; c < 3; ++c)
+        radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
+    for (int i = 0; i < scene->light_count; ++i) {
+        const sps_light *light = &scene->lights[i];
+        const int shadows = spsi_light_shadows(shader->frame, light);
+        double arrives;
+        if (shadows ? light != shader->light : !shader->sweep->first) continue;
+        arrives = spsi_surface_irradiance(light, point, normal, plane) / SPSI_PI;
+        if (shadows && arrives > 0) arrives *= spsi_map_visibility(shader->map, point, plane);
+        if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, point));
+        for (int c = 0; c < 3; ++c) radiance[c] += (float)(colour[c] * arrives * (double)light->color[c]);
+    }
+}
+
+/* Adds the polygons of a vector of pixels whose slab lies in [low, high) to what the ray has gathered, and makes the
+   ray opaque. */
+static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
+                              spsi_v *depth, spsi_v radiance[3], spsi_v *distance) {
+    const spsi_m here = spsi_and(spsi_less(p->polygon_slab, spsi_set(high)),
+                                 spsi_less(p->polygon, spsi_set(SPSI_INFINITY)));
+    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), *depth));
+    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
+    float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
+    if (!bits) return;
+    for (int i = 0; i < width; ++i)
+        if (bits >> i & 1) {
+            float sent[3];
+            spsi_surface_radiance(shader, p->x + i, p->y, sent);
+            for (int c = 0; c < 3; ++c) lanes[c][i] = sent[c];
+            opaque[i] = SPSI_DEPTH_MAX;
+        }
+    for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_fma(spsi_load(lanes[c]), open, radiance[c]);
+    {
+        const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
+        const spsi_v far = spsi_add(p->polygon, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(far, p->length), spsi_set(0));
+        *distance = spsi_fma(is, d, *distance);
+        *depth = spsi_min(spsi_add(*depth, covered), spsi_set(SPSI_DEPTH_MAX));
+    }
+}
+
+/* --- a tile --- */
+
+/* Reads slab k of a vector of pixels; gives 0 where it holds nothing. */
+static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, spsi_v depth,
+                           spsi_slab *slab) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = shader->frame->material_count;
+    const size_t at = (size_t)(k + margin) * tile->sheet_size + (size_t)((p->y - tile->y0) * tile->pitch + (p->x - tile->x0));
+    const spsi_v zero = spsi_set(0);
+    spsi_v any = zero, way, whole;
+    for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
+    if (!spsi_bits(spsi_less(zero, any))) return 0;
+    slab->k = k;
+    slab->sample_count = count;
+    spsi_slab_range(shader, p, k, &slab->enter, &slab->leave);
+    way = spsi_sub(slab->leave, slab->enter);
+    whole = spsi_abs(p->slab_scale);
+    slab->middle = spsi_mul(spsi_set(0.5f), spsi_add(slab->enter, slab->leave));
+    slab->first = zero;
+    slab->last = spsi_set(1);
+    if (tile->clamped) {
+        const spsi_v a = spsi_plane_depth(p, k);
+        const spsi_v from = spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
+        slab->first = spsi_clamp(from, zero, spsi_set(1));
+        slab->last = spsi_clamp(spsi_add(from, spsi_div(way, whole)), slab->first, spsi_set(1));
+    }
+    slab->depth = zero;
+    for (int m = 0; m < count; ++m) {
+        spsi_sample_build(shader, tile, p, m, k, at, way, &slab->samples[m]);
+        slab->depth = spsi_add(slab->depth, slab->samples[m].depth);
+    }
+    slab->before = shader->sweep->back_to_front ? slab->depth : depth;
+    slab->after = shader->sweep->back_to_front ? zero : spsi_add(depth, slab->depth);
+    return 1;
+}
+
+/* Composites slab k. */
+static void spsi_add_slab(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, spsi_v *depth,
+                          spsi_v radiance[3], spsi_v *distance) {
+    const spsi_v zero = spsi_set(0);
+    const spsi_v through = spsi_exp(spsi_sub(zero, slab->depth));
+    if (shader->sweep->back_to_front) {
+        for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_mul(radiance[c], through);
+        *distance = spsi_mul(*distance, through);
+    }
+    if (shader->light && shader->frame->scatters) spsi_add_shadowed(shader, p, slab, radiance);
+    if (shader->unshadowed) spsi_add_unshadowed(shader, p, slab, radiance);
+    if (shader->distance) {
+        const spsi_v weight = spsi_sub(spsi_exp(spsi_sub(zero, spsi_min(slab->before, slab->after))),
+                                       spsi_exp(spsi_sub(zero, spsi_max(slab->before, slab->after))));
+        const spsi_v far = spsi_add(slab->middle, spsi_set((float)shader->frame->eye.depth_reference));
+        *distance = spsi_fma(weight, spsi_mul(far, p->length), *distance);
+    }
+    *depth = spsi_min(spsi_add(*depth, slab->depth), spsi_set(SPSI_DEPTH_MAX));
+}
+
+/* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs from
+   the very first, the polygons that belong to it. Gives the number of slabs that held something. */
+static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, int x, int y, int width, int slab_count,
+                             float low, float high) {
+    const size_t to = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    spsi_sample samples[SPSI_VOLUMES_MAX];
+    spsi_pixels p;
+    spsi_slab slab;
+    spsi_v depth = spsi_load(shader->depth + to), radiance[3], distance = spsi_set(0);
+    int held = 0;
+    slab.samples = samples;
+    spsi_pixels_build(shader, x, y, width, &p);
+    for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_load(shader->radiance[c] + to);
+    if (shader->distance) distance = spsi_load(shader->distance + to);
+    for (int k = 0; k < slab_count; ++k) {
+        const float first = k == 0 ? low : (float)(shader->first_slab + k);
+        const float next = k + 1 == slab_count ? high : (float)(shader->first_slab + k + 1);
+        if (shader->hits && shader->sweep->back_to_front)
+            spsi_add_surfaces(shader, &p, width, first, next, &depth, radiance, &distance);
+        if (spsi_slab_build(shader, tile, &p, k, depth, &slab)) {
+            spsi_add_slab(shader, &p, &slab, &depth, radiance, &distance);
+            held += width;
+        }
+        if (shader->hits && !shader->sweep->back_to_front)
+            spsi_add_surfaces(shader, &p, width, first, next, &depth, radiance, &distance);
+    }
+    if (slab_count == 0) spsi_add_surfaces(shader, &p, width, low, high, &depth, radiance, &distance);
+    spsi_store(shader->depth + to, depth);
+    for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->radiance[c] + to, radiance[c]);
+    if (shader->distance) spsi_store(shader->distance + to, distance);
+    return held;
+}
+
+/* ================================================================================================ >>sweep
+   15 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which look
+   up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so every
+   pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the list;
+   tiles without bricks cost one comparison per brick of the chunk. */
+
+/* Pixels are tested by inclusive boxes, slabs by chunks. */
+typedef struct spsi_span {
+    int chunk0, chunk1;
+    short eye[4], light[4]; /* x0, y0, x1, y1 in tiles; x1 < x0: nowhere */
+} spsi_span;
+
+/* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
+typedef struct spsi_run {
+    sps_context *context;
+    const spsi_frame *frame;
+    const spsi_sweep *sweep;
+    const spsi_brick *bricks;
+    const spsi_span *spans;
+    int *chunk_bricks, chunk_brick_count; /* bricks of the chunk at hand */
+    spsi_splatter eye_splatters[SPSI_VOLUMES_MAX], light_splatters[SPSI_VOLUMES_MAX];
+    spsi_shader shader;
+    spsi_light_shader light_shader;
+    spsi_planes planes;
+    spsi_depth_map map;
+    float *sheets;                  /* sheet_floats per worker */
+    size_t sheet_floats;
+    uint64_t (*counts)[4];          /* per worker: sections, fragments, pixels shaded, and those of the light first */
+    int margin, slab_count;         /* slabs to composite in this chunk; 0: polygons only */
+    float low, high;                /* polygons between these slab coordinates belong to this chunk */
+    int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
+    unsigned char *finished;        /* per tile of the region: opaque throughout */
+    float (*polygon_range)[2];      /* per tile of the region: slab coordinates of its polygons */
+} spsi_run;
+
+static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
+    const int margin = frame->has_gradient ? 1 : 0;
+    return (size_t)frame->material_count * (size_t)((SPSI_CHUNK + 2 * margin) * (SPSI_TILE_WIDTH + 2 * margin) *
+                                                    (SPSI_TILE_HEIGHT + 2 * margin)) + 2 * SPSI_LANES;
+}
+
+static size_t spsi_light_sheet_floats(const spsi_frame *frame) {
+    return (size_t)frame->light_channel_count * (SPSI_CHUNK * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT) + 2 * SPSI_LANES;
+}
+
+static size_t spsi_worker_floats(const spsi_frame *frame) {
+    const size_t eye = spsi_eye_sheet_floats(frame), light = frame->shadow_count > 0 ? spsi_light_sheet_floats(frame) : 0;
+    return eye > light ? eye : light;
+}
+
+/* The tiles that a brick's kernels can reach, for one set of rays. */
+static void spsi_span_tiles(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays, int margin,
+                            short tiles[4]) {
+    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + margin + 1;
+    int behind = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3], q[3];
+        for (int k = 0; k < 3; ++k)
+            at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
+        spsi_voxel_position(medium, at, point);
+        spsi_project(rays, point, q);
+        behind += rays->perspective && !(q[2] > 0);
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+    }
+    if (behind == 8) low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
+    else if (behind) low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
+    tiles[0] = (short)floor(fmin(fmax(low[0] - filter, 0), rays->width) / SPSI_TILE_WIDTH);
+    tiles[1] = (short)floor(fmin(fmax(low[1] - filter, 0), rays->height) / SPSI_TILE_HEIGHT);
+    tiles[2] = (short)floor(fmax(fmin(high[0] + filter, rays->width - 1), -1) / SPSI_TILE_WIDTH);
+    tiles[3] = (short)floor(fmax(fmin(high[1] + filter, rays->height - 1), -1) / SPSI_TILE_HEIGHT);
+}
+
+typedef struct spsi_span_job {
+    const spsi_run *run;
+    spsi_span *spans;
+    int count;
+} spsi_span_job;
+
+static void spsi_span_task(void *data, int index, int worker) {
+    const spsi_span_job *job = (const spsi_span_job *)data;
+    const spsi_run *run = job->run;
+    const spsi_sweep *sweep = run->sweep;
+    const int last = spsi_least(job->count, (index + 1) * 256);
+    (void)worker;
+    for (int i = index * 256; i < last; ++i) {
+        const spsi_brick *brick = &run->bricks[i];
+        const spsi_medium *medium = &run->frame->media[brick->medium];
+        const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->margin + 1e-3;
+        double low = HUGE_VAL, high = -HUGE_VAL;
+        spsi_span *span = &job->spans[i];
+        for (int corner = 0; corner < 8; ++corner) {
+            double at[3], point[3], slab;
+            for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
+            spsi_voxel_position(medium, at, point);
+            slab = (spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness;
+            low = fmin(low, slab);
+            high = fmax(high, slab);
+        }
+        span->chunk0 = (int)floor(fmax(low - reach, 0) / SPSI_CHUNK);
+        span->chunk1 = (int)floor(fmin(high + reach, sweep->slab_count) / SPSI_CHUNK);
+        spsi_span_tiles(medium, brick, &run->frame->eye, run->margin, span->eye);
+        if (sweep->light >= 0) spsi_span_tiles(medium, brick, &sweep->rays, 0, span->light);
+    }
+}
+
+static int spsi_span_meets(const short tiles[4], int x, int y) {
+    return tiles[0] <= x && x <= tiles[2] && tiles[1] <= y && y <= tiles[3];
+}
+
+/* Splats the chunk's bricks that meet a tile; gives 0, with the sheets not even cleared, where there are none. */
+static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
+    const spsi_sweep *sweep = run->sweep;
+    const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
+    const int first_slab = run->shader.first_slab - (for_light ? 0 : run->margin);
+    const double eye_slab = (spsi_dot(sweep->normal, rays->origin) - sweep->start) / sweep->thickness;
+    int touched = 0;
+    tile->eye_slab = (float)(eye_slab - first_slab);
+    for (int i = 0; i < run->chunk_brick_count; ++i) {
+        const int index = run->chunk_bricks[i];
+        const spsi_brick *brick = &run->bricks[index];
+        const spsi_medium *medium = &run->frame->media[brick->medium];
+        const spsi_material *material = &run->frame->materials[medium->channel];
+        const int channel = for_light ? medium->light_channel : medium->channel;
+        spsi_anchor anchor;
+        if (!spsi_span_meets(for_light ? run->spans[index].light : run->spans[index].eye, column, row)) continue;
+        if (for_light && !material->extinguishes) continue;
+        if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
+        touched = 1;
+        spsi_anchor_build(medium, brick, rays, sweep, first_slab, &anchor);
+        spsi_splat_brick(tile, for_light ? &run->light_splatters[brick->medium] : &run->eye_splatters[brick->medium],
+                         &anchor, spsi_segment_at(run->context, brick->segment), brick,
+                         tile->sheets + (size_t)channel * tile->channel_size);
+    }
+    return touched;
+}
+
+static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_rays *rays, int column, int row, int margin,
+                            int worker) {
+    memset(tile, 0, sizeof *tile);
+    tile->x0 = column * SPSI_TILE_WIDTH - margin;
+    tile->y0 = row * SPSI_TILE_HEIGHT - margin;
+    tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
+    tile->x1 = spsi_least(tile->x0 + tile->pitch, rays->width + margin) - 1;
+    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, rays->height + margin) - 1;
+    tile->slab_count = SPSI_CHUNK + 2 * margin;
+    tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
+    tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
+    tile->sheets = run->sheets + (size_t)worker * run->sheet_floats;
+}
+
+static void spsi_light_task(void *data, int index, int worker) {
+    spsi_run *run = (spsi_run *)data;
+    const int column = index % run->planes.tiles_x, row = index / run->planes.tiles_x;
+    spsi_tile tile;
+    spsi_tile_place(run, &tile, &run->sweep->rays, column, row, 0, worker);
+    if (!spsi_tile_splat(run, &tile, column, row, 1, spsi_light_sheet_floats(run->frame))) {
+        spsi_planes_level(&run->planes, index);
+        return;
+    }
+    spsi_light_accumulate(&run->light_shader, &tile, tile.x1);
+    run->planes.uneven[index] = 1;
+    run->counts[worker][0] += tile.sections;
+    run->counts[worker][1] += tile.fragments;
+}
+
+static void spsi_level_task(void *data, int index, int worker) {
+    (void)worker;
+    spsi_planes_level(&((spsi_run *)data)->planes, index);
+}
+
+/* Whether every pixel of a tile has gone opaque. */
+static int spsi_tile_finished(const spsi_run *run, const spsi_tile *tile, int x0, int y0) {
+    const spsi_shader *shader = &run->shader;
+    for (int y = y0; y <= spsi_least(tile->y1, y0 + SPSI_TILE_HEIGHT - 1); ++y)
+        for (int x = x0; x <= spsi_least(tile->x1, x0 + SPSI_TILE_WIDTH - 1); ++x) {
+            const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+            if (shader->depth[at] < shader->end_depth) return 0;
+        }
+    return 1;
+}
+
+static void spsi_eye_task(void *data, int index, int worker) {
+    spsi_run *run = (spsi_run *)data;
+    const int column = run->tile_x0 + index % run->tiles_x, row = run->tile_y0 + index / run->tiles_x;
+    const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
+    const int width = run->frame->eye.width, height = run->frame->eye.height;
+    const float *range = run->polygon_range[index];
+    const int polygons = range[0] < run->high && range[1] >= run->low;
+    int touched = 0;
+    spsi_tile tile;
+    if (run->finished[index]) return;
+    spsi_tile_place(run, &tile, &run->frame->eye, column, row, run->margin, worker);
+    if (range[0] <= range[1]) {
+        tile.limits = run->shader.hits;
+        tile.limit_width = width;
+        tile.limit_height = height;
+        tile.clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
+    }
+    if (run->shader.frame->eye.near_depth > 0 || (!run->frame->eye.perspective && run->frame->eye.near_depth > -DBL_MAX))
+        tile.clamped = 1;
+    if (run->slab_count > 0) touched = spsi_tile_splat(run, &tile, column, row, 0, spsi_eye_sheet_floats(run->frame));
+    if (!touched && !polygons) return;
+    for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
+        for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+            run->counts[worker][3] += (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y,
+                                                                  spsi_least(SPSI_LANES, width - x),
+                                                                  touched ? SPSI_CHUNK : 0, run->low, run->high);
+    run->counts[worker][2] += tile.fragments;
+    if (!run->sweep->back_to_front) run->finished[index] = (unsigned char)spsi_tile_finished(run, &tile, x0, y0);
+}
+
+/* The slab coordinates of a tile's polygons. */
+static void spsi_polygon_range_task(void *data, int index, int worker) {
+    spsi_run *run = (spsi_run *)data;
+    const int x0 = (run->tile_x0 + index % run->tiles_x) * SPSI_TILE_WIDTH;
+    const int y0 = (run->tile_y0 + index / run->tiles_x) * SPSI_TILE_HEIGHT;
+    float low = SPSI_INFINITY, high = -SPSI_INFINITY;
+    (void)worker;
+    for (int y = y0; y < spsi_least(run->frame->eye.height, y0 + SPSI_TILE_HEIGHT) && run->shader.hits; ++y)
+        for (int x = x0; x < spsi_least(run->frame->eye.width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES) {
+            float lanes[SPSI_LANES], depths[SPSI_LANES];
+            const int width = spsi_least(SPSI_LANES, run->frame->eye.width - x);
+            spsi_pixels p;
+            spsi_pixels_build(&run->shader, x, y, width, &p);
+            spsi_store(lanes, p.polygon_slab);
+            spsi_store(depths, p.polygon);
+            for (int i = 0; i < width; ++i)
+                if (depths[i] < SPSI_INFINITY) {
+                    low = lanes[i] < low ? lanes[i] : low;
+                    high = lanes[i] > high ? lanes[i] : high;
+                }
+        }
+    run->polygon_range[index][0] = low;
+    run->polygon_range[index][1] = high;
+    run->finished[index] = 0;
+}
+
+/* --- setting up a sweep --- */
+
+static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
+    const spsi_sweep *sweep = run->sweep;
+    spsi_planes *planes = &run->planes;
+    const size_t texels = (size_t)sweep->rays.width * (size_t)sweep->rays.height;
+    float *memory;
+    size_t tiles;
+    planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
+    if (sweep->light < 0 || context->brick_count == 0) return SPS_OK;
+    planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
+    tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PLANES,
+                                   texels * (SPSI_CHUNK + 1) + tiles / sizeof(float) + 1, sizeof(float));
+    if (!memory) return context->result;
+    planes->width = sweep->rays.width;
+    planes->height = sweep->rays.height;
+    for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
+    planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
+    memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
+    memset(planes->uneven, 0, tiles);
+    return SPS_OK;
+}
+
+static void spsi_run_splatters(spsi_run *run) {
+    const spsi_frame *frame = run->frame;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const spsi_material *material = &frame->materials[frame->media[i].channel];
+        spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, &run->eye_splatters[i]);
+        if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
+        if (run->sweep->light >= 0)
+            spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
+                                material->table ? 1 : material->extinction, &run->light_splatters[i]);
+    }
+}
+
+/* The linear quantities that shading looks up along the eye's rays. */
+static void spsi_run_linears(spsi_run *run) {
+    static const double zero[3] = {0, 0, 0};
+    const spsi_frame *frame = run->frame;
+    const spsi_sweep *sweep = run->sweep;
+    spsi_shader *shader = &run->shader;
+    double row[3];
+    for (int i = 0; i < 3; ++i) row[i] = sweep->normal[i] / sweep->thickness;
+    spsi_linear_build(&frame->eye, row, zero, -sweep->start / sweep->thickness, &shader->slab);
+    spsi_ray_point(&frame->eye, 0.5 * frame->eye.width, 0.5 * frame->eye.height, frame->eye.depth_reference,
+                   shader->position_origin);
+    for (int i = 0; i < 3; ++i) {
+        double axis[3] = {0, 0, 0};
+        axis[i] = 1;
+        spsi_linear_build(&frame->eye, axis, shader->position_origin, 0, &shader->position[i]);
+        if (sweep->light < 0) continue;
+        if (run->planes.width)
+            spsi_linear_build(&frame->eye, sweep->rays.inverse[i], sweep->rays.origin, 0, &shader->light_rays[i]);
+        for (int face = 0; face < run->map.face_count; ++face)
+            spsi_linear_build(&frame->eye, run->map.rays[face].inverse[i], run->map.rays[face].origin, 0,
+                              &run->map.along[face][i]);
+    }
+    if (sweep->light >= 0) spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &run->light_shader.slab);
+}
+
+static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
+    const int *region = run->frame->view.region;
+    const int x1 = (region[0] + region[2] - 1) / SPSI_TILE_WIDTH, y1 = (region[1] + region[3] - 1) / SPSI_TILE_HEIGHT;
+    size_t tiles, pixels, planes;
+    float *memory;
+    run->tile_x0 = region[0] / SPSI_TILE_WIDTH;
+    run->tile_y0 = region[1] / SPSI_TILE_HEIGHT;
+    run->tiles_x = x1 - run->tile_x0 + 1;
+    run->tiles_y = y1 - run->tile_y0 + 1;
+    tiles = (size_t)run->tiles_x * (size_t)run->tiles_y;
+    pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
+    planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
+    run->polygon_range = (float (*)[2])spsi_reserve(context, SPSI_BUFFER_TILES, tiles, 2 * sizeof(float) + 1);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
+    if (!run->polygon_range || !memory) return context->result;
+    memset(memory, 0, pixels * planes * sizeof(float));
+    run->finished = (unsigned char *)(run->polygon_range + tiles);
+    run->shader.x_origin = run->tile_x0 * SPSI_TILE_WIDTH;
+    run->shader.y_origin = run->tile_y0 * SPSI_TILE_HEIGHT;
+    run->shader.pitch = run->tiles_x * SPSI_TILE_WIDTH;
+    run->shader.depth = memory;
+    for (int c = 0; c < 3; ++c)
+        run->shader.radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
+    run->shader.distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    return SPS_OK;
+}
+
+static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
+    spsi_span_job job;
+    const size_t workers = (size_t)spsi_worker_count(context);
+    run->sheet_floats = spsi_worker_floats(run->frame);
+    job.run = run;
+    job.count = context->brick_count;
+    job.spans = (spsi_span *)spsi_reserve(context, SPSI_BUFFER_SPANS, (size_t)job.count, sizeof(spsi_span));
+    run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
+    run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers, run->sheet_floats * sizeof(float) + 4 * sizeof(uint64_t) + 8);
+    if (!job.spans || !run->chunk_bricks || !run->sheets) return context->result;
+    /* the counters follow the last worker's sheets, rounded up to their alignment */
+    run->counts = (uint64_t (*)[4])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
+    memset(run->counts, 0, workers * sizeof *run->counts);
+    run->spans = job.spans;
+    spsi_parallel(context, (job.count + 255) / 256, spsi_span_task, &job);
+    return SPS_OK;
+}
+
+/* Fills the run for one sweep. */
+static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                 const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run) {
+    spsi_shader *shader = &run->shader;
+    run->context = context;
+    run->frame = frame;
+    run->sweep = sweep;
+    run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    run->margin = frame->has_gradient ? 1 : 0;
+    shader->frame = frame;
+    shader->sweep = sweep;
+    shader->faces = faces;
+    shader->planes = &run->planes;
+    shader->map = &run->map;
+    shader->hits = faces->count > 0 ? hits : NULL;
+    shader->light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+    shader->unshadowed = sweep->first && (frame->has_ambient || frame->emits || frame->lit_count > frame->shadow_count);
+    shader->end_depth = (float)-log(frame->threshold);
+    run->light_shader.frame = frame;
+    run->light_shader.rays = &sweep->rays;
+    run->light_shader.planes = &run->planes;
+    run->light_shader.material_of_channel[0] = -1;
+    for (int i = 0; i < frame->medium_count; ++i)
+        if (frame->materials[frame->media[i].channel].table)
+            run->light_shader.material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
+    if (spsi_run_planes(context, run)) return context->result;
+    spsi_run_splatters(run);
+    spsi_run_linears(run);
+    if (spsi_run_tiles(context, run) || spsi_run_spans(context, run)) return context->result;
+    spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_polygon_range_task, run);
+    return SPS_OK;
+}
+
+/* --- running it --- */
+
+static void spsi_run_find_bricks(spsi_run *run, int chunk) {
+    run->chunk_brick_count = 0;
+    for (int i = 0; i < run->context->brick_count; ++i)
+        if (run->spans[i].chunk0 <= chunk && chunk <= run->spans[i].chunk1) run->chunk_bricks[run->chunk_brick_count++] = i;
+}
+
+static int spsi_run_finished(const spsi_run *run) {
+    for (int i = 0; i < run->tiles_x * run->tiles_y; ++i)
+        if (!run->finished[i]) return 0;
+    return 1;
+}
+
+/* Composites the polygons of a stretch of slabs that holds no voxels. */
+static void spsi_run_polygons(spsi_run *run, float low, float high) {
+    if (!run->shader.hits || !(low < high)) return;
+    run->slab_count = 0;
+    run->chunk_brick_count = 0;
+    run->low = low;
+    run->high = high;
+    spsi_parallel(run->context, run->planes.tiles_x * run->planes.tiles_y, spsi_level_task, run);
+    spsi_parallel(run->context, run->tiles_x * run->tiles_y, spsi_eye_task, run);
+}
+
+static void spsi_run_chunk(spsi_run *run, int chunk) {
+    sps_context *context = run->context;
+    const double start = spsi_clock(context);
+    double middle;
+    run->shader.first_slab = chunk * SPSI_CHUNK;
+    run->slab_count = SPSI_CHUNK;
+    run->low = (float)run->shader.first_slab;
+    run->high = run->low + SPSI_CHUNK;
+    spsi_parallel(context, run->planes.tiles_x * run->planes.tiles_y, spsi_light_task, run);
+    middle = spsi_clock(context);
+    spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_eye_task, run);
+    context->stats.seconds_light += middle - start;
+    context->stats.seconds_eye += spsi_clock(context) - middle;
+}
+
+/* Adds the workers' counts and the tiles' flags to the statistics. */
+static void spsi_run_count(spsi_run *run) {
+    sps_stats_report *stats = &run->context->stats;
+    for (int i = 0; i < spsi_worker_count(run->context); ++i) {
+        stats->light_sections += run->counts[i][0];
+        stats->light_fragments += run->counts[i][1];
+        stats->eye_fragments += run->counts[i][2];
+        stats->pixels_shaded += run->counts[i][3];
+    }
+    for (int i = 0; i < run->tiles_x * run->tiles_y; ++i) stats->tiles_finished += run->finished[i];
+}
+
+static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
+    sps_context *context = run->context;
+    const int slabs = context->brick_count > 0 ? run->sweep->slab_count : 0;
+    const int chunks = (slabs + SPSI_CHUNK - 1) / SPSI_CHUNK;
+    float done = -SPSI_INFINITY;
+    context->stats.slabs += (uint64_t)slabs;
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        if (spsi_progress(context, progress + share * chunk / chunks)) return context->result;
+        spsi_run_find_bricks(run, chunk);
+        if (run->chunk_brick_count == 0) {
+            context->stats.slabs_empty += (uint64_t)spsi_least(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
+            continue;
+        }
+        {
+            const int count = run->chunk_brick_count;
+            spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
+            run->chunk_brick_count = count;
+        }
+        spsi_run_chunk(run, chunk);
+        done = (float)((chunk + 1) * SPSI_CHUNK);
+        if (spsi_run_finished(run)) break;
+    }
+    spsi_run_polygons(run, done, SPSI_INFINITY);
+    spsi_run_count(run);
+    return SPS_OK;
+}
+
+/* --- the image --- */
+
+/* The radiance behind one row of the region, three floats a pixel. */
+static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
+    const int *region = frame->view.region;
+    float *directions = rgb + 3 * (size_t)region[2];
+    for (int x = 0; x < region[2]; ++x) {
+        double ray[3];
+        memcpy(rgb + 3 * x, frame->scene->background, 3 * sizeof(float));
+        if (!frame->scene->background_fn) continue;
+        spsi_ray_direction(&frame->eye, region[0] + x, region[1] + y, ray);
+        spsi_normalise(ray);
+        for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
+    }
+    if (!frame->scene->background_fn) return SPS_OK;
+    context->stats.background_calls += 1;
+    if (frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb))
+        return spsi_fail(context, SPS_ERROR_CALLBACK, "scene.background_fn failed");
+    for (int i = 0; i < region[2]; ++i)
+        if (!spsi_colour_valid(rgb + 3 * i, SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour", (double)rgb[3 * i],
+                                   "red, green and blue must be 0..1e18");
+    return SPS_OK;
+}
+
+/* Adds a sweep's radiance to the total; the first sweep also brings background, coverage and distance. */
+static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
+    const spsi_frame *frame = run->frame;
+    const spsi_shader *shader = &run->shader;
+    const int *region = frame->view.region, floats = 4 + frame->wants_depth;
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], 6 * sizeof(float));
+    if (!rgb) return context->result;
+    for (int y = 0; y < region[3]; ++y) {
+        if (run->sweep->first && spsi_background_row(context, frame, y, rgb)) return context->result;
+        for (int x = 0; x < region[2]; ++x) {
+            const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
+                              (size_t)(region[0] + x - shader->x_origin);
+            float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
+            const float depth = shader->depth[at], coverage = depth < 86 ? -expm1f(-depth) : 1;
+            for (int c = 0; c < 3; ++c)
+                pixel[c] = (run->sweep->first ? rgb[3 * x + c] * (1 - coverage) : pixel[c]) + shader->radiance[c][at];
+            if (!run->sweep->first) continue;
+            pixel[3] = coverage;
+            if (frame->wants_depth) pixel[4] = coverage > 0 ? shader->distance[at] / coverage : SPSI_INFINITY;
+        }
+    }
+    return SPS_OK;
+}
+
+static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
+    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
+    const size_t pitch = image->row_pixels ? image->row_pixels : width;
+    const int floats = 4 + frame->wants_depth;
+    for (size_t y = 0; y < height; ++y)
+        for (size_t x = 0; x < width; ++x) {
+            const float *pixel = total + (y * width + x) * (size_t)floats;
+            memcpy(image->rgba + 4 * (y * pitch + x), pixel, 4 * sizeof(float));
+            if (frame->wants_depth) image->depth[y * pitch + x] = pixel[4];
+        }
+}
+
+/* --- a light's depth map, and the frame --- */
+
+static int spsi_map_size(const spsi_frame *frame) {
+    static const int size[] = {1024, 512, 1024, 2048, 4096};
+    return frame->view.shadow_size > 0 ? frame->view.shadow_size : size[frame->view.quality];
+}
+
+/* One face of a cube of depth maps about a point light; faces overlap by a texel. */
+static void spsi_map_cube_face(const sps_light *light, int face, int size, spsi_rays *rays) {
+    double forward[3] = {0, 0, 0}, right[3], down[3];
+    forward[face / 2] = face % 2 ? -1 : 1;
+    spsi_basis(forward, right, down);
+    memset(rays, 0, sizeof *rays);
+    rays->perspective = 1;
+    rays->width = rays->height = size;
+    spsi_rays_aim(rays, light->position, right, down, forward, 2.0 / (size - 3), 2.0 / (size - 3));
+    spsi_rays_complete(rays);
+}
+
+/* Rasterises the polygons as a light sees them: in one map, or in six where they lie all round a point light. */
+static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, int light,
+                                 spsi_depth_map *map) {
+    const int size = spsi_most(8, spsi_map_size(frame));
+    float *memory;
+    size_t texels = 0;
+    map->face_count = 0;
+    if (light < 0 || faces->count == 0) return SPS_OK;
+    map->face_count = 1;
+    if (!spsi_rays_fit(&frame->scene->lights[light], &frame->mesh_bounds, 1, size, size, &map->rays[0])) {
+        map->face_count = 6;
+        for (int face = 0; face < 6; ++face)
+            spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
+    }
+    for (int face = 0; face < map->face_count; ++face)
+        texels += (size_t)map->rays[face].width * (size_t)map->rays[face].height;
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, texels, sizeof(float));
+    if (!memory) return context->result;
+    for (int face = 0; face < map->face_count; ++face) {
+        map->depths[face] = memory;
+        memory += (size_t)map->rays[face].width * (size_t)map->rays[face].height;
+        spsi_rasterise(context, faces, &map->rays[face], NULL, map->depths[face], map->rays[face].width);
+    }
+    return SPS_OK;
+}
+
+/* The depth about which the eye's depths are stored: that of the middle of all there is. */
+static void spsi_eye_reference(spsi_frame *frame) {
+    spsi_bounds all = frame->volume_bounds;
+    double centre[3], q[3];
+    if (!spsi_bounds_empty(&frame->mesh_bounds)) {
+        spsi_bounds_add(&all, frame->mesh_bounds.low);
+        spsi_bounds_add(&all, frame->mesh_bounds.high);
+    }
+    if (spsi_bounds_empty(&all)) return;
+    spsi_bounds_centre(&all, centre);
+    spsi_project(&frame->eye, centre, q);
+    frame->eye.depth_reference = frame->eye.perspective ? fmax(q[2], 0) : q[2];
+}
+
+static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, spsi_hit **hits) {
+    const size_t pixels = (size_t)frame->eye.width * (size_t)frame->eye.height;
+    *hits = NULL;
+    if (faces->count == 0) return SPS_OK;
+    *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
+    if (!*hits) return context->result;
+    spsi_rasterise(context, faces, &frame->eye, *hits, NULL, frame->eye.width);
+    for (size_t i = 0; i < pixels; ++i) context->stats.pixels_of_polygons += (*hits)[i].face >= 0;
+    return SPS_OK;
+}
+
+/* One sweep from set-up to total. */
+static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                    const spsi_hit *hits, spsi_run *run, int n, float *total) {
+    const int count = spsi_sweep_count(frame);
+    const double start = spsi_clock(context);
+    spsi_sweep sweep;
+    double built;
+    memset(run, 0, sizeof *run);
+    if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
+    if (spsi_map_build(context, frame, faces, sweep.light, &run->map)) return context->result;
+    built = spsi_clock(context);
+    context->stats.seconds_polygons += built - start;
+    if (spsi_run_build(context, frame, faces, hits, &sweep, run)) return context->result;
+    context->stats.seconds_bin += spsi_clock(context) - built;
+    if (spsi_run_sweep(run, 0.2 + 0.8 * n / count, 0.8 / count)) return context->result;
+    return spsi_add_sweep(context, run, total);
+}
+
+static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
+    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+    const double start = spsi_clock(context);
+    double gathered;
+    spsi_faces faces;
+    spsi_hit *hits;
+    float *total;
+    spsi_run *run;
+    if (spsi_gather(context, frame) || spsi_gather_faces(context, frame, &faces)) return context->result;
+    gathered = spsi_clock(context);
+    context->stats.seconds_gather = gathered - start;
+    spsi_eye_reference(frame);
+    if (spsi_eye_polygons(context, frame, &faces, &hits)) return context->result;
+    context->stats.seconds_polygons = spsi_clock(context) - gathered;
+    total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
+    run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run));
+    if (!total || !run) return context->result;
+    for (int n = 0; n < spsi_sweep_count(frame); ++n)
+        if (spsi_render_sweep(context, frame, &faces, hits, run, n, total)) return context->result;
+    if (spsi_progress(context, 1)) return context->result;
+    spsi_write_image(frame, total, image);
+    context->stats.seconds_total = spsi_clock(context) - start;
+    return SPS_OK;
+}
+
+
+/* ================================================================================================= >>plan
+   16 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of calls are
+   exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
+
+static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
+    "gather", "eye polygons", "light polygons", "eye sheets", "light sheets", "gradient", "scattering", "emission",
+    "ambient", "surface light"};
+
+/* Counts the blocks of all volumes that will be read, and what comes of them at most. */
+typedef struct spsi_reading {
+    uint64_t blocks, bricks, voxels_kept;
+} spsi_reading;
+
+static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
+                                    spsi_reading *reading) {
+    const int held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
+    memset(reading, 0, sizeof *reading);
+    if (held) return SPS_OK;
+    for (int medium = 0; medium < frame->medium_count; ++medium) {
+        const int count = spsi_block_count(&frame->media[medium]);
+        for (int i = 0; i < count; ++i) {
+            uint64_t bricks = 1, voxels = 1, kept = 1;
+            spsi_block block;
+            int empty;
+            spsi_block_place(&block, &frame->media[medium], &frame->materials[frame->media[medium].channel], i);
+            if (spsi_block_range(context, &block, &empty)) return context->result;
+            report->range_calls += block.medium->volume->range_fn != NULL;
+            if (empty) continue;
+            for (int k = 0; k < 3; ++k) {
+                const uint64_t core = (uint64_t)(block.core_high[k] - block.core_low[k]);
+                bricks *= (core + SPSI_BRICK - 1) / SPSI_BRICK;
+                kept *= core;
+                voxels *= (uint64_t)block.size[k];
+            }
+            reading->blocks += 1;
+            reading->bricks += bricks;
+            reading->voxels_kept += kept;
+            report->voxels_read += voxels;
+            if (block.medium->volume->eval_fn) report->eval_calls += (uint64_t)block.size[2];
+            else report->read_calls += 1;
+        }
+    }
+    return SPS_OK;
+}
+
+static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+    const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
+    const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
+    uint64_t bytes = segments * (sizeof(spsi_segment) + 3 * sizeof(spsi_segment *)) + SPSI_BLOCK_BYTES;
+    bytes += (reading->bricks + 2) * 3 * sizeof(spsi_brick); /* the list grows by half, old and new at once */
+    if (frame->medium_count == 0) return 0;
+    if (reading->blocks == 0) bytes = SPSI_BLOCK_BYTES;
+    (void)context;
+    return (size_t)bytes;
+}
+
+/* Bytes of the largest sweep's planes, sheets, spans and pixels. */
+static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                  uint64_t bricks, sps_plan_report *report) {
+    const int *region = frame->view.region;
+    const size_t workers = (size_t)spsi_worker_count(context);
+    const size_t columns = (size_t)((region[0] + region[2] - 1) / SPSI_TILE_WIDTH - region[0] / SPSI_TILE_WIDTH + 1);
+    const size_t rows = (size_t)((region[1] + region[3] - 1) / SPSI_TILE_HEIGHT - region[1] / SPSI_TILE_HEIGHT + 1);
+    const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
+    const size_t side = (size_t)spsi_most(sweep->rays.width, sweep->rays.height);
+    size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 40) + (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
+    eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 9;
+    eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
+    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);
+    if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
+    if (sweep->light >= 0 && frame->medium_count > 0) {
+        const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
+        const size_t light = side * side * (SPSI_CHUNK + 1) * sizeof(float) + tiles + 8;
+        if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
+    }
+    report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slab_count : 0);
+    report->shadow_width = spsi_most(report->shadow_width, sweep->rays.width);
+    report->shadow_height = spsi_most(report->shadow_height, sweep->rays.height);
+}
+
+static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
+    report->pass[pass].runs = runs;
+    report->pass[pass].reason = runs ? why : why_not;
+}
+
+static int spsi_any_extinction(const spsi_frame *frame) {
+    for (int i = 0; i < frame->material_count; ++i)
+        if (frame->materials[i].extinguishes) return 1;
+    return 0;
+}
+
+static void spsi_plan_passes(const spsi_frame *frame, int reads, sps_plan_report *report) {
+    const int volumes = frame->medium_count > 0, polygons = frame->triangle_count > 0, lit = frame->lit_count > 0;
+    const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count;
+    spsi_plan_pass(report, SPS_PASS_GATHER, volumes && reads, "volumes must be read",
+                   volumes ? "the voxels are held from an earlier call" : "no volume that could be seen");
+    spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, polygons ? shadows : 0, "polygons cast shadows, one map per light",
+                   polygons ? "no light casts shadows" : "no triangles");
+    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, volumes ? sweeps : 0, "volumes are seen, one sweep per shadowing light",
+                   "no volume that could be seen");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, volumes && spsi_any_extinction(frame) ? shadows : 0,
+                   "volumes cast shadows", !volumes ? "no volume that could be seen"
+                   : shadows ? "no volume has extinction" : "no light casts shadows");
+    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
+                   "no volume shaded as a surface, or no light");
+    spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0, "volumes scatter light",
+                   frame->scatters ? "no light" : "no volume scatters: albedo 0 or no extinction");
+    spsi_plan_pass(report, SPS_PASS_EMISSION, frame->emits, "a volume emits", "no volume emits");
+    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->scatters || polygons),
+                   "there is ambient light", frame->has_ambient ? "nothing to light" : "ambient is black");
+    spsi_plan_pass(report, SPS_PASS_SURFACE_LIGHT, polygons && lit ? sweeps : 0, "lights shine on polygons",
+                   polygons ? "no light" : "no triangles");
+}
+
+/* Bytes of everything that does not belong to a sweep. */
+static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
+                            sps_plan_report *report) {
+    const size_t size = (size_t)spsi_most(8, spsi_map_size(frame));
+    size_t tables = 1, sum = sizeof *context + sizeof *frame;
+    for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
+    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(context, frame, reading) + tables * sizeof(spsi_table);
+    if (frame->triangle_count > 0) {
+        report->pass[SPS_PASS_EYE_POLYGONS].bytes = frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
+            (size_t)frame->eye.width * (size_t)frame->eye.height * sizeof(spsi_hit) + SPSI_BLOCK_BYTES;
+        if (frame->shadow_count > 0)
+            report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = (size * size + size * size / 2 + 6 * 64) * sizeof(float);
+    }
+    for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
+    report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
+}
+
+static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
+    spsi_reading reading;
+    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
+    if (frame->view.width > 0 && frame->view.height > 0)
+        for (int n = 0; n < spsi_sweep_count(frame); ++n) {
+            spsi_sweep sweep;
+            const uint64_t bricks = reading.blocks > 0 ? reading.bricks : (uint64_t)context->brick_count;
+            if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
+            spsi_plan_sweep_bytes(context, frame, &sweep, bricks, report);
+        }
+    for (int i = 0; i < frame->scene->mesh_count; ++i)
+        report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
+    report->sweep_count = spsi_sweep_count(frame);
+    report->color_channels = frame->channels;
+    report->sheet_channels = frame->material_count;
+    spsi_plan_bytes(context, frame, &reading, report);
+    spsi_plan_passes(frame, reading.blocks > 0, report);
+    return SPS_OK;
+}
+
+/* ============================================================================================ >>reference
+   17 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at the midpoints
+   of equal steps, a shadow ray at every sample, triangles met exactly through a bounding volume hierarchy, all in double
+   precision. Shares with the renderer how a sample answers to light, and nothing about where light goes. Second order
+   in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
+
+#define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the mass is beyond */
+#define SPSI_REFERENCE_TAPS 8
+#define SPSI_LEAF 4               /* triangles in a leaf of the hierarchy */
+
+typedef struct spsi_grid {
+    const float *values;
+    unsigned char *occupied;  /* per brick: it or a neighbour holds something */
+    int size[3], bricks[3];
+    double inverse[3][3];     /* world offset from the corner to voxels */
+    double corner[3];
+} spsi_grid;
+
+typedef struct spsi_node {
+    float low[3], high[3];
+    int first, count;         /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
+} spsi_node;
+
+typedef struct spsi_marcher {
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    spsi_grid grids[SPSI_VOLUMES_MAX];
+    spsi_node *nodes;
+    int node_count, *order;
+    double step;              /* world length */
+    spsi_shader shader;       /* only for the surface functions */
+    float *total;
+    int first_row;            /* of the rows at hand */
+} spsi_marcher;
+
+/* --- the field --- */
+
+/* Kernel weights, and their derivatives, of the taps about `at` along one axis; gives the first tap. */
+static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
+    const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
+    const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
+    const double scale = 1 / (sqrt(2 * SPSI_PI) * SPSI_SIGMA * erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0)));
+    *count = spsi_most(0, last - first + 1);
+    for (int i = 0; i < *count; ++i) {
+        const double d = (at - 0.5 - first - i) / SPSI_SIGMA;
+        weights[i] = scale * exp(-0.5 * d * d);
+        slopes[i] = -weights[i] * d / SPSI_SIGMA;
+    }
+    return first;
+}
+
+static int spsi_grid_empty(const spsi_grid *grid, const double at[3]) {
+    int index = 0;
+    for (int i = 2; i >= 0; --i) {
+        const int brick = (int)floor(fmin(fmax(at[i], 0), grid->size[i] - 1)) / SPSI_BRICK;
+        if (at[i] < -SPSI_REFERENCE_REACH || at[i] > grid->size[i] + SPSI_REFERENCE_REACH) return 1;
+        index = index * grid->bricks[i] + brick;
+    }
+    return !grid->occupied[index];
+}
+
+/* f at a world point, and its world gradient where asked for. */
+static double spsi_field(const spsi_grid *grid, const double point[3], double gradient[3]) {
+    double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
+    int first[3], count[3];
+    spsi_along(point, grid->corner, -1, offset);
+    for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
+    if (gradient) memset(gradient, 0, 3 * sizeof(double));
+    if (spsi_grid_empty(grid, at)) return 0;
+    for (int i = 0; i < 3; ++i) first[i] = spsi_field_taps(at[i], grid->size[i], &count[i], w[i], s[i]);
+    for (int z = 0; z < count[2]; ++z)
+        for (int y = 0; y < count[1]; ++y) {
+            const float *row = grid->values + ((size_t)(first[2] + z) * (size_t)grid->size[1] + (size_t)(first[1] + y)) *
+                                                  (size_t)grid->size[0] + (size_t)first[0];
+            double along = 0, slope = 0;
+            for (int x = 0; x < count[0]; ++x) along += w[0][x] * (double)row[x];
+            sum += w[2][z] * w[1][y] * along;
+            if (!gradient) continue;
+            for (int x = 0; x < count[0]; ++x) slope += s[0][x] * (double)row[x];
+            g[0] += w[2][z] * w[1][y] * slope;
+            g[1] += w[2][z] * s[1][y] * along;
+            g[2] += s[2][z] * w[1][y] * along;
+        }
+    for (int i = 0; i < 3 && gradient; ++i)
+        for (int k = 0; k < 3; ++k) gradient[k] += g[i] * grid->inverse[i][k];
+    return sum;
+}
+
+/* --- triangles --- */
+
+static void spsi_face_bounds(const spsi_face *face, float low[3], float high[3]) {
+    for (int corner = 0; corner < 3; ++corner)
+        for (int i = 0; i < 3; ++i) {
+            low[i] = fminf(low[i], face->position[corner][i]);
+            high[i] = fmaxf(high[i], face->position[corner][i]);
+        }
+}
+
+static float spsi_face_centre(const spsi_face *face, int axis) {
+    return face->position[0][axis] + face->position[1][axis] + face->position[2][axis];
+}
+
+/* Orders order[first..first+count) so that the middle one is in its place along an axis (Hoare's selection). */
+static void spsi_select_middle(const spsi_faces *faces, int *order, int count, int axis) {
+    int low = 0, high = count - 1;
+    const int middle = count / 2;
+    while (low < high) {
+        const float pivot = spsi_face_centre(&faces->list[order[(low + high) / 2]], axis);
+        int i = low, j = high;
+        while (i <= j) {
+            while (spsi_face_centre(&faces->list[order[i]], axis) < pivot) ++i;
+            while (spsi_face_centre(&faces->list[order[j]], axis) > pivot) --j;
+            if (i <= j) {
+                const int other = order[i];
+                order[i++] = order[j];
+                order[j--] = other;
+            }
+        }
+        if (middle <= j) high = j;
+        else if (middle >= i) low = i;
+        else break;
+    }
+}
+
+/* Splits nodes at the median of their longest axis, breadth first. */
+static void spsi_nodes_build(spsi_marcher *marcher) {
+    spsi_node *nodes = marcher->nodes;
+    for (int i = 0; i < marcher->faces->count; ++i) marcher->order[i] = i;
+    nodes[0].first = 0;
+    nodes[0].count = marcher->faces->count;
+    marcher->node_count = 1;
+    for (int n = 0; n < marcher->node_count; ++n) {
+        spsi_node *node = &nodes[n];
+        const int first = node->first, count = node->count;
+        int axis = 0;
+        for (int i = 0; i < 3; ++i) node->low[i] = FLT_MAX, node->high[i] = -FLT_MAX;
+        for (int i = 0; i < count; ++i)
+            spsi_face_bounds(&marcher->faces->list[marcher->order[first + i]], node->low, node->high);
+        if (count <= SPSI_LEAF) continue;
+        for (int i = 1; i < 3; ++i)
+            if (node->high[i] - node->low[i] > node->high[axis] - node->low[axis]) axis = i;
+        spsi_select_middle(marcher->faces, marcher->order + first, count, axis);
+        nodes[marcher->node_count].first = first;
+        nodes[marcher->node_count].count = count / 2;
+        nodes[marcher->node_count + 1].first = first + count / 2;
+        nodes[marcher->node_count + 1].count = count - count / 2;
+        node->first = marcher->node_count;
+        node->count = 0;
+        marcher->node_count += 2;
+    }
+}
+
+typedef struct spsi_ray {
+    double origin[3], direction[3]; /* origin relative to the faces' */
+    double low, high;               /* the stretch of interest */
+    int face;                       /* what was hit, or -1; on entry: a face to pass over, or -1 */
+    double weights[2];
+} spsi_ray;
+
+/* Moeller & Trumbore 1997, in double precision; edges count as inside. */
+static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
+    double e1[3], e2[3], from[3], p[3], q[3], determinant, u, v, t;
+    for (int i = 0; i < 3; ++i) {
+        e1[i] = (double)face->position[1][i] - (double)face->position[0][i];
+        e2[i] = (double)face->position[2][i] - (double)face->position[0][i];
+        from[i] = ray->origin[i] - (double)face->position[0][i];
+    }
+    spsi_cross(ray->direction, e2, p);
+    determinant = spsi_dot(e1, p);
+    if (!(fabs(determinant) > 0)) return 0;
+    u = spsi_dot(from, p) / determinant;
+    spsi_cross(from, e1, q);
+    v = spsi_dot(ray->direction, q) / determinant;
+    t = spsi_dot(e2, q) / determinant;
+    if (!(u >= 0 && v >= 0 && u + v <= 1 && t > ray->low && t < ray->high)) return 0;
+    ray->high = t;
+    ray->weights[0] = u;
+    ray->weights[1] = v;
+    return 1;
+}
+
+static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
+    range[0] = ray->low;
+    range[1] = ray->high;
+    for (int i = 0; i < 3; ++i) {
+        const double d = ray->direction[i], from = ray->origin[i];
+        double a, b;
+        if (!(fabs(d) > 0)) {
+            if (from < low[i] || from > high[i]) return 0;
+            continue;
+        }
+        a = (low[i] - from) / d;
+        b = (high[i] - from) / d;
+        range[0] = fmax(range[0], fmin(a, b));
+        range[1] = fmin(range[1], fmax(a, b));
+    }
+    return range[0] <= range[1];
+}
+
+/* The nearest face along a ray (or any face at all); its number, or -1. */
+static int spsi_trace(const spsi_marcher *marcher, spsi_ray *ray, int any) {
+    int stack[64], top = 0, found = -1;
+    const int skip = ray->face;
+    if (marcher->faces->count == 0) return -1;
+    stack[top++] = 0;
+    while (top > 0) {
+        const spsi_node *node = &marcher->nodes[stack[--top]];
+        double low[3], high[3], range[2];
+        for (int i = 0; i < 3; ++i) low[i] = (double)node->low[i] - 1e-9, high[i] = (double)node->high[i] + 1e-9;
+        if (!spsi_ray_meets_box(ray, low, high, range)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const int face = marcher->order[node->first + i];
+            if (face == skip || !spsi_ray_meets_face(&marcher->faces->list[face], ray)) continue;
+            found = face;
+            if (any) return found;
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return found;
+}
+
+/* --- transport --- */
+
+/* The stretch of a ray (world origin) inside the volumes' bounds, and how many steps it takes. */
+static int spsi_march_range(const spsi_marcher *marcher, const double origin[3], const double direction[3], double low,
+                            double high, double range[2]) {
+    spsi_ray ray;
+    if (marcher->frame->medium_count == 0) return 0;
+    memcpy(ray.origin, origin, sizeof ray.origin);
+    memcpy(ray.direction, direction, sizeof ray.direction);
+    ray.low = low;
+    ray.high = high;
+    if (!spsi_ray_meets_box(&ray, marcher->frame->volume_bounds.low, marcher->frame->volume_bounds.high, range)) return 0;
+    if (!(range[1] > range[0])) return 0;
+    return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
+}
+
+/* Extinction of one volume where its value is f. */
+static double spsi_extinction_at(const spsi_material *material, double f, float looks[4]) {
+    spsi_v out[4];
+    float lanes[SPSI_LANES];
+    if (!material->table) return f * (double)material->extinction;
+    if (!(f > 0)) return 0;
+    spsi_classify(material, spsi_set((float)f), out);
+    for (int c = 0; c < 4; ++c) {
+        spsi_store(lanes, out[c]);
+        looks[c] = lanes[0];
+    }
+    return (double)looks[3];
+}
+
+/* Transmittance of everything between a point and a light; `face` is the surface it lies on, or -1. */
+static double spsi_march_light(const spsi_marcher *marcher, const sps_light *light, const double point[3], int face) {
+    double toward[3], range[2], depth = 0, far = HUGE_VAL;
+    int count;
+    spsi_ray ray;
+    spsi_light_direction(light, point, toward);
+    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
+    if (light->kind == SPS_LIGHT_POINT) {
+        double offset[3];
+        spsi_along(light->position, point, -1, offset);
+        far = spsi_length(offset);
+    }
+    spsi_along(point, marcher->faces->origin, -1, ray.origin);
+    memcpy(ray.direction, toward, sizeof toward);
+    ray.low = 0;
+    ray.high = far;
+    ray.face = face;
+    if (spsi_trace(marcher, &ray, 1) >= 0) return 0;
+    count = spsi_march_range(marcher, point, toward, 0, far, range);
+    for (int i = 0; i < count; ++i) {
+        const double h = (range[1] - range[0]) / count;
+        double at[3];
+        spsi_along(point, toward, range[0] + (i + 0.5) * h, at);
+        for (int m = 0; m < marcher->frame->medium_count; ++m) {
+            const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+            float looks[4];
+            if (material->extinguishes)
+                depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), looks);
+        }
+    }
+    return exp(-depth);
+}
+
+static void spsi_set3(const double from[3], spsi_v to[3]) {
+    for (int i = 0; i < 3; ++i) to[i] = spsi_set((float)from[i]);
+}
+
+/* Fills a sample for a volume's point: colours, and the normal by the field's own gradient. */
+static void spsi_march_sample(const spsi_material *material, const float looks[4], const double gradient[3],
+                              spsi_sample *sample) {
+    double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
+    const double size = spsi_length(n);
+    memset(sample, 0, sizeof *sample);
+    for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->table ? looks[c] : material->albedo[c]);
+    if (!material->table || material->shading != SPS_SHADING_SURFACE) return;
+    spsi_normalise(n);
+    spsi_set3(n, sample->normal);
+    sample->surface = spsi_set((float)fmin(1, size * (double)(material->voxel_length * material->gradient_scale)));
+    sample->has_normal = 1;
+}
+
+/* What is at one point of a ray. */
+typedef struct spsi_point {
+    double position[3], direction[3]; /* direction: of the eye's ray, unit */
+    double value[SPSI_VOLUMES_MAX], extinction[SPSI_VOLUMES_MAX], extinction_sum, value_sum;
+    spsi_sample samples[SPSI_VOLUMES_MAX];
+} spsi_point;
+
+static void spsi_point_build(const spsi_marcher *marcher, const double position[3], const double direction[3],
+                             spsi_point *point) {
+    memcpy(point->position, position, sizeof point->position);
+    memcpy(point->direction, direction, sizeof point->direction);
+    point->extinction_sum = point->value_sum = 0;
+    for (int m = 0; m < marcher->frame->medium_count; ++m) {
+        const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+        const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
+        double gradient[3] = {0, 0, 0};
+        float looks[4] = {0, 0, 0, 0};
+        point->value[m] = spsi_field(&marcher->grids[m], position, surface ? gradient : NULL);
+        point->extinction[m] = spsi_extinction_at(material, point->value[m], looks);
+        point->extinction_sum += point->extinction[m];
+        point->value_sum += point->value[m];
+        spsi_march_sample(material, looks, gradient, &point->samples[m]);
+    }
+}
+
+/* Adds, per unit of length, what all volumes at a point answer to one light. */
+static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const sps_light *light,
+                                 double source[3]) {
+    double travel[3], irradiance = 1;
+    spsi_v toward_v[3], travel_v[3], response[3];
+    spsi_light_direction(light, point->position, travel);
+    if (light->kind == SPS_LIGHT_POINT) {
+        double offset[3];
+        spsi_along(point->position, light->position, -1, offset);
+        irradiance = 1 / fmax(spsi_dot(offset, offset), 0.25 * marcher->step * marcher->step);
+    }
+    if (spsi_light_shadows(marcher->frame, light)) irradiance *= spsi_march_light(marcher, light, point->position, -1);
+    spsi_set3(point->direction, toward_v);
+    spsi_set3(travel, travel_v);
+    for (int m = 0; m < marcher->frame->medium_count && irradiance > 0; ++m) {
+        const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+        float lanes[SPSI_LANES];
+        if (!material->scatters || !(point->extinction[m] > 0)) continue;
+        spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
+        for (int c = 0; c < 3; ++c) {
+            spsi_store(lanes, response[c]);
+            source[c] += point->extinction[m] * (double)lanes[0] * irradiance * (double)light->color[c];
+        }
+    }
+}
+
+/* Radiance per unit of length that all volumes at a point send along the ray, before any of it is absorbed. */
+static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
+    const sps_scene *scene = marcher->frame->scene;
+    source[0] = source[1] = source[2] = 0;
+    for (int m = 0; m < marcher->frame->medium_count; ++m) {
+        const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+        float lanes[SPSI_LANES];
+        for (int c = 0; c < 3; ++c) {
+            spsi_store(lanes, point->samples[m].colour[c]);
+            source[c] += point->extinction[m] * (double)lanes[0] * (double)scene->ambient[c];
+            source[c] += point->value[m] * (double)material->emission[c];
+        }
+    }
+    for (int i = 0; i < scene->light_count; ++i)
+        if (!spsi_black(scene->lights[i].color) && point->extinction_sum > 0)
+            spsi_point_add_light(marcher, point, &scene->lights[i], source);
+}
+
+/* Light of all lights and the ambience from the polygon that a ray meets. */
+static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
+    const sps_scene *scene = marcher->frame->scene;
+    double point[3], normal[3], plane[3], colour[3];
+    spsi_surface_at(&marcher->shader, hit, x, y, point, normal, plane, colour);
+    for (int c = 0; c < 3; ++c) radiance[c] = colour[c] * (double)scene->ambient[c];
+    for (int i = 0; i < scene->light_count; ++i) {
+        const sps_light *light = &scene->lights[i];
+        double arrives = spsi_surface_irradiance(light, point, normal, plane) / SPSI_PI;
+        if (spsi_black(light->color) || !(arrives > 0)) continue;
+        if (spsi_light_shadows(marcher->frame, light)) arrives *= spsi_march_light(marcher, light, point, hit->face);
+        for (int c = 0; c < 3; ++c) radiance[c] += colour[c] * arrives * (double)light->color[c];
+    }
+}
+
+/* The whole of one pixel: radiance, transmittance, and coverage-weighted distance. */
+static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double radiance[3], double *through, double *distance) {
+    const spsi_rays *eye = &marcher->frame->eye;
+    double origin[3], direction[3], range[2], length;
+    spsi_hit hit = {SPSI_INFINITY, -1, {0, 0}};
+    spsi_ray ray;
+    int count;
+    spsi_ray_point(eye, x, y, 0, origin);
+    spsi_ray_direction(eye, x, y, direction);
+    length = spsi_length(direction);
+    spsi_normalise(direction);
+    spsi_along(origin, marcher->faces->origin, -1, ray.origin);
+    memcpy(ray.direction, direction, sizeof direction);
+    ray.low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
+    ray.high = HUGE_VAL;
+    ray.face = -1;
+    hit.face = spsi_trace(marcher, &ray, 0);
+    hit.depth = (float)(ray.high / length - eye->depth_reference);
+    for (int i = 0; i < 2; ++i) hit.weights[i] = hit.face >= 0 ? (float)ray.weights[i] : 0;
+    count = spsi_march_range(marcher, origin, direction, ray.low, ray.high, range);
+    radiance[0] = radiance[1] = radiance[2] = *distance = 0;
+    *through = 1;
+    for (int i = 0; i < count && *through > 1e-12; ++i) {
+        const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
+        double at[3], source[3], depth, mean;
+        spsi_point point;
+        spsi_along(origin, direction, t, at);
+        spsi_point_build(marcher, at, direction, &point);
+        if (!(point.value_sum > 0)) continue;
+        depth = h * point.extinction_sum;
+        mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
+        spsi_point_source(marcher, &point, source);
+        for (int c = 0; c < 3; ++c) radiance[c] += *through * source[c] * h * mean;
+        *distance += *through * -expm1(-depth) * t;
+        *through *= exp(-depth);
+    }
+    if (hit.face < 0) return;
+    {
+        double surface[3];
+        spsi_march_surface(marcher, &hit, x, y, surface);
+        for (int c = 0; c < 3; ++c) radiance[c] += *through * surface[c];
+        *distance += *through * ray.high;
+        *through = 0;
+    }
+}
+
+static void spsi_march_row_task(void *data, int index, int worker) {
+    const spsi_marcher *marcher = (const spsi_marcher *)data;
+    const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
+    const int row = marcher->first_row + index;
+    (void)worker;
+    for (int x = 0; x < region[2]; ++x) {
+        float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
+        double radiance[3], through, distance;
+        spsi_march_pixel(marcher, region[0] + x, region[1] + row, radiance, &through, &distance);
+        for (int c = 0; c < 3; ++c) pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* background is there */
+        pixel[3] = (float)(1 - through);
+        if (marcher->frame->wants_depth) pixel[4] = through < 1 ? (float)(distance / (1 - through)) : SPSI_INFINITY;
+    }
+}
+
+/* --- setting up --- */
+
+/* Reads one volume whole, and marks the bricks that hold, or neighbour, anything. */
+static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
+                                 spsi_grid *grid) {
+    const spsi_medium *m = &frame->media[medium];
+    const int count = spsi_block_count(m);
+    spsi_material plain;
+    spsi_block block;
+    void *memory = spsi_reserve(context, SPSI_BUFFER_BLOCK, 1, SPSI_BLOCK_BYTES);
+    if (!memory) return context->result;
+    memset(&plain, 0, sizeof plain); /* a gas: blocks without margins */
+    spsi_block_buffers(&block, memory);
+    for (int i = 0; i < count; ++i) {
+        spsi_block_place(&block, m, &plain, i);
+        if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
+        for (int z = block.core_low[2]; z < block.core_high[2]; ++z)
+            for (int y = block.core_low[1]; y < block.core_high[1]; ++y) {
+                const size_t to = ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)block.core_low[0];
+                memcpy(values + to, block.values + spsi_block_index(&block, block.core_low[0], y, z),
+                       (size_t)block.size[0] * sizeof(float));
+            }
+    }
+    for (int z = 0; z < grid->size[2]; ++z)
+        for (int y = 0; y < grid->size[1]; ++y)
+            for (int x = 0; x < grid->size[0]; ++x) {
+                const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
+                if (!(values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x] > 0)) continue;
+                for (int n = 0; n < 27; ++n) {
+                    const int bx = b[0] + n % 3 - 1, by = b[1] + n / 3 % 3 - 1, bz = b[2] + n / 9 - 1;
+                    if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] || bz >= grid->bricks[2]) continue;
+                    grid->occupied[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx] = 1;
+                }
+            }
+    return SPS_OK;
+}
+
+static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi_marcher *marcher) {
+    size_t voxels = 0, bricks = 0;
+    float *values;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        spsi_grid *grid = &marcher->grids[i];
+        size_t b = 1, v = 1;
+        for (int k = 0; k < 3; ++k) {
+            grid->size[k] = frame->media[i].volume->size[k];
+            grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
+            v *= (size_t)grid->size[k];
+            b *= (size_t)grid->bricks[k];
+        }
+        memcpy(grid->corner, frame->media[i].corner, sizeof grid->corner);
+        spsi_invert(frame->media[i].step[0], frame->media[i].step[1], frame->media[i].step[2], grid->inverse);
+        voxels += v;
+        bricks += b;
+    }
+    values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, voxels + bricks / sizeof(float) + 1, sizeof(float));
+    if (!values) return context->result;
+    memset(values + voxels, 0, bricks);
+    for (int i = 0; i < frame->medium_count; ++i) {
+        spsi_grid *grid = &marcher->grids[i];
+        grid->occupied = (unsigned char *)(values + voxels) + (i > 0 ? marcher->grids[i - 1].occupied -
+                         (unsigned char *)(values + voxels) + marcher->grids[i - 1].bricks[0] *
+                         marcher->grids[i - 1].bricks[1] * marcher->grids[i - 1].bricks[2] : 0);
+        grid->values = i > 0 ? marcher->grids[i - 1].values + (size_t)marcher->grids[i - 1].size[0] *
+                       (size_t)marcher->grids[i - 1].size[1] * (size_t)marcher->grids[i - 1].size[2] : values;
+        if (spsi_grid_read(context, frame, i, values + (grid->values - values), grid)) return context->result;
+    }
+    return SPS_OK;
+}
+
+static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi_faces *faces, double step,
+                                   spsi_marcher *marcher) {
+    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+    double extent = HUGE_VAL;
+    marcher->frame = frame;
+    marcher->faces = faces;
+    marcher->shader.frame = frame;
+    marcher->shader.faces = faces;
+    for (int i = 0; i < frame->medium_count; ++i)
+        for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].step[k]));
+    marcher->step = step * extent;
+    if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
+    spsi_eye_reference(frame);
+    marcher->total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
+    if (!marcher->total) return context->result;
+    if (faces->count == 0) return SPS_OK;
+    marcher->order = (int *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_FACES, (size_t)faces->count, sizeof(int));
+    marcher->nodes = (spsi_node *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_NODES, 2 * (size_t)faces->count, sizeof(spsi_node));
+    if (!marcher->order || !marcher->nodes) return context->result;
+    spsi_nodes_build(marcher);
+    return SPS_OK;
+}
+
+static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, double step, const sps_image *image) {
+    const int *region = frame->view.region, floats = 4 + frame->wants_depth;
+    const double start = spsi_clock(context);
+    spsi_faces faces;
+    spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], 6 * sizeof(float));
+    if (!marcher || !rgb) return context->result;
+    memset(marcher, 0, sizeof *marcher);
+    if (spsi_march_build(context, frame, &faces, step, marcher)) return context->result;
+    for (int y = 0; y < region[3]; ++y) {
+        if (spsi_background_row(context, frame, y, rgb)) return context->result;
+        for (int x = 0; x < region[2]; ++x)
+            memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x, 3 * sizeof(float));
+    }
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += 16) {
+        if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;
+        spsi_parallel(context, spsi_least(16, region[3] - marcher->first_row), spsi_march_row_task, marcher);
+    }
+    if (spsi_progress(context, 1)) return context->result;
+    spsi_write_image(frame, marcher->total, image);
+    context->stats.seconds_total = spsi_clock(context) - start;
+    return SPS_OK;
+}
+/* =============================================================================================== >>public
+   18 The public functions: they check what they are handed and make one call down. */
+
+SPS_API int sps_version(void) { return SPS_VERSION; }
+
+static int spsi_config_valid(const sps_config *config) {
+    return !config->start_canary && !config->end_canary && !config->alloc_fn == !config->free_fn &&
+           config->worker_count >= 0 && config->worker_count <= SPSI_WORKERS_MAX;
+}
+
+SPS_API sps_context *sps_create(const sps_config *config) {
+    sps_context *context;
+    if (config && !spsi_config_valid(config)) return NULL;
+    if (config && config->memory_limit && config->memory_limit < sizeof(sps_context)) return NULL;
+    context = (sps_context *)(config && config->alloc_fn ? config->alloc_fn(config->alloc_user, sizeof *context)
+                                                         : SPS_MALLOC(sizeof *context));
+    if (!context) return NULL;
+    memset(context, 0, sizeof *context);
+    if (config) context->config = *config;
+    context->stats.bytes = context->stats.bytes_peak = sizeof *context;
+    return context;
+}
+
+SPS_API void sps_destroy(sps_context *context) {
+    if (!context) return;
+    for (int i = 0; i < context->segment_count; ++i)
+        spsi_release(context, spsi_segment_at(context, i), sizeof(spsi_segment));
+    for (int i = 0; i < SPSI_BUFFER_COUNT; ++i)
+        spsi_release(context, context->buffers[i].data, context->buffers[i].size);
+    spsi_release(context, context, sizeof *context);
+}
+
+SPS_API const char *sps_error(const sps_context *context) {
+    return context ? context->error : "no context: sps_create gave NULL";
+}
+
+/* What every call begins with: a clean result, and counts from 0 (bytes held go on). */
+static void spsi_begin(sps_context *context) {
+    sps_stats_report fresh;
+    memset(&fresh, 0, sizeof fresh);
+    fresh.bytes = context->stats.bytes;
+    fresh.bytes_peak = context->stats.bytes_peak;
+    context->stats = fresh;
+    context->result = SPS_OK;
+    context->error[0] = 0;
+    context->progress = 0;
+}
+
+/* The frame that sps_render and sps_reference begin with; NULL after a failure, or where there is nothing to do. */
+static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                    const sps_image *image) {
+    spsi_frame *frame;
+    if (!context) return NULL;
+    spsi_begin(context);
+    if (!scene || !view || !image || (!image->rgba && view->width > 0 && view->height > 0)) {
+        spsi_fail(context, SPS_ERROR_ARGUMENT, "scene, view, image and image.rgba must not be NULL");
+        return NULL;
+    }
+    frame = spsi_frame_build(context, scene, view, image->depth != NULL);
+    if (!frame || view->width == 0 || view->height == 0) return NULL;
+    if (image->row_pixels && image->row_pixels < (size_t)frame->view.region[2]) {
+        spsi_fail_field(context, SPS_ERROR_ARGUMENT, "image", -1, "row_pixels", (double)image->row_pixels,
+                        "it must be 0 or at least the region's width");
+        return NULL;
+    }
+    return frame;
+}
+
+SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
+                              const sps_image *image) {
+    spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
+    if (!frame) return context ? context->result : SPS_ERROR_ARGUMENT;
+    return spsi_render_frame(context, frame, image);
+}
+
+SPS_API void sps_stats(const sps_context *context, sps_stats_report *report) {
+    if (!report) return;
+    memset(report, 0, sizeof *report);
+    if (context) *report = context->stats;
+}
+
+SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
+                            sps_plan_report *report) {
+    spsi_frame *frame;
+    if (!context) return SPS_ERROR_ARGUMENT;
+    spsi_begin(context);
+    if (!scene || !view || !report)
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, "scene, view and report must not be NULL");
+    memset(report, 0, sizeof *report);
+    frame = spsi_frame_build(context, scene, view, 1);
+    if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
+    return context->result;
+}
+
+SPS_API const char *sps_pass_name(sps_pass pass) {
+    return (int)pass >= 0 && pass < SPS_PASS_COUNT ? spsi_pass_names[pass] : "unknown";
+}
+
+SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
+                                 const sps_image *image) {
+    spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
+    if (!frame) return context ? context->result : SPS_ERROR_ARGUMENT;
+    if (!(step > 0 && step <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "reference", -1, "step", step, "it must be above 0");
+    return spsi_march_frame(context, frame, step, image);
+}
+
+#endif /* SPSI_IMPLEMENTED */
+#endif /* SPLATSHADOW_IMPLEMENTATION */
+
+/* ============================================================================================== >>licence
+
+Choose either of these two licences.
+
+------------------------------------------------------------------------------- A: MIT License
+
+Copyright (c) 2026 the splatshadow authors
+
+Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated
+documentation files (the "Software"), to deal in the Software without restriction, including without limitation the
+rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit
+persons to whom the Software is furnished to do so, subject to the following conditions:
+
+The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
+Software.
+
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
+WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
+COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR
+OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+
+------------------------------------------------------------------------------- B: Unlicense
+
+This is free and unencumbered software released into the public domain.
+
+Anyone is free to copy, modify, publish, use, compile, sell, or distribute this software, either in source code form or
+as a compiled binary, for any purpose, commercial or non-commercial, and by any means.
+
+In jurisdictions that recognize copyright laws, the author or authors of this software dedicate any and all copyright
+interest in the software to the public domain. We make this dedication for the benefit of the public at large and to
+the detriment of our heirs and successors. We intend this dedication to be an overt act of relinquishment in perpetuity
+of all present and future rights to this software under copyright law.
+
+THE SOFTWARE IS PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
+WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS BE
+LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT
+OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+
+For more information, please refer to <https://unlicense.org>
+*/

@@ -59,7 +59,8 @@ CONVENTIONS
     A surface of reflectance r sends r / pi * irradiance * cosine towards the eye.
     Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside of its box a volume's value is 0.
     The field that a volume stands for is f(p) = sum of value * kernel(p - centre): the kernel is a normalised
-    Gaussian of 0.65 voxels standard deviation, cut at 2.5 voxels. That sum is what sps_reference marches through.
+    Gaussian of 0.65 voxels standard deviation. sps_reference marches through that very sum; sps_render cuts the
+    kernels at 1.8 to 2.5 voxels, by quality.
 
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
@@ -255,14 +256,14 @@ typedef struct sps_scene {
     uint32_t end_canary;       /* leave 0 */
 } sps_scene;
 
-/*                  slab    shadow texels    rays end at
-                  (voxels)     per voxel    transmittance */
+/*                  slab    shadow texels    rays end at    kernels end at   ripple of a constant
+                  (voxels)     per voxel    transmittance      (voxels)        grid (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,  /*  2        0.75        0.01      */
-    SPS_QUALITY_MEDIUM, /*  1        1           0.003     */
-    SPS_QUALITY_HIGH,   /*  0.5      2           0.0005    */
-    SPS_QUALITY_ULTRA   /*  0.25     4           0.00005   */
+    SPS_QUALITY_DRAFT,  /*  2        0.75        0.01              1.82            0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM, /*  1        1           0.003             2.15            0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,   /*  0.5      2           0.0005            2.5             0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA   /*  0.25     4           0.00005           2.5             0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {
@@ -413,8 +414,8 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #define SPSI_DEPTH_MAX 1e15f      /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
 
 #define SPSI_TILE_WIDTH 64        /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
-#define SPSI_TILE_HEIGHT 32
-#define SPSI_CHUNK 8              /* slabs splatted in one visit of a voxel */
+#define SPSI_TILE_HEIGHT 64
+#define SPSI_CHUNK 16             /* slabs splatted in one visit of a voxel */
 #define SPSI_BRICK 8              /* voxels along a brick's edge: what is binned together */
 #define SPSI_BLOCK 32             /* voxels along a block's edge: what a provider is asked for */
 #define SPSI_MARGIN 3             /* voxels around a block that decide which of its voxels a transfer function shows */
@@ -462,6 +463,7 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm512_cmp_ps_mask(a
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return (spsi_m)(a & b); }
 static inline int spsi_bits(spsi_m m) { return (int)m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
+static inline void spsi_store_int(int *p, spsi_v a) { _mm512_storeu_si512(p, _mm512_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) {
     return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
 }
@@ -499,6 +501,7 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm256_cmp_ps(a, b, 
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm256_and_ps(a, b); }
 static inline int spsi_bits(spsi_m m) { return _mm256_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm256_blendv_ps(b, a, m); }
+static inline void spsi_store_int(int *p, spsi_v a) { _mm256_storeu_si256((__m256i *)(void *)p, _mm256_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
 static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
@@ -536,6 +539,7 @@ static inline int spsi_bits(spsi_m m) { return _mm_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) {
     return _mm_or_ps(_mm_and_ps(m, a), _mm_andnot_ps(m, b));
 }
+static inline void spsi_store_int(int *p, spsi_v a) { _mm_storeu_si128((__m128i *)(void *)p, _mm_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm_set_ps(3, 2, 1, 0); }
 
 #elif defined(SPSI_SIMD_NEON)
@@ -564,6 +568,7 @@ static inline int spsi_bits(spsi_m m) {
     return (int)vaddvq_u32(vandq_u32(m, vld1q_u32(weights)));
 }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return vbslq_f32(m, a, b); }
+static inline void spsi_store_int(int *p, spsi_v a) { vst1q_s32(p, vcvtnq_s32_f32(a)); }
 static inline spsi_v spsi_iota(void) {
     const float numbers[4] = {0, 1, 2, 3};
     return vld1q_f32(numbers);
@@ -595,6 +600,7 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return a < b; }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return a & b; }
 static inline int spsi_bits(spsi_m m) { return m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
+static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only ever given whole numbers */
 static inline spsi_v spsi_iota(void) { return 0; }
 #endif
 
@@ -869,7 +875,7 @@ static sps_result spsi_progress(sps_context *context, double fraction) {
 }
 
 /* =============================================================================================== >>kernel
-   5  The voxel kernel, a Gaussian of SPSI_SIGMA voxels cut at SPSI_CUT standard deviations, and the closed forms for
+   5  The voxel kernel, a Gaussian of SPSI_SIGMA voxels cut at SPSI_CUT standard deviations or less, and the closed forms for
    light in a sheet. */
 
 #define SPSI_SIGMA 0.65         /* voxels; a lattice of such kernels is constant to 0.05 % */
@@ -877,9 +883,8 @@ static sps_result spsi_progress(sps_context *context, double fraction) {
 #define SPSI_CUT (SPSI_REACH / SPSI_SIGMA)
 #define SPSI_PIXEL_SIGMA 0.5    /* least footprint width in pixels: the pixel filter where voxels are smaller */
 
-/* The kernel's mass in the disc of the footprint that is kept: 1 - exp(-SPSI_CUT^2 / 2). Dividing by it makes a
-   constant grid constant. */
-static double spsi_footprint_mass(void) { return -expm1(-0.5 * SPSI_CUT * SPSI_CUT); }
+/* The kernel's mass in the disc of the footprint that is kept. Dividing by it makes a constant grid constant. */
+static double spsi_footprint_mass(double cut) { return -expm1(-0.5 * cut * cut); }
 
 /* The share of a kernel's line integral that lies before a plane; v = distance / (SPSI_CUT * standard deviation).
    A polynomial whose derivative (1 - v^2)^2 (..) is nowhere negative, so that sheets are never negative; fitted to the
@@ -1187,6 +1192,7 @@ typedef struct spsi_frame {
     sps_view view;               /* all fields resolved; region filled in */
     double threshold;            /* transmittance at which an eye ray ends */
     double shadow_texels;        /* per voxel */
+    double cut;                  /* standard deviations at which the splatter's kernels end */
     spsi_rays eye;
     int medium_count, material_count, light_channel_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
@@ -1407,10 +1413,12 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 
 static void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[] = {1, 2, 1, 0.5, 0.25}, texels[] = {1, 0.75, 1, 2, 4};
+    static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->view.quality];
     frame->shadow_texels = texels[frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
+    frame->cut = cut[frame->view.quality];
 }
 
 static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
@@ -2437,6 +2445,7 @@ typedef struct spsi_splatter {
     float inverse[6];       /* its inverse, and its determinant's root, for the near case */
     float root_determinant;
     float weight;           /* integral for value 1, but for what depends on the footprint */
+    float cut;              /* standard deviations at which footprints end */
     float reach_slabs;      /* kernel radius along s */
     float near_depth;       /* t below which the near case applies */
     float eye_near;         /* t at which rays begin, as t - depth_reference */
@@ -2455,12 +2464,15 @@ typedef struct spsi_footprints {
     float across[SPSI_LANES];       /* 1 / variance of x at given y */
     float lean[SPSI_LANES];         /* change of the mean x per y */
     float upright[SPSI_LANES];      /* 1 / variance of y */
-    float half_height[SPSI_LANES];
+    float inverse_yy[SPSI_LANES];   /* -1/2 of the inverse covariance's y y entry */
+    float row_width[SPSI_LANES];    /* standard deviation of x at given y */
+    float half_height[SPSI_LANES], half_width[SPSI_LANES];
     float per_slab[SPSI_LANES];     /* change of v from plane to plane */
     float slope_x[SPSI_LANES], slope_y[SPSI_LANES]; /* change of a plane's v per pixel */
     float mean_x[SPSI_LANES], mean_y[SPSI_LANES];   /* change of the kernel's mean t per pixel */
     float per_depth[SPSI_LANES];    /* v per t */
-    float spread[SPSI_LANES];       /* how much the x slope widens the range of v in a row */
+    float spread[SPSI_LANES];       /* range of v in a row per standard deviation, widened by the x slope */
+    float slabs[SPSI_LANES];        /* 1 / per_slab */
 } spsi_footprints;
 
 /* A tile's sheets: one float per pixel, slab and channel. */
@@ -2477,7 +2489,7 @@ typedef struct spsi_tile {
 } spsi_tile;
 
 static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
-                                spsi_splatter *splatter) {
+                                double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0;
     memset(splatter, 0, sizeof *splatter);
     memset(covariance, 0, sizeof covariance);
@@ -2502,9 +2514,10 @@ static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays
     splatter->slab_t = (float)(spsi_dot(sweep->normal, rays->c) / sweep->thickness);
     splatter->sign = 1;
     splatter->weight = (float)((double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
-                               (2 * SPSI_PI * spsi_footprint_mass()));
-    splatter->reach_slabs = (float)(SPSI_REACH * sqrt(reach));
-    splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * SPSI_CUT * sqrt(covariance[2][2])) : -FLT_MAX;
+                               (2 * SPSI_PI * spsi_footprint_mass(cut)));
+    splatter->cut = (float)cut;
+    splatter->reach_slabs = (float)(cut * SPSI_SIGMA * sqrt(reach));
+    splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
     splatter->eye_near = rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
 }
@@ -2542,7 +2555,10 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     spsi_store(out->across, across);
     spsi_store(out->lean, spsi_div(rxy, ryy));
     spsi_store(out->upright, spsi_div(one, ryy));
-    spsi_store(out->half_height, spsi_mul(spsi_set((float)SPSI_CUT), spsi_sqrt(ryy)));
+    spsi_store(out->inverse_yy, spsi_mul(spsi_set(-0.5f), spsi_div(rxx, determinant)));
+    spsi_store(out->row_width, spsi_sqrt(spsi_div(determinant, ryy)));
+    spsi_store(out->half_height, spsi_mul(spsi_set(s->cut), spsi_sqrt(ryy)));
+    spsi_store(out->half_width, spsi_mul(spsi_set(s->cut), spsi_sqrt(rxx)));
     spsi_store(out->mean_x, mean_x);
     spsi_store(out->mean_y, mean_y);
     spsi_store(out->per_depth, per_depth);
@@ -2556,9 +2572,10 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
         spsi_store(out->slope_y, spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_y)), per_depth,
                                                                 spsi_mul(mean_y, signed_depth))));
         spsi_store(out->per_slab, spsi_mul(per_depth, per_crossing));
+        spsi_store(out->slabs, spsi_div(one, spsi_mul(per_depth, per_crossing)));
     }
-    spsi_store(out->spread, spsi_sqrt(spsi_fma(spsi_mul(slope_x, slope_x),
-                                               spsi_div(spsi_set((float)(SPSI_CUT * SPSI_CUT)), across), one)));
+    spsi_store(out->spread, spsi_sqrt(spsi_add(spsi_div(spsi_mul(slope_x, slope_x), across),
+                                               spsi_set((float)(1 / (SPSI_CUT * SPSI_CUT))))));
 }
 
 /* Adds a footprint's row vector to the sheets from one plane on: `weight` times the change of share from plane to plane.
@@ -2581,31 +2598,42 @@ static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count,
 
 /* Rows of one footprint, a vector of rows at a time: where each begins and ends, in pixels and in slabs. */
 typedef struct spsi_rows {
-    float dy[SPSI_LANES], middle[SPSI_LANES], x0[SPSI_LANES], x1[SPSI_LANES], exponent[SPSI_LANES];
-    float v[SPSI_LANES], first[SPSI_LANES], last[SPSI_LANES];
+    int x0[SPSI_LANES], x1[SPSI_LANES];
+    int first[SPSI_LANES], last[SPSI_LANES]; /* slab planes, cut at the tile's */
+    int starts[SPSI_LANES], ends[SPSI_LANES]; /* 1 where they were not cut: the kernel's own ends */
+    float left[SPSI_LANES], right[SPSI_LANES]; /* of x0 and x1, half a pixel outwards */
+    float dy[SPSI_LANES];
+    float factor[SPSI_LANES]; /* of the row: exp of what depends on y alone */
+    float v[SPSI_LANES];      /* of the first plane at the kernel's own x */
 } spsi_rows;
 
-static inline void spsi_rows_build(const spsi_footprints *f, int i, int y, spsi_rows *rows) {
+static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
+                                   spsi_rows *rows) {
     const spsi_v dy = spsi_sub(spsi_add(spsi_set((float)y), spsi_iota()), spsi_set(f->y[i]));
-    const spsi_v square = spsi_mul(spsi_mul(dy, dy), spsi_set(f->upright[i]));
-    const spsi_v radius = spsi_sqrt(spsi_max(spsi_set(0), spsi_sub(spsi_set((float)(SPSI_CUT * SPSI_CUT)), square)));
-    const spsi_v half = spsi_mul(radius, spsi_set(1 / sqrtf(f->across[i])));
+    const spsi_v square = spsi_mul(dy, dy), zero = spsi_set(0), one = spsi_set(1), per_slab = spsi_set(f->per_slab[i]);
+    const spsi_v left = spsi_sub(spsi_set(cut * cut), spsi_mul(square, spsi_set(f->upright[i])));
+    const spsi_v radius = spsi_sqrt(spsi_max(zero, left)), half = spsi_mul(radius, spsi_set(f->row_width[i]));
     const spsi_v middle = spsi_fma(dy, spsi_set(f->lean[i]), spsi_set(f->x[i]));
-    const spsi_v v = spsi_fma(dy, spsi_set(f->slope_x[i] * f->lean[i] + f->slope_y[i]),
-                              spsi_set(-f->per_slab[i] * f->slab[i]));
-    const spsi_v range = spsi_mul(radius, spsi_set(f->spread[i] * (float)(1 / SPSI_CUT)));
-    const spsi_v slabs = spsi_set(1 / f->per_slab[i]), far = spsi_set((float)SPSI_SLABS_MAX), zero = spsi_set(0);
-    const spsi_v low = spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v), slabs), spsi_sub(zero, far), far);
-    const spsi_v high = spsi_clamp(spsi_mul(spsi_sub(range, v), slabs), spsi_sub(zero, far), far);
-    const spsi_v wide = spsi_set((float)(2 * SPSI_SIZE_MAX));
+    const spsi_v v = spsi_fma(dy, spsi_set(f->slope_y[i]), spsi_sub(zero, spsi_mul(per_slab, spsi_set(f->slab[i]))));
+    const spsi_v v_middle = spsi_fma(dy, spsi_set(f->slope_x[i] * f->lean[i]), v);
+    const spsi_v range = spsi_mul(radius, spsi_set(f->spread[i])), slabs = spsi_set(f->slabs[i]);
+    const spsi_v far = spsi_set((float)(tile->slab_count + 1)), before = spsi_set(-1), count = spsi_set((float)tile->slab_count);
+    const spsi_v low = spsi_floor(spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v_middle), slabs), before, far));
+    const spsi_v high = spsi_add(spsi_floor(spsi_clamp(spsi_mul(spsi_sub(range, v_middle), slabs), before, far)), one);
+    const spsi_v first = spsi_max(low, zero), last = spsi_min(high, count);
+    const spsi_v x0 = spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_set(-2.0f * SPSI_SIZE_MAX), spsi_set(64))));
+    const spsi_v x1 = spsi_floor(spsi_clamp(spsi_add(middle, half), spsi_set(-64), spsi_set((float)tile->x1)));
     spsi_store(rows->dy, dy);
-    spsi_store(rows->middle, middle);
-    spsi_store(rows->exponent, spsi_mul(square, spsi_set(-0.5f)));
-    spsi_store(rows->v, v);
-    spsi_store(rows->x0, spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_sub(zero, wide), wide))));
-    spsi_store(rows->x1, spsi_floor(spsi_clamp(spsi_add(middle, half), spsi_sub(zero, wide), wide)));
-    spsi_store(rows->first, spsi_floor(low));
-    spsi_store(rows->last, spsi_add(spsi_floor(high), spsi_set(1)));
+    spsi_store(rows->factor, spsi_exp(spsi_mul(square, spsi_set(f->inverse_yy[i]))));
+    spsi_store(rows->v, spsi_fma(per_slab, first, v));
+    spsi_store(rows->left, spsi_sub(x0, spsi_set(0.5f)));
+    spsi_store(rows->right, spsi_add(x1, spsi_set(0.5f)));
+    spsi_store_int(rows->x0, x0);
+    spsi_store_int(rows->x1, x1);
+    spsi_store_int(rows->first, first);
+    spsi_store_int(rows->last, last);
+    spsi_store_int(rows->starts, spsi_select(spsi_less(low, zero), zero, one));
+    spsi_store_int(rows->ends, spsi_select(spsi_less(count, high), zero, one));
 }
 
 /* v of the polygon in front of which a section must end, and of the near plane behind which it begins. */
@@ -2627,52 +2655,60 @@ static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, in
     *high = s->sign > 0 ? far : spsi_sub(spsi_set(0), near_v);
 }
 
-static inline void spsi_splat_row(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
-                                  const spsi_rows *rows, int r, int y, float *channel, int clamped) {
-    const int first = (int)rows->first[r], last = (int)rows->last[r];
-    const int k0 = spsi_most(first, 0), k1 = spsi_least(last, tile->slab_count);
-    const int x0 = spsi_most((int)rows->x0[r], tile->x0), x1 = spsi_least((int)rows->x1[r], tile->x1);
-    float *sheet = channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x0 - tile->x0));
-    const spsi_v per_slab = spsi_set(f->per_slab[i]), v0 = spsi_set(rows->v[r] + f->per_slab[i] * (float)k0);
-    if (x0 > x1 || k0 >= k1) return;
-    tile->fragments += (uint64_t)((x1 - x0 + 1) * (k1 - k0));
-    for (int x = x0; x <= x1; x += SPSI_LANES, sheet += SPSI_LANES) {
-        const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), d = spsi_sub(at, spsi_set(rows->middle[r]));
-        const spsi_v exponent = spsi_fma(spsi_mul(d, spsi_set(-0.5f * f->across[i])), d, spsi_set(rows->exponent[r]));
-        const spsi_v gauss = spsi_mul(spsi_exp(exponent), spsi_set(f->amplitude[i]));
-        const spsi_v weight = spsi_select(spsi_less(at, spsi_set((float)x1 + 0.5f)), gauss, spsi_set(0));
-        const spsi_v v = spsi_fma(d, spsi_set(f->slope_x[i]), v0);
-        spsi_v low = spsi_set(0), high = low;
+/* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
+   exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
+   that no exponential is taken per pixel. Slender ellipses, whose factors could overflow, take one per row vector. */
+static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
+                                      const spsi_rows *rows, int count, int x, int y, float *channel, int clamped) {
+    const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
+    const int slender = b * b > 0.8f * 4 * a * c;
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), dx = spsi_sub(at, spsi_set(f->x[i]));
+    const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
+    const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), per_slab = spsi_set(f->per_slab[i]);
+    const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_mul(dx, spsi_set(b))) : spsi_set(1);
+    float *row = channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
+    for (int r = 0; r < count; ++r, row += tile->pitch) {
+        const int x0 = rows->x0[r] - x, x1 = rows->x1[r] - x, slabs = rows->last[r] - rows->first[r];
+        spsi_v weight = spsi_mul(column, spsi_set(rows->factor[r])), low = spsi_set(0), high = low;
+        column = spsi_mul(column, turn);
+        if (x0 >= SPSI_LANES || x1 < 0 || x1 < x0 || slabs <= 0) continue;
+        tile->fragments += (uint64_t)((spsi_least(x1, SPSI_LANES - 1) - spsi_most(x0, 0) + 1) * slabs);
+        if (slender)
+            weight = spsi_mul(amplitude, spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[r]),
+                                                           spsi_add(square, spsi_set(c * rows->dy[r] * rows->dy[r])))));
+        weight = spsi_select(spsi_and(spsi_less(spsi_set(rows->left[r]), at), spsi_less(at, spsi_set(rows->right[r]))),
+                             weight, spsi_set(0));
         if (clamped) {
-            const spsi_v dx = spsi_sub(at, spsi_set(f->x[i]));
             const spsi_v mean = spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
-            spsi_limits(tile, s, x, y, mean, spsi_set(f->per_depth[i]), &low, &high);
+            spsi_limits(tile, s, x, y + r, mean, spsi_set(f->per_depth[i]), &low, &high);
         }
-        spsi_add_sections(sheet, tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, clamped, low,
-                          high);
+        spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
+                          spsi_add(v_column, spsi_set(rows->v[r])), per_slab, rows->starts[r], rows->ends[r], clamped,
+                          low, high);
     }
 }
 
 static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
                                  float *channel) {
-    const int y0 = spsi_most((int)ceilf(f->y[i] - f->half_height[i]), tile->y0);
-    const int y1 = spsi_least((int)floorf(f->y[i] + f->half_height[i]), tile->y1);
+    const float height = f->half_height[i], width = f->half_width[i];
+    const int y0 = spsi_most((int)ceilf(f->y[i] - height), tile->y0), y1 = spsi_least((int)floorf(f->y[i] + height), tile->y1);
+    const int x0 = spsi_most((int)ceilf(f->x[i] - width), tile->x0), x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
     for (int y = y0; y <= y1; y += SPSI_LANES) {
         const int count = spsi_least(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
-        spsi_rows_build(f, i, y, &rows);
-        if (tile->clamped)
-            for (int r = 0; r < count; ++r) spsi_splat_row(tile, s, f, i, &rows, r, y + r, channel, 1);
-        else
-            for (int r = 0; r < count; ++r) spsi_splat_row(tile, s, f, i, &rows, r, y + r, channel, 0);
+        spsi_rows_build(tile, f, i, y, s->cut, &rows);
+        for (int x = x0; x <= x1; x += SPSI_LANES)
+            if (tile->clamped) spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1);
+            else spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0);
     }
 }
 
 /* The least and greatest pixel coordinate of an ellipsoid (centre q, reach^2 times the covariance) along one axis, by
    the tangent planes through the eye; gives 0 where the eye's plane cuts it, so that there is no bound. */
-static int spsi_near_extent(float q, float q2, float c, float c2, float c22, float *low, float *high) {
-    const float cut = (float)(SPSI_CUT * SPSI_CUT);
-    const float a = q2 * q2 - cut * c22, b = q * q2 - cut * c2, root = b * b - a * (q * q - cut * c);
+static int spsi_near_extent(float q, float q2, float c, float c2, float c22, float cut, float *low, float *high) {
+    const float square = cut * cut, a = q2 * q2 - square * c22, b = q * q2 - square * c2;
+    const float root = b * b - a * (q * q - square * c);
     if (!(a > 1e-4f * q2 * q2) || q2 < 0) return 0;
     *low = (b - sqrtf(root > 0 ? root : 0)) / a;
     *high = (b + sqrtf(root > 0 ? root : 0)) / a;
@@ -2706,7 +2742,7 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     per_slab = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
     v = spsi_sub(spsi_mul(per_slab, spsi_set((float)k0 - tile->eye_slab)), spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
     weight = spsi_div(spsi_mul(spsi_set(value * s->weight / s->root_determinant), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
-    weight = spsi_select(spsi_less(e, spsi_set((float)(SPSI_CUT * SPSI_CUT))), weight, zero);
+    weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
     spsi_limits(tile, s, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
     spsi_add_sections(channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
@@ -2719,11 +2755,11 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     float low, high;
-    if (spsi_near_extent(q[0], q[2], c[0], c[2], c[5], &low, &high)) {
+    if (spsi_near_extent(q[0], q[2], c[0], c[2], c[5], s->cut, &low, &high)) {
         x0 = spsi_most(x0, (int)fmaxf(ceilf(low), 0));
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
-    if (spsi_near_extent(q[1], q[2], c[3], c[4], c[5], &low, &high)) {
+    if (spsi_near_extent(q[1], q[2], c[3], c[4], c[5], s->cut, &low, &high)) {
         y0 = spsi_most(y0, (int)fmaxf(ceilf(low), 0));
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
@@ -2748,9 +2784,8 @@ static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *
 
 /* Which of a vector of footprints reach into the tile: a bit each. */
 static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footprints *f) {
-    const spsi_v x = spsi_load(f->x), y = spsi_load(f->y), height = spsi_load(f->half_height);
-    const spsi_v lean = spsi_mul(spsi_load(f->lean), height); /* the row where the ellipse is widest */
-    const spsi_v width = spsi_sqrt(spsi_fma(lean, lean, spsi_div(spsi_set((float)(SPSI_CUT * SPSI_CUT)), spsi_load(f->across))));
+    const spsi_v x = spsi_load(f->x), width = spsi_load(f->half_width);
+    const spsi_v y = spsi_load(f->y), height = spsi_load(f->half_height);
     const spsi_m m0 = spsi_and(spsi_less(spsi_sub(x, width), spsi_set((float)tile->x1 + 0.5f)),
                                spsi_less(spsi_set((float)tile->x0 - 0.5f), spsi_add(x, width)));
     const spsi_m m1 = spsi_and(spsi_less(spsi_sub(y, height), spsi_set((float)tile->y1 + 0.5f)),
@@ -3797,11 +3832,12 @@ static void spsi_run_splatters(spsi_run *run) {
     const spsi_frame *frame = run->frame;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->materials[frame->media[i].channel];
-        spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, &run->eye_splatters[i]);
+        spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut,
+                            &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
         if (run->sweep->light >= 0)
             spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
-                                material->table ? 1 : material->extinction, &run->light_splatters[i]);
+                                material->table ? 1 : material->extinction, frame->cut, &run->light_splatters[i]);
     }
 }
 

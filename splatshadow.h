@@ -3339,7 +3339,10 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* The share of a light that a depth map lets through to a point on a surface with geometric normal `plane`: four texels
    about the point, each compared with the depth that the surface's own tangent plane has there, so that a surface
-   does not shade itself however grazing the light. */
+   does not shade itself however grazing the light; neighbouring facets of a curved mesh may turn towards the light by
+   SPSI_FACET_TURN radians before they count as occluders. */
+#define SPSI_GRAZING 0.02    /* cosine below which a tangent plane's depth says nothing */
+#define SPSI_FACET_TURN 0.3  /* facets of the test meshes turn by up to 0.25 */
 static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double plane[3]) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
@@ -3352,14 +3355,13 @@ static double spsi_map_visibility(const spsi_depth_map *map, const double point[
         for (int i = 0; i < 4; ++i) {
             const double tx = x + (i & 1), ty = y + (i >> 1);
             const float texel = map->depths[face][(size_t)ty * (size_t)rays->width + (size_t)tx];
-            double foot[3], ray[3], offset[3], slope, own, bias;
+            double foot[3], ray[3], offset[3], cosine, own, bias;
             spsi_ray_point(rays, tx, ty, q[2], foot);
             spsi_ray_direction(rays, tx, ty, ray);
             spsi_along(point, foot, -1, offset);
-            slope = spsi_dot(plane, ray);
-            bias = spsi_length(offset);
-            own = fabs(slope) > 0.02 * spsi_length(ray) ? spsi_dot(plane, offset) / slope : 0;
-            bias = 0.05 * bias + 1e-5 * fabs(q[2]) + (fabs(slope) > 0.02 * spsi_length(ray) ? 0 : 50 * bias);
+            cosine = spsi_dot(plane, ray) / spsi_length(ray);
+            own = fabs(cosine) > SPSI_GRAZING ? spsi_dot(plane, offset) / spsi_dot(plane, ray) : 0;
+            bias = SPSI_FACET_TURN * spsi_length(offset) / fmax(fabs(cosine), SPSI_GRAZING) + 1e-5 * fabs(q[2]);
             if ((double)texel + rays->depth_reference >= q[2] + own - bias)
                 sum += (1 - fabs(q[0] - tx)) * (1 - fabs(q[1] - ty));
         }

@@ -3420,16 +3420,15 @@ static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int 
     if (spsi_dot(normal, plane) < 0) spsi_along(normal, normal, -2, normal);
 }
 
-/* Irradiance per unit of a light's colour on a surface, before any shadow. */
-static double spsi_surface_irradiance(const sps_light *light, const double point[3], const double normal[3],
-                                      const double plane[3]) {
+/* Irradiance per unit of a light's colour on a surface, before any shadow. The shading normal alone decides which side
+   is lit; asking the facet too would draw its outline where light grazes a curved mesh. */
+static double spsi_surface_irradiance(const sps_light *light, const double point[3], const double normal[3]) {
     double travel[3], square = 1;
     if (light->kind == SPS_LIGHT_POINT) {
         spsi_along(point, light->position, -1, travel);
         square = fmax(spsi_dot(travel, travel), DBL_MIN);
     }
     spsi_light_direction(light, point, travel);
-    if (spsi_dot(plane, travel) >= 0) return 0; /* from behind */
     return fmax(0, -spsi_dot(normal, travel)) / square;
 }
 
@@ -3445,7 +3444,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         const int shadows = spsi_light_shadows(shader->frame, light);
         double arrives;
         if (shadows ? light != shader->light : !shader->sweep->first) continue;
-        arrives = spsi_surface_irradiance(light, point, normal, plane) / SPSI_PI;
+        arrives = spsi_surface_irradiance(light, point, normal) / SPSI_PI;
         if (shadows && arrives > 0) arrives *= spsi_map_visibility(shader->map, point, plane);
         if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, point));
         for (int c = 0; c < 3; ++c) radiance[c] += (float)(colour[c] * arrives * (double)light->color[c]);
@@ -4733,7 +4732,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     for (int c = 0; c < 3; ++c) radiance[c] = colour[c] * (double)scene->ambient[c];
     for (int i = 0; i < scene->light_count; ++i) {
         const sps_light *light = &scene->lights[i];
-        double arrives = spsi_surface_irradiance(light, point, normal, plane) / SPSI_PI;
+        double arrives = spsi_surface_irradiance(light, point, normal) / SPSI_PI;
         if (spsi_black(light->color) || !(arrives > 0)) continue;
         if (spsi_light_shadows(marcher->frame, light)) arrives *= spsi_march_light(marcher, light, point, hit->face);
         for (int c = 0; c < 3; ++c) radiance[c] += colour[c] * arrives * (double)light->color[c];

@@ -324,11 +324,12 @@ typedef struct sps_plan_report {
 typedef struct sps_stats_report {
     double seconds_gather, seconds_polygons, seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, background_calls;
-    uint64_t blocks_skipped;     /* of read blocks: not even read, by range */
+    uint64_t blocks_skipped;     /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t slabs, slabs_empty; /* over all sweeps */
-    uint64_t eye_sections, eye_fragments, light_sections, light_fragments;
+    uint64_t eye_footprints, eye_fragments;     /* voxels written to a tile's chunk of slabs; their pixels times slabs */
+    uint64_t light_footprints, light_fragments;
     uint64_t pixels_shaded;      /* pixels times slabs that held something */
     uint64_t tiles_finished;     /* tiles that went opaque before the last slab */
     uint64_t allocations;
@@ -1627,7 +1628,7 @@ typedef struct spsi_block {
     const spsi_material *material;
     int low[3], size[3];               /* what is read: the core and its margin, cut at the volume's faces */
     int core_low[3], core_high[3];     /* what is gathered from it */
-    float *values, *least, *flags;     /* SPSI_BLOCK_VOXELS each */
+    float *values, *negative, *flags;  /* SPSI_BLOCK_VOXELS each */
     double *positions;                 /* of one layer, for eval_fn */
 } spsi_block;
 
@@ -1737,49 +1738,64 @@ static sps_result spsi_block_read(sps_context *context, const spsi_block *block,
     return spsi_block_validate(context, block, replace);
 }
 
-/* Replaces each value by the largest (sign 1) or least (sign -1) within `reach` along one axis, in place. */
-static void spsi_block_spread(const spsi_block *block, float *data, int axis, int reach, float sign) {
-    const size_t stride = axis == 0 ? 1 : (size_t)block->size[0] * (axis == 1 ? 1 : (size_t)block->size[1]);
-    const int u = (axis + 1) % 3, v = (axis + 2) % 3, length = block->size[axis];
-    float line[SPSI_BLOCK_EDGE];
-    for (int b = 0; b < block->size[v]; ++b)
-        for (int a = 0; a < block->size[u]; ++a) {
-            int start[3];
-            float *p;
-            start[axis] = block->low[axis];
-            start[u] = block->low[u] + a;
-            start[v] = block->low[v] + b;
-            p = data + spsi_block_index(block, start[0], start[1], start[2]);
-            for (int i = 0; i < length; ++i) line[i] = sign * p[(size_t)i * stride];
-            for (int i = 0; i < length; ++i) {
-                float most = line[i];
-                for (int k = spsi_most(0, i - reach); k <= spsi_least(length - 1, i + reach); ++k)
-                    most = line[k] > most ? line[k] : most;
-                p[(size_t)i * stride] = sign * most;
+/* Replaces each value by the largest of itself and its two neighbours along x. */
+static void spsi_block_spread_x(const spsi_block *block, float *data) {
+    const size_t length = (size_t)block->size[0], rows = (size_t)block->size[1] * (size_t)block->size[2];
+    float line[SPSI_BLOCK_EDGE + 2];
+    for (size_t r = 0; r < rows; ++r, data += length) {
+        memcpy(line + 1, data, length * sizeof(float));
+        line[0] = line[1];
+        line[length + 1] = line[length];
+        for (size_t i = 0; i < length; ++i) {
+            const float most = line[i] > line[i + 1] ? line[i] : line[i + 1];
+            data[i] = most > line[i + 2] ? most : line[i + 2];
+        }
+    }
+}
+
+/* The same along y (axis 1) or z (axis 2): `rows` of `width` contiguous values at a time. */
+static void spsi_block_spread_rows(const spsi_block *block, float *data, int axis) {
+    const size_t width = (size_t)block->size[0] * (axis == 1 ? 1 : (size_t)block->size[1]);
+    const size_t rows = (size_t)block->size[axis], sets = axis == 1 ? (size_t)block->size[2] : 1;
+    float before[SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE];
+    for (size_t set = 0; set < sets; ++set) {
+        memcpy(before, data, width * sizeof(float));
+        for (size_t r = 0; r < rows; ++r, data += width) {
+            const float *after = r + 1 < rows ? data + width : data;
+            for (size_t i = 0; i < width; ++i) {
+                const float here = data[i], most = before[i] > here ? before[i] : here;
+                data[i] = most > after[i] ? most : after[i];
+                before[i] = here;
             }
         }
+    }
+}
+
+/* Replaces each value by the largest of its 3^3 neighbours. */
+static void spsi_block_spread(const spsi_block *block, float *data) {
+    spsi_block_spread_x(block, data);
+    spsi_block_spread_rows(block, data, 1);
+    spsi_block_spread_rows(block, data, 2);
 }
 
 /* Flags (1 or 0) the voxels of a block that add to something a transfer function shows. */
 static void spsi_block_flag_shown(const spsi_block *block) {
     const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
     size_t i = 0;
-    memcpy(block->least, block->values, count * sizeof(float));
+    for (size_t k = 0; k < count; ++k) block->negative[k] = -block->values[k];
     memcpy(block->flags, block->values, count * sizeof(float));
-    for (int axis = 0; axis < 3; ++axis) {
-        spsi_block_spread(block, block->least, axis, 1, -1);
-        spsi_block_spread(block, block->flags, axis, 1, 1);
-    }
+    spsi_block_spread(block, block->negative);
+    spsi_block_spread(block, block->flags);
     for (int z = 0; z < block->size[2]; ++z)
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, ++i) {
                 const int at[3] = {block->low[0] + x, block->low[1] + y, block->low[2] + z};
-                int face = 0;
+                int face = 0; /* beyond it, values are 0 */
                 for (int k = 0; k < 3; ++k) face |= at[k] == 0 || at[k] == block->medium->volume->size[k] - 1;
-                block->flags[i] = (float)spsi_transfer_shows(block->material, face ? 0 : block->least[i],
+                block->flags[i] = (float)spsi_transfer_shows(block->material, face ? 0 : -block->negative[i],
                                                              block->flags[i]);
             }
-    for (int axis = 0; axis < 3; ++axis) spsi_block_spread(block, block->flags, axis, 2, 1);
+    for (int twice = 0; twice < 2; ++twice) spsi_block_spread(block, block->flags);
 }
 
 /* Whether anything in a block that was read can matter: a quick look that spares most blocks the flags. */
@@ -1872,8 +1888,8 @@ static sps_result spsi_block_to_bricks(sps_context *context, const spsi_block *b
 static void spsi_block_buffers(spsi_block *block, void *memory) {
     block->positions = (double *)memory;
     block->values = (float *)(block->positions + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE);
-    block->least = block->values + SPSI_BLOCK_VOXELS;
-    block->flags = block->least + SPSI_BLOCK_VOXELS;
+    block->negative = block->values + SPSI_BLOCK_VOXELS;
+    block->flags = block->negative + SPSI_BLOCK_VOXELS;
 }
 
 static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
@@ -2459,7 +2475,7 @@ typedef struct spsi_anchor {
 
 /* Footprints of a vector of voxels. Distances along a ray are in v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
-    float x[SPSI_LANES], y[SPSI_LANES], t[SPSI_LANES], depth[SPSI_LANES], slab[SPSI_LANES];
+    float x[SPSI_LANES], y[SPSI_LANES], depth[SPSI_LANES], slab[SPSI_LANES];
     float amplitude[SPSI_LANES];
     float across[SPSI_LANES];       /* 1 / variance of x at given y */
     float lean[SPSI_LANES];         /* change of the mean x per y */
@@ -2485,7 +2501,7 @@ typedef struct spsi_tile {
     const spsi_hit *limits;          /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
     float eye_slab;                  /* slab coordinate of the eye, for the near case */
-    uint64_t sections, fragments;
+    uint64_t visits, fragments;      /* footprints written, and pixels times slabs of them */
 } spsi_tile;
 
 static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
@@ -2694,6 +2710,7 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
     const float height = f->half_height[i], width = f->half_width[i];
     const int y0 = spsi_most((int)ceilf(f->y[i] - height), tile->y0), y1 = spsi_least((int)floorf(f->y[i] + height), tile->y1);
     const int x0 = spsi_most((int)ceilf(f->x[i] - width), tile->x0), x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
+    tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
         const int count = spsi_least(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
@@ -2764,11 +2781,25 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
     if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
+    tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
                        (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES)
             spsi_splat_near_row(tile, s, q, value, x, y, x1, first, last, channel);
+}
+
+/* The lanes of a vector of voxels whose bits are set. */
+static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, const spsi_v q[3], spsi_v slab, spsi_v value,
+                                   int bits, float *channel) {
+    float lanes[5][SPSI_LANES];
+    for (int i = 0; i < 3; ++i) spsi_store(lanes[i], q[i]);
+    spsi_store(lanes[3], slab);
+    spsi_store(lanes[4], value);
+    for (int i = 0; bits >> i; ++i) {
+        const float position[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
+        if (bits >> i & 1) spsi_splat_near(tile, s, position, lanes[3][i], lanes[4][i], channel);
+    }
 }
 
 /* Ray coordinates, depth and slab of a vector of a brick's voxels. */
@@ -2812,28 +2843,23 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
                                         spsi_less(spsi_set(0), spsi_add(slab, reach))));
         if (!bits) continue;
         near_bits = s->perspective ? bits & spsi_bits(spsi_less(q[2], spsi_set(s->near_depth))) : 0;
-        spsi_store(f.t, q[2]);
+        bits &= ~near_bits;
         spsi_store(f.depth, depth);
         spsi_store(f.slab, slab);
         if (s->perspective) {
-            const spsi_v t = spsi_max(q[2], spsi_set(s->near_depth)), x = spsi_div(q[0], t), y = spsi_div(q[1], t);
-            spsi_store(f.x, x);
-            spsi_store(f.y, y);
-            if (bits & ~near_bits) spsi_footprint_shape(s, x, y, t, value, &f);
+            const spsi_v t = spsi_max(q[2], spsi_set(s->near_depth));
+            spsi_store(f.x, spsi_div(q[0], t));
+            spsi_store(f.y, spsi_div(q[1], t));
+            if (bits) spsi_footprint_shape(s, spsi_load(f.x), spsi_load(f.y), t, value, &f);
         } else {
             spsi_store(f.x, q[0]);
             spsi_store(f.y, q[1]);
             spsi_store(f.amplitude, spsi_mul(value, spsi_set(unit)));
         }
-        bits &= ~near_bits;
         if (bits) bits &= spsi_footprints_inside(tile, &f);
-        for (int lane = 0; lane < SPSI_LANES; ++lane) {
-            const float position[3] = {f.x[lane] * s->near_depth, f.y[lane] * s->near_depth, f.t[lane]};
-            if ((bits | near_bits) >> lane & 1) tile->sections += 1;
+        for (int lane = 0; bits >> lane; ++lane)
             if (bits >> lane & 1) spsi_splat_footprint(tile, s, &f, lane, channel);
-            if (near_bits >> lane & 1)
-                spsi_splat_near(tile, s, position, f.slab[lane], segment->value[at + lane], channel);
-        }
+        if (near_bits) spsi_splat_near_voxels(tile, s, q, slab, value, near_bits, channel);
     }
 }
 
@@ -3593,7 +3619,7 @@ typedef struct spsi_run {
     spsi_depth_map map;
     float *sheets;                  /* sheet_floats per worker */
     size_t sheet_floats;
-    uint64_t (*counts)[4];          /* per worker: sections, fragments, pixels shaded, and those of the light first */
+    uint64_t (*counts)[5];          /* per worker: visits and fragments for lights and for the eye, pixels shaded */
     int margin, slab_count;         /* slabs to composite in this chunk; 0: polygons only */
     float low, high;                /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
@@ -3728,7 +3754,7 @@ static void spsi_light_task(void *data, int index, int worker) {
     }
     spsi_light_accumulate(&run->light_shader, &tile, tile.x1);
     run->planes.uneven[index] = 1;
-    run->counts[worker][0] += tile.sections;
+    run->counts[worker][0] += tile.visits;
     run->counts[worker][1] += tile.fragments;
 }
 
@@ -3771,10 +3797,11 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-            run->counts[worker][3] += (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y,
+            run->counts[worker][4] += (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y,
                                                                   spsi_least(SPSI_LANES, width - x),
                                                                   touched ? SPSI_CHUNK : 0, run->low, run->high);
-    run->counts[worker][2] += tile.fragments;
+    run->counts[worker][2] += tile.visits;
+    run->counts[worker][3] += tile.fragments;
     if (!run->sweep->back_to_front) run->finished[index] = (unsigned char)spsi_tile_finished(run, &tile, x0, y0);
 }
 
@@ -3902,10 +3929,10 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
     job.count = context->brick_count;
     job.spans = (spsi_span *)spsi_reserve(context, SPSI_BUFFER_SPANS, (size_t)job.count, sizeof(spsi_span));
     run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
-    run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers, run->sheet_floats * sizeof(float) + 4 * sizeof(uint64_t) + 8);
+    run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers, run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
     if (!job.spans || !run->chunk_bricks || !run->sheets) return context->result;
     /* the counters follow the last worker's sheets, rounded up to their alignment */
-    run->counts = (uint64_t (*)[4])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
+    run->counts = (uint64_t (*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
     memset(run->counts, 0, workers * sizeof *run->counts);
     run->spans = job.spans;
     spsi_parallel(context, (job.count + 255) / 256, spsi_span_task, &job);
@@ -3989,10 +4016,11 @@ static void spsi_run_chunk(spsi_run *run, int chunk) {
 static void spsi_run_count(spsi_run *run) {
     sps_stats_report *stats = &run->context->stats;
     for (int i = 0; i < spsi_worker_count(run->context); ++i) {
-        stats->light_sections += run->counts[i][0];
+        stats->light_footprints += run->counts[i][0];
         stats->light_fragments += run->counts[i][1];
-        stats->eye_fragments += run->counts[i][2];
-        stats->pixels_shaded += run->counts[i][3];
+        stats->eye_footprints += run->counts[i][2];
+        stats->eye_fragments += run->counts[i][3];
+        stats->pixels_shaded += run->counts[i][4];
     }
     for (int i = 0; i < run->tiles_x * run->tiles_y; ++i) stats->tiles_finished += run->finished[i];
 }
@@ -4264,7 +4292,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t rows = (size_t)((region[1] + region[3] - 1) / SPSI_TILE_HEIGHT - region[1] / SPSI_TILE_HEIGHT + 1);
     const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     const size_t side = (size_t)spsi_most(sweep->rays.width, sweep->rays.height);
-    size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 40) + (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
+    size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) + (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 9;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);

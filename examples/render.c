@@ -468,8 +468,8 @@ static int print_plan(ex_session *session, const sps_scene *scene, const sps_vie
     X(triangle_calls)                                                                                                  \
     X(background_calls)                                                                                                \
     X(blocks_skipped) X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced) X(triangles)                      \
-        X(triangles_degenerate) X(pixels_of_polygons) X(slabs) X(slabs_empty) X(eye_sections) X(eye_fragments)         \
-            X(light_sections) X(light_fragments) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes)            \
+        X(triangles_degenerate) X(pixels_of_polygons) X(slabs) X(slabs_empty) X(eye_footprints) X(eye_fragments)         \
+            X(light_footprints) X(light_fragments) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes)            \
                 X(bytes_peak)
 
 static int write_stats(const char *path, const sps_context *context, ex_error *error) {

@@ -124,17 +124,17 @@ typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, voi
 
 /* All zero is valid: malloc, no threads, silence, no limit. Copied by sps_create. */
 typedef struct sps_config {
-    uint32_t start_canary;                           /* leave 0 */
-    void *(*alloc_fn)(void *user, size_t size);      /* set both or neither; alignment as malloc's */
+    uint32_t start_canary;                      /* leave 0 */
+    void *(*alloc_fn)(void *user, size_t size); /* set both or neither; alignment as malloc's */
     void (*free_fn)(void *user, void *pointer, size_t size);
-    sps_parallel_for_fn parallel_for_fn;             /* NULL: the calling thread does all */
-    int worker_count;                                /* 1..1024 with parallel_for_fn; 0 means 1 */
-    int (*progress_fn)(void *user, float fraction);  /* called often, 0..1, never falling; non-zero cancels */
-    void (*message_fn)(void *user, const char *text);/* one line without newline: errors, replaced data */
-    double (*clock_fn)(void *user);                  /* seconds; NULL: sps_stats reports no times */
-    size_t memory_limit;                             /* bytes; 0: none */
+    sps_parallel_for_fn parallel_for_fn;              /* NULL: the calling thread does all */
+    int worker_count;                                 /* 1..1024 with parallel_for_fn; 0 means 1 */
+    int (*progress_fn)(void *user, float fraction);   /* called often, 0..1, never falling; non-zero cancels */
+    void (*message_fn)(void *user, const char *text); /* one line without newline: errors, replaced data */
+    double (*clock_fn)(void *user);                   /* seconds; NULL: sps_stats reports no times */
+    size_t memory_limit;                              /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
-    uint32_t end_canary;                             /* leave 0 */
+    uint32_t end_canary; /* leave 0 */
 } sps_config;
 
 /* An affine map: local (0,0,0) goes to origin, local unit steps along x, y, z go along axis[0], axis[1], axis[2].
@@ -163,7 +163,8 @@ typedef struct sps_transfer_point {
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out); /* fills color, extinction */
+    /* Fills color and extinction of `count` points. Non-zero: failure. */
+    int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
     float value_max; /* the largest value of interest; 0 means the last point's value, or 1 with eval_fn */
 } sps_transfer;
@@ -187,20 +188,20 @@ typedef struct sps_volume {
     /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
-    uint64_t revision;       /* not 0: the voxels are kept for the next call, and read again when this changes */
+    uint64_t revision; /* not 0: the voxels are kept for the next call, and read again when this changes */
 
-    float extinction;        /* gas: per world unit at value 1, >= 0 */
-    float albedo[3];         /* gas: 0..1; all zero: absorbs only */
-    float emission[3];       /* gas: radiance per world unit at value 1, >= 0 */
-    const sps_lobe *lobes;   /* NULL: isotropic */
-    int lobe_count;          /* 0..8 */
+    float extinction;      /* gas: per world unit at value 1, >= 0 */
+    float albedo[3];       /* gas: 0..1; all zero: absorbs only */
+    float emission[3];     /* gas: radiance per world unit at value 1, >= 0 */
+    const sps_lobe *lobes; /* NULL: isotropic */
+    int lobe_count;        /* 0..8 */
 
     const sps_transfer *transfer; /* NULL: gas */
-    sps_shading shading;     /* with a transfer function */
-    float gradient_full;     /* change of value per voxel at which shading is wholly a surface's; 0 means 0.05 */
-    float specular;          /* strength of the highlight, 0..1 */
-    float shininess;         /* Blinn-Phong exponent, 0 means 32 */
-    uint32_t end_canary;     /* leave 0 */
+    sps_shading shading;          /* with a transfer function */
+    float gradient_full;          /* change of value per voxel at which shading is wholly a surface's; 0 means 0.05 */
+    float specular;               /* strength of the highlight, 0..1 */
+    float shininess;              /* Blinn-Phong exponent, 0 means 32 */
+    uint32_t end_canary;          /* leave 0 */
 } sps_volume;
 
 typedef struct sps_triangle {
@@ -217,9 +218,9 @@ typedef struct sps_mesh {
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
-    float color[3];        /* reflectance, 0..1 */
+    float color[3]; /* reflectance, 0..1 */
     int has_normals, has_colors;
-    uint32_t end_canary;   /* leave 0 */
+    uint32_t end_canary; /* leave 0 */
 } sps_mesh;
 
 typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
@@ -231,72 +232,72 @@ typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_l
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
-    double direction[3];   /* directional: the way the light travels; any length but 0 */
-    double position[3];    /* point */
-    float color[3];        /* >= 0; directional: irradiance, point: intensity; all zero: no light */
-    int no_shadow;         /* 1: shines through everything */
-    uint32_t end_canary;   /* leave 0 */
+    double direction[3]; /* directional: the way the light travels; any length but 0 */
+    double position[3];  /* point */
+    float color[3];      /* >= 0; directional: irradiance, point: intensity; all zero: no light */
+    int no_shadow;       /* 1: shines through everything */
+    uint32_t end_canary; /* leave 0 */
 } sps_light;
 
 /* Borrowed for the call. Zero is absent. Anything may overlap anything. */
 typedef struct sps_scene {
-    uint32_t start_canary;     /* leave 0 */
+    uint32_t start_canary; /* leave 0 */
     const sps_volume *volumes;
-    int volume_count;          /* up to 64 that hold voxels */
+    int volume_count; /* up to 64 that hold voxels */
     const sps_mesh *meshes;
     int mesh_count;
     const sps_light *lights;
     int light_count;
-    float ambient[3];          /* radiance from everywhere, >= 0; lights gases and surfaces without shadow */
-    float background[3];       /* radiance behind everything, >= 0; does not count in alpha */
+    float ambient[3];    /* radiance from everywhere, >= 0; lights gases and surfaces without shadow */
+    float background[3]; /* radiance behind everything, >= 0; does not count in alpha */
     /* Instead of the colour: radiance along unit directions (packed triples), one row of pixels a call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    int replace_invalid;       /* 1: values that would be an error become 0 and are counted */
-    uint32_t end_canary;       /* leave 0 */
+    int replace_invalid; /* 1: values that would be an error become 0 and are counted */
+    uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
 /*                  slab    shadow texels    rays end at    kernels end at   ripple of a constant
                   (voxels)     per voxel    transmittance      (voxels)        grid (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,  /*  2        0.75        0.01              1.82            0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM, /*  1        1           0.003             2.15            0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,   /*  0.5      2           0.0005            2.5             0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA   /*  0.25     4           0.00005           2.5             0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2        0.75        0.01              1.82            0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1        1           0.003             2.15            0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5      2           0.0005            2.5             0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25     4           0.00005           2.5             0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {
-    uint32_t start_canary;     /* leave 0 */
-    int width, height;         /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
+    uint32_t start_canary; /* leave 0 */
+    int width, height;     /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
     double position[3], target[3], up[3]; /* up zero or along the view: some axis is chosen */
-    double field_of_view;      /* vertical angle, up to 3.1; 0: orthographic */
-    double ortho_height;       /* orthographic: world height of the image; 0 means 1 */
+    double field_of_view;                 /* vertical angle, up to 3.1; 0: orthographic */
+    double ortho_height;                  /* orthographic: world height of the image; 0 means 1 */
     const double *world_to_clip; /* instead of all above but the size: 16 numbers, any depth convention, +y is up */
-    double near_distance;      /* along the camera's axis; what is nearer is not seen; >= 0 */
-    int region[4];             /* x, y, width, height of the part to render; width 0: all */
+    double near_distance;        /* along the camera's axis; what is nearer is not seen; >= 0 */
+    int region[4];               /* x, y, width, height of the part to render; width 0: all */
     sps_quality quality;
-    double slab;               /* sheet thickness in voxels, the main knob; 0: from quality */
-    int shadow_size;           /* texels of a shadow buffer's longer side, up to 16384; 0: from quality */
-    int no_shadows;            /* 1: as no_shadow on every light */
-    uint32_t end_canary;       /* leave 0 */
+    double slab;         /* sheet thickness in voxels, the main knob; 0: from quality */
+    int shadow_size;     /* texels of a shadow buffer's longer side, up to 16384; 0: from quality */
+    int no_shadows;      /* 1: as no_shadow on every light */
+    uint32_t end_canary; /* leave 0 */
 } sps_view;
 
 /* The caller's buffers, of the region's size. */
 typedef struct sps_image {
-    float *rgba;      /* premultiplied radiance and coverage */
-    float *depth;     /* optional: mean distance along the ray of what is seen, weighted by coverage; none: infinity */
-    size_t row_pixels;/* pixels from one row to the next; 0 means the region's width */
+    float *rgba;       /* premultiplied radiance and coverage */
+    float *depth;      /* optional: mean distance along the ray of what is seen, weighted by coverage; none: infinity */
+    size_t row_pixels; /* pixels from one row to the next; 0 means the region's width */
 } sps_image;
 
 typedef enum sps_pass {
-    SPS_PASS_GATHER = 0,    /* relevant voxels read into bricks */
-    SPS_PASS_EYE_POLYGONS,  /* triangles rasterised for the eye */
-    SPS_PASS_LIGHT_POLYGONS,/* ... into depth maps, per shadowing light */
-    SPS_PASS_EYE_SHEETS,    /* voxels splatted for the eye, once per sweep */
-    SPS_PASS_LIGHT_SHEETS,  /* ... for a light, once per shadowing light */
-    SPS_PASS_GRADIENT,      /* central differences across sheets */
-    SPS_PASS_SCATTERING,    /* light leaving the sheets */
+    SPS_PASS_GATHER = 0,     /* relevant voxels read into bricks */
+    SPS_PASS_EYE_POLYGONS,   /* triangles rasterised for the eye */
+    SPS_PASS_LIGHT_POLYGONS, /* ... into depth maps, per shadowing light */
+    SPS_PASS_EYE_SHEETS,     /* voxels splatted for the eye, once per sweep */
+    SPS_PASS_LIGHT_SHEETS,   /* ... for a light, once per shadowing light */
+    SPS_PASS_GRADIENT,       /* central differences across sheets */
+    SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_EMISSION,
     SPS_PASS_AMBIENT,
     SPS_PASS_SURFACE_LIGHT, /* lights on polygons */
@@ -311,29 +312,29 @@ typedef struct sps_pass_report {
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    int sweep_count;             /* passes over the slabs: one per shadowing light, or one */
-    int color_channels;          /* 3, or 1 where every colour is grey */
-    int sheet_channels;          /* values splatted per pixel and slab for the eye */
-    int slab_count;              /* of the longest sweep */
+    int sweep_count;                 /* passes over the slabs: one per shadowing light, or one */
+    int color_channels;              /* 3, or 1 where every colour is grey */
+    int sheet_channels;              /* values splatted per pixel and slab for the eye */
+    int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls; /* exact */
-    uint64_t voxels_read;        /* exact, borders of blocks counted each time */
-    size_t bytes;                /* all that the context will hold, at most; image.depth included */
+    uint64_t voxels_read;                                         /* exact, borders of blocks counted each time */
+    size_t bytes; /* all that the context will hold, at most; image.depth included */
 } sps_plan_report;
 
 typedef struct sps_stats_report {
     double seconds_gather, seconds_polygons, seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, background_calls;
-    uint64_t blocks_skipped;     /* not read, because range_fn showed that nothing in them matters */
+    uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
-    uint64_t slabs, slabs_empty; /* over all sweeps */
-    uint64_t eye_footprints, eye_fragments;     /* voxels written to a tile's chunk of slabs; their pixels times slabs */
+    uint64_t slabs, slabs_empty;            /* over all sweeps */
+    uint64_t eye_footprints, eye_fragments; /* voxels written to a tile's chunk of slabs; their pixels times slabs */
     uint64_t light_footprints, light_fragments;
-    uint64_t pixels_shaded;      /* pixels times slabs that held something */
-    uint64_t tiles_finished;     /* tiles that went opaque before the last slab */
+    uint64_t pixels_shaded;  /* pixels times slabs that held something */
+    uint64_t tiles_finished; /* tiles that went opaque before the last slab */
     uint64_t allocations;
-    size_t bytes, bytes_peak;    /* held now, and at most since sps_create */
+    size_t bytes, bytes_peak; /* held now, and at most since sps_create */
 } sps_stats_report;
 
 typedef struct sps_context sps_context; /* opaque */
@@ -354,12 +355,14 @@ SPS_API const char *sps_error(const sps_context *context);
 
 /* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels or triangles.
    `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
-SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view, sps_plan_report *report);
+SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
+                            sps_plan_report *report);
 
 /* Renders the view's region into the caller's image. Time is about (relevant voxels) * (footprint area in pixels)
    * (slabs that a voxel touches) for the eye, the same for each shadowing light, and a little per pixel and slab.
    The image is written only if SPS_OK is returned. Any sps_result can occur. */
-SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view, const sps_image *image);
+SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
+                              const sps_image *image);
 
 /* The same scene by brute force, in double precision, for measuring: marches f(p) along each pixel's ray with
    shadow rays at every sample, and meets polygons by exact intersection. `step` is in voxels (> 0); the error is
@@ -395,31 +398,31 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #ifndef SPS_MALLOC
 #include <stdlib.h>
 #define SPS_MALLOC(n) malloc(n)
-#define SPS_FREE(p) free(p)
+#define SPS_FREE(p)   free(p)
 #endif
 #ifndef SPS_SNPRINTF
 #include <stdio.h>
 #define SPS_SNPRINTF snprintf
 #endif
 
-#define SPSI_PI 3.14159265358979323846
+#define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX 16384       /* pixels or texels on a side; 2^28 of them still count in an int */
-#define SPSI_SLABS_MAX (1 << 20)  /* slab coordinates within a chunk stay exact in a float far beyond this */
+#define SPSI_SIZE_MAX    16384     /* pixels or texels on a side; 2^28 of them still count in an int */
+#define SPSI_SLABS_MAX   (1 << 20) /* slab coordinates within a chunk stay exact in a float far beyond this */
 #define SPSI_VOLUMES_MAX 64
-#define SPSI_LOBES_MAX 8
+#define SPSI_LOBES_MAX   8
 #define SPSI_WORKERS_MAX 1024
-#define SPSI_VALUE_MAX 1e18f      /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_VALUE_MIN 1e-30f     /* smaller ones would only make denormal numbers */
-#define SPSI_DEPTH_MAX 1e15f      /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
+#define SPSI_VALUE_MAX   1e18f  /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_VALUE_MIN   1e-30f /* smaller ones would only make denormal numbers */
+#define SPSI_DEPTH_MAX   1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
 
-#define SPSI_TILE_WIDTH 64        /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
+#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
-#define SPSI_CHUNK 16             /* slabs splatted in one visit of a voxel */
-#define SPSI_BRICK 8              /* voxels along a brick's edge: what is binned together */
-#define SPSI_BLOCK 32             /* voxels along a block's edge: what a provider is asked for */
-#define SPSI_MARGIN 3             /* voxels around a block that decide which of its voxels a transfer function shows */
+#define SPSI_CHUNK       16 /* slabs splatted in one visit of a voxel */
+#define SPSI_BRICK       8  /* voxels along a brick's edge: what is binned together */
+#define SPSI_BLOCK       32 /* voxels along a block's edge: what a provider is asked for */
+#define SPSI_MARGIN      3  /* voxels around a block that decide which of its voxels a transfer function shows */
 
 /* ================================================================================================= >>simd
    2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a truth value for each. All that is above this section
@@ -465,9 +468,7 @@ static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return (spsi_m)(a & b); }
 static inline int spsi_bits(spsi_m m) { return (int)m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
 static inline void spsi_store_int(int *p, spsi_v a) { _mm512_storeu_si512(p, _mm512_cvtps_epi32(a)); }
-static inline spsi_v spsi_iota(void) {
-    return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
-}
+static inline spsi_v spsi_iota(void) { return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0); }
 static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
     const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
     const __m512i i = _mm512_add_epi32(row, _mm512_cvttps_epi32(x));
@@ -502,7 +503,9 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return _mm256_cmp_ps(a, b, 
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return _mm256_and_ps(a, b); }
 static inline int spsi_bits(spsi_m m) { return _mm256_movemask_ps(m); }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm256_blendv_ps(b, a, m); }
-static inline void spsi_store_int(int *p, spsi_v a) { _mm256_storeu_si256((__m256i *)(void *)p, _mm256_cvtps_epi32(a)); }
+static inline void spsi_store_int(int *p, spsi_v a) {
+    _mm256_storeu_si256((__m256i *)(void *)p, _mm256_cvtps_epi32(a));
+}
 static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
 static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
@@ -726,25 +729,25 @@ static int spsi_most(int a, int b) { return a > b ? a : b; }
    Memory lives in numbered buffers that keep their largest size from call to call. */
 
 typedef enum spsi_buffer_id {
-    SPSI_BUFFER_FRAME,     /* the checked scene, >>scene */
-    SPSI_BUFFER_TABLES,    /* transfer functions */
-    SPSI_BUFFER_BLOCK,     /* one block of values, its positions and flags, >>gather */
+    SPSI_BUFFER_FRAME,  /* the checked scene, >>scene */
+    SPSI_BUFFER_TABLES, /* transfer functions */
+    SPSI_BUFFER_BLOCK,  /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_SEGMENTS,  /* the list of voxel segments */
     SPSI_BUFFER_FACES,     /* triangles, >>polygons */
     SPSI_BUFFER_FACE_ROWS, /* which rows each triangle covers */
     SPSI_BUFFER_EYE_FACES, /* the triangle that each pixel shows */
     SPSI_BUFFER_DEPTH_MAPS,
-    SPSI_BUFFER_PIXELS,    /* optical depth and radiance, >>shading */
-    SPSI_BUFFER_PLANES,    /* a light's optical depth at the slabs of a chunk, >>lightsheets */
-    SPSI_BUFFER_SHEETS,    /* a tile of sheets per worker */
-    SPSI_BUFFER_SPANS,     /* which slabs and pixels each brick touches, >>sweep */
-    SPSI_BUFFER_CHUNK,     /* the bricks of one chunk */
-    SPSI_BUFFER_TILES,     /* what is known of each tile */
-    SPSI_BUFFER_RUN,       /* what the tasks of a sweep share */
-    SPSI_BUFFER_TOTAL,     /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,       /* directions and colours of one row of background */
-    SPSI_BUFFER_MARCHER,   /* >>reference */
+    SPSI_BUFFER_PIXELS,  /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,  /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_SHEETS,  /* a tile of sheets per worker */
+    SPSI_BUFFER_SPANS,   /* which slabs and pixels each brick touches, >>sweep */
+    SPSI_BUFFER_CHUNK,   /* the bricks of one chunk */
+    SPSI_BUFFER_TILES,   /* what is known of each tile */
+    SPSI_BUFFER_RUN,     /* what the tasks of a sweep share */
+    SPSI_BUFFER_TOTAL,   /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,     /* directions and colours of one row of background */
+    SPSI_BUFFER_MARCHER, /* >>reference */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_FACES,
     SPSI_BUFFER_REFERENCE_NODES,
@@ -764,8 +767,8 @@ struct sps_context {
     float progress;
     double clock_start;
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
-    int segment_count;      /* voxel segments held, >>gather */
-    uint64_t gathered;      /* fingerprint of the volumes whose voxels are held; 0: none */
+    int segment_count; /* voxel segments held, >>gather */
+    uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
     int brick_count;
     uint64_t voxel_count;
 };
@@ -791,8 +794,10 @@ static sps_result spsi_fail_field(sps_context *context, sps_result result, const
 
 static void spsi_release(sps_context *context, void *data, size_t size) {
     if (!data) return;
-    if (context->config.free_fn) context->config.free_fn(context->config.alloc_user, data, size);
-    else SPS_FREE(data);
+    if (context->config.free_fn)
+        context->config.free_fn(context->config.alloc_user, data, size);
+    else
+        SPS_FREE(data);
     context->stats.bytes -= size;
 }
 
@@ -811,7 +816,8 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
         SPS_SNPRINTF(sentence, sizeof sentence, "memory: %.0f bytes more than the %.0f held were refused by the %s",
                      (double)count * (double)size, (double)context->stats.bytes,
                      limit && (double)count * (double)size + (double)context->stats.bytes > (double)limit
-                         ? "memory_limit" : "allocator");
+                         ? "memory_limit"
+                         : "allocator");
         spsi_fail(context, SPS_ERROR_MEMORY, sentence);
         return NULL;
     }
@@ -876,13 +882,13 @@ static sps_result spsi_progress(sps_context *context, double fraction) {
 }
 
 /* =============================================================================================== >>kernel
-   5  The voxel kernel, a Gaussian of SPSI_SIGMA voxels cut at SPSI_CUT standard deviations or less, and the closed forms for
-   light in a sheet. */
+   5  The voxel kernel, a Gaussian of SPSI_SIGMA voxels cut at SPSI_CUT standard deviations or less, and the closed
+   forms for light in a sheet. */
 
-#define SPSI_SIGMA 0.65         /* voxels; a lattice of such kernels is constant to 0.05 % */
-#define SPSI_REACH 2.5          /* voxels */
-#define SPSI_CUT (SPSI_REACH / SPSI_SIGMA)
-#define SPSI_PIXEL_SIGMA 0.5    /* least footprint width in pixels: the pixel filter where voxels are smaller */
+#define SPSI_SIGMA       0.65 /* voxels; a lattice of such kernels is constant to 0.05 % */
+#define SPSI_REACH       2.5  /* voxels */
+#define SPSI_CUT         (SPSI_REACH / SPSI_SIGMA)
+#define SPSI_PIXEL_SIGMA 0.5 /* least footprint width in pixels: the pixel filter where voxels are smaller */
 
 /* The kernel's mass in the disc of the footprint that is kept. Dividing by it makes a constant grid constant. */
 static double spsi_footprint_mass(double cut) { return -expm1(-0.5 * cut * cut); }
@@ -908,8 +914,8 @@ static inline spsi_v spsi_kernel_share(spsi_v v) {
    for either compositing order. The series below d = 0.25 is good to 1e-7. */
 static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
     const spsi_v d = spsi_abs(spsi_sub(a, b));
-    const spsi_v quotient = spsi_div(spsi_sub(spsi_set(1), spsi_exp(spsi_sub(spsi_set(0), d))),
-                                     spsi_max(d, spsi_set(0.25f)));
+    const spsi_v quotient =
+        spsi_div(spsi_sub(spsi_set(1), spsi_exp(spsi_sub(spsi_set(0), d))), spsi_max(d, spsi_set(0.25f)));
     spsi_v series = spsi_fma(d, spsi_set(-1.0f / 720), spsi_set(1.0f / 120));
     series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(1.0f / 24));
     series = spsi_fma(spsi_mul(d, spsi_set(-1)), series, spsi_set(1.0f / 6));
@@ -986,11 +992,11 @@ static int spsi_rays_from_camera(spsi_rays *rays, const sps_view *view) {
     spsi_along(view->target, view->position, -1, forward);
     if (!spsi_normalise(forward)) return 0;
     spsi_cross(forward, view->up, right);
-    if (!(spsi_length(right) > 1e-6 * spsi_length(view->up)) || !spsi_normalise(right)) spsi_basis(forward, right, down);
+    if (!(spsi_length(right) > 1e-6 * spsi_length(view->up)) || !spsi_normalise(right))
+        spsi_basis(forward, right, down);
     spsi_cross(forward, right, down);
     rays->perspective = view->field_of_view > 0;
-    pitch = rays->perspective ? 2 * tan(0.5 * view->field_of_view)
-                              : view->ortho_height > 0 ? view->ortho_height : 1;
+    pitch = rays->perspective ? 2 * tan(0.5 * view->field_of_view) : view->ortho_height > 0 ? view->ortho_height : 1;
     pitch /= view->height;
     spsi_rays_aim(rays, view->position, right, down, forward, pitch, pitch);
     return spsi_rays_complete(rays);
@@ -1043,19 +1049,20 @@ typedef struct spsi_material {
     float extinction, albedo[3], emission[3];
     sps_lobe lobes[SPSI_LOBES_MAX]; /* weights add up to 1 */
     int lobe_count;
-    spsi_table *table;              /* NULL: gas */
-    float table_scale;              /* entries per unit of value */
+    spsi_table *table; /* NULL: gas */
+    float table_scale; /* entries per unit of value */
     sps_shading shading;
-    float gradient_scale;           /* per change of value per voxel */
-    float voxel_length;             /* world; the cube root of a voxel's volume */
+    float gradient_scale; /* per change of value per voxel */
+    float voxel_length;   /* world; the cube root of a voxel's volume */
     float specular, shininess;
     int scatters, emits, extinguishes;
 } spsi_material;
 
 /* One lobe for a vector of cosines. The denominator is at least (1 - |g|)^2 > 0. [Henyey & Greenstein 1941] */
 static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
-    const spsi_v square = spsi_max(spsi_set((1 - g) * (1 - g) < (1 + g) * (1 + g) ? (1 - g) * (1 - g) : (1 + g) * (1 + g)),
-                                   spsi_fma(cosine, spsi_set(-2 * g), spsi_set(1 + g * g)));
+    const spsi_v square =
+        spsi_max(spsi_set((1 - g) * (1 - g) < (1 + g) * (1 + g) ? (1 - g) * (1 - g) : (1 + g) * (1 + g)),
+                 spsi_fma(cosine, spsi_set(-2 * g), spsi_set(1 + g * g)));
     return spsi_div(spsi_set((1 - g * g) * (float)(0.25 / SPSI_PI)), spsi_mul(square, spsi_sqrt(square)));
 }
 
@@ -1094,8 +1101,7 @@ static void spsi_transfer_at_points(const sps_transfer *transfer, float value, f
     if (points[high].value > points[low].value)
         t = (value - points[low].value) / (points[high].value - points[low].value);
     t = t < 0 ? 0 : t > 1 ? 1 : t;
-    for (int c = 0; c < 3; ++c)
-        out[c] = points[low].color[c] + t * (points[high].color[c] - points[low].color[c]);
+    for (int c = 0; c < 3; ++c) out[c] = points[low].color[c] + t * (points[high].color[c] - points[low].color[c]);
     out[3] = points[low].extinction + t * (points[high].extinction - points[low].extinction);
 }
 
@@ -1176,12 +1182,12 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 
 typedef struct spsi_medium { /* a volume that holds voxels */
     const sps_volume *volume;
-    int index;               /* in the scene's array, for error sentences */
-    double corner[3];        /* world position of the box's corner at voxel (0,0,0) */
-    double step[3][3];       /* world vectors of one voxel's edges */
+    int index;         /* in the scene's array, for error sentences */
+    double corner[3];  /* world position of the box's corner at voxel (0,0,0) */
+    double step[3][3]; /* world vectors of one voxel's edges */
     double voxel_volume;
-    int channel;             /* of the eye's sheets, and index of its material */
-    int light_channel;       /* of a light's sheets: gases share number 0 */
+    int channel;       /* of the eye's sheets, and index of its material */
+    int light_channel; /* of a light's sheets: gases share number 0 */
 } spsi_medium;
 
 typedef struct spsi_bounds {
@@ -1190,19 +1196,19 @@ typedef struct spsi_bounds {
 
 typedef struct spsi_frame {
     const sps_scene *scene;
-    sps_view view;               /* all fields resolved; region filled in */
-    double threshold;            /* transmittance at which an eye ray ends */
-    double shadow_texels;        /* per voxel */
-    double cut;                  /* standard deviations at which the splatter's kernels end */
+    sps_view view;        /* all fields resolved; region filled in */
+    double threshold;     /* transmittance at which an eye ray ends */
+    double shadow_texels; /* per voxel */
+    double cut;           /* standard deviations at which the splatter's kernels end */
     spsi_rays eye;
     int medium_count, material_count, light_channel_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
     spsi_material materials[SPSI_VOLUMES_MAX];
     spsi_bounds volume_bounds, mesh_bounds;
     size_t triangle_count;
-    int channels;                /* of radiance: 1 where all is grey */
-    int lit_count;               /* lights that are not black */
-    int shadow_count;            /* of these, lights that cast shadows */
+    int channels;     /* of radiance: 1 where all is grey */
+    int lit_count;    /* lights that are not black */
+    int shadow_count; /* of these, lights that cast shadows */
     int scatters, emits, has_gradient, has_ambient, wants_depth;
 } spsi_frame;
 
@@ -1275,7 +1281,8 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "canary", 1, "the struct was not zeroed");
     for (int k = 0; k < 3; ++k)
         if (volume->size[k] < 0 || volume->size[k] > 65536)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "size", volume->size[k], "it must be 0..65536");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "size", volume->size[k],
+                                   "it must be 0..65536");
     if (!spsi_volume_present(volume)) return SPS_OK;
     if (!volume->read_fn == !volume->eval_fn)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "read_fn", 0,
@@ -1374,8 +1381,8 @@ static sps_result spsi_check_camera(sps_context *context, const sps_view *view) 
     }
     for (int i = 0; i < 3; ++i)
         if (!spsi_finite(&view->position[i], 1) || !spsi_finite(&view->target[i], 1) || !spsi_finite(&view->up[i], 1))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "position, target or up",
-                                   view->position[i], "they must be finite");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "position, target or up", view->position[i],
+                                   "they must be finite");
     if (!(view->field_of_view >= 0 && view->field_of_view <= 3.1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "field_of_view", view->field_of_view,
                                "it must be 0..3.1 radians");
@@ -1438,8 +1445,8 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     } else if (!spsi_rays_from_camera(eye, view)) {
         return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
     }
-    eye->near_depth = view->world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL
-                                                                                           : view->near_distance;
+    eye->near_depth =
+        view->world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
     return SPS_OK;
 }
@@ -1572,7 +1579,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
     const sps_scene *scene = frame->scene;
     int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
     for (int i = 0; i < scene->light_count; ++i) grey &= spsi_grey(scene->lights[i].color);
-    for (int i = 0; i < scene->mesh_count; ++i) grey &= !scene->meshes[i].has_colors && spsi_grey(scene->meshes[i].color);
+    for (int i = 0; i < scene->mesh_count; ++i)
+        grey &= !scene->meshes[i].has_colors && spsi_grey(scene->meshes[i].color);
     for (int i = 0; i < frame->material_count; ++i) {
         const spsi_material *material = &frame->materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
@@ -1607,7 +1615,8 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
    9  Relevant voxels. Providers are read block by block; voxels that matter go into bricks of 8^3, 16 bytes each, in
    segments that never move. For a gas a voxel matters if it is not 0. For a transfer function, it matters within two
    voxels of a place where the values of 3^3 neighbours span something that has extinction: two voxels hold 99.6 % of
-   a kernel's weight, so that what shows is made of all that adds to it. Cost: one visit per voxel of the blocks read. */
+   a kernel's weight, so that what shows is made of all that adds to it. Cost: one visit per voxel of the blocks read.
+ */
 
 #define SPSI_SEGMENT 16384 /* voxels; a brick lies in one segment */
 
@@ -1618,23 +1627,24 @@ typedef struct spsi_segment {
 } spsi_segment;
 
 typedef struct spsi_brick {
-    int medium, base[3];               /* base: its first voxel */
-    unsigned char low[3], high[3];     /* its voxels' least and largest steps */
+    int medium, base[3];           /* base: its first voxel */
+    unsigned char low[3], high[3]; /* its voxels' least and largest steps */
     int segment, first, count;
 } spsi_brick;
 
 typedef struct spsi_block {
     const spsi_medium *medium;
     const spsi_material *material;
-    int low[3], size[3];               /* what is read: the core and its margin, cut at the volume's faces */
-    int core_low[3], core_high[3];     /* what is gathered from it */
-    float *values, *negative, *flags;  /* SPSI_BLOCK_VOXELS each */
-    double *positions;                 /* of one layer, for eval_fn */
+    int low[3], size[3];              /* what is read: the core and its margin, cut at the volume's faces */
+    int core_low[3], core_high[3];    /* what is gathered from it */
+    float *values, *negative, *flags; /* SPSI_BLOCK_VOXELS each */
+    double *positions;                /* of one layer, for eval_fn */
 } spsi_block;
 
-#define SPSI_BLOCK_EDGE (SPSI_BLOCK + 2 * SPSI_MARGIN)
+#define SPSI_BLOCK_EDGE   (SPSI_BLOCK + 2 * SPSI_MARGIN)
 #define SPSI_BLOCK_VOXELS (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
-#define SPSI_BLOCK_BYTES (3 * SPSI_BLOCK_VOXELS * sizeof(float) + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * sizeof(double))
+#define SPSI_BLOCK_BYTES                                                                                               \
+    (3 * SPSI_BLOCK_VOXELS * sizeof(float) + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * sizeof(double))
 
 static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material, int index) {
     const int margin = material->table ? SPSI_MARGIN : 0;
@@ -1658,7 +1668,8 @@ static int spsi_block_count(const spsi_medium *medium) {
 
 static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
     return (size_t)(x - block->low[0]) +
-           (size_t)block->size[0] * ((size_t)(y - block->low[1]) + (size_t)block->size[1] * (size_t)(z - block->low[2]));
+           (size_t)block->size[0] *
+               ((size_t)(y - block->low[1]) + (size_t)block->size[1] * (size_t)(z - block->low[2]));
 }
 
 /* Whether the block lies against one of the volume's faces, beyond which the value is 0. */
@@ -1680,8 +1691,10 @@ static sps_result spsi_block_range(sps_context *context, const spsi_block *block
         return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "range_fn", 1, "it failed");
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading will tell */
     if (range[0] < 0 || spsi_block_outermost(block)) range[0] = 0;
-    if (block->material->table) *empty = !spsi_transfer_shows(block->material, range[0], range[1]);
-    else *empty = range[1] < SPSI_VALUE_MIN;
+    if (block->material->table)
+        *empty = !spsi_transfer_shows(block->material, range[0], range[1]);
+    else
+        *empty = range[1] < SPSI_VALUE_MIN;
     return SPS_OK;
 }
 
@@ -1792,8 +1805,8 @@ static void spsi_block_flag_shown(const spsi_block *block) {
                 const int at[3] = {block->low[0] + x, block->low[1] + y, block->low[2] + z};
                 int face = 0; /* beyond it, values are 0 */
                 for (int k = 0; k < 3; ++k) face |= at[k] == 0 || at[k] == block->medium->volume->size[k] - 1;
-                block->flags[i] = (float)spsi_transfer_shows(block->material, face ? 0 : -block->negative[i],
-                                                             block->flags[i]);
+                block->flags[i] =
+                    (float)spsi_transfer_shows(block->material, face ? 0 : -block->negative[i], block->flags[i]);
             }
     for (int twice = 0; twice < 2; ++twice) spsi_block_spread(block, block->flags);
 }
@@ -1854,7 +1867,8 @@ static void spsi_brick_fill(const spsi_block *block, const int base[3], spsi_seg
             for (int x = 0; x < end[0]; ++x) {
                 const float value = block->values[row + (size_t)x];
                 const int step[3] = {x, y, z};
-                if (value < SPSI_VALUE_MIN || (block->material->table && !(block->flags[row + (size_t)x] > 0))) continue;
+                if (value < SPSI_VALUE_MIN || (block->material->table && !(block->flags[row + (size_t)x] > 0)))
+                    continue;
                 spsi_brick_widen(brick, step);
                 segment->x[segment->used] = (float)x;
                 segment->y[segment->used] = (float)y;
@@ -1948,8 +1962,8 @@ static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
         for (int corner = 0; corner < 8; ++corner) {
             double at[3], point[3];
             for (int k = 0; k < 3; ++k)
-                at[k] = bricks[i].base[k] + 0.5 + (corner >> k & 1 ? bricks[i].high[k] + SPSI_REACH
-                                                                  : bricks[i].low[k] - SPSI_REACH);
+                at[k] = bricks[i].base[k] + 0.5 +
+                        (corner >> k & 1 ? bricks[i].high[k] + SPSI_REACH : bricks[i].low[k] - SPSI_REACH);
             spsi_voxel_position(&frame->media[bricks[i].medium], at, point);
             spsi_bounds_add(&frame->volume_bounds, point);
         }
@@ -1986,7 +2000,7 @@ typedef struct spsi_face {
 } spsi_face;
 
 typedef struct spsi_hit {
-    float depth;   /* t - depth_reference; infinity: nothing */
+    float depth; /* t - depth_reference; infinity: nothing */
     int face;
     float weights[2]; /* of corners 1 and 2 */
 } spsi_hit;
@@ -2069,7 +2083,8 @@ static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int 
                                        "positions and normals must be finite, colours 0..1");
             if (spsi_face_from_triangle(mesh, &placement, &triangles[i], frame, faces, &list[faces->count]))
                 faces->count += 1;
-            else context->stats.triangles_degenerate += 1;
+            else
+                context->stats.triangles_degenerate += 1;
         }
     }
     return SPS_OK;
@@ -2091,9 +2106,9 @@ static sps_result spsi_gather_faces(sps_context *context, spsi_frame *frame, sps
 }
 
 typedef struct spsi_edges {
-    double edge[3][3];  /* of corner pairs 12, 20, 01: positive inside after multiplication with its sign */
+    double edge[3][3]; /* of corner pairs 12, 20, 01: positive inside after multiplication with its sign */
     double sign[3];
-    double depth[3];    /* of the corners */
+    double depth[3]; /* of the corners */
 } spsi_edges;
 
 /* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise; depth apart. */
@@ -2173,10 +2188,10 @@ static int spsi_face_hit(const spsi_edges *e, double x, double y, double weights
 typedef struct spsi_raster {
     const spsi_faces *faces;
     const spsi_rays *rays;
-    int *boxes;       /* four per face */
-    spsi_hit *hits;   /* one of these: for the eye, */
-    float *depths;    /* for a light */
-    int pitch;        /* pixels from one row of them to the next */
+    int *boxes;     /* four per face */
+    spsi_hit *hits; /* one of these: for the eye, */
+    float *depths;  /* for a light */
+    int pitch;      /* pixels from one row of them to the next */
 } spsi_raster;
 
 static void spsi_raster_box_task(void *data, int index, int worker) {
@@ -2215,8 +2230,10 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
     const size_t first = (size_t)y0 * (size_t)raster->pitch, end = (size_t)(y1 + 1) * (size_t)raster->pitch;
     (void)worker;
     for (size_t i = first; i < end; ++i) {
-        if (raster->depths) raster->depths[i] = SPSI_INFINITY;
-        else raster->hits[i] = nothing;
+        if (raster->depths)
+            raster->depths[i] = SPSI_INFINITY;
+        else
+            raster->hits[i] = nothing;
     }
     for (int face = 0; face < raster->faces->count; ++face) {
         const int *box = raster->boxes + 4 * face;
@@ -2239,26 +2256,29 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
 
 /* ============================================================================================== >>slicing
    11 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
-   normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light always crosses
-   in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section 4] */
+   normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
+   always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
+   4] */
 
 #define SPSI_COSINE_MIN 0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
 
 typedef struct spsi_sweep {
-    int light;             /* index of the light that casts shadows in this sweep; -1: none */
-    int first;             /* 1: this sweep also carries ambient, emission, lights without shadow, and coverage */
+    int light; /* index of the light that casts shadows in this sweep; -1: none */
+    int first; /* 1: this sweep also carries ambient, emission, lights without shadow, and coverage */
     int back_to_front;
-    double normal[3];      /* s */
-    double start;          /* s . p of the first slab's entry */
+    double normal[3]; /* s */
+    double start;     /* s . p of the first slab's entry */
     double thickness;
     int slab_count;
-    spsi_rays rays;        /* of the light's sheets */
+    spsi_rays rays; /* of the light's sheets */
 } spsi_sweep;
 
 /* The way light travels at a point. */
 static void spsi_light_direction(const sps_light *light, const double point[3], double direction[3]) {
-    if (light->kind == SPS_LIGHT_DIRECTIONAL) memcpy(direction, light->direction, sizeof light->direction);
-    else spsi_along(point, light->position, -1, direction);
+    if (light->kind == SPS_LIGHT_DIRECTIONAL)
+        memcpy(direction, light->direction, sizeof light->direction);
+    else
+        spsi_along(point, light->position, -1, direction);
     spsi_normalise(direction);
 }
 
@@ -2359,7 +2379,8 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
 static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i)
-        least = fmin(least, fmin(spsi_voxel_extent(&frame->media[i], right), spsi_voxel_extent(&frame->media[i], down)));
+        least =
+            fmin(least, fmin(spsi_voxel_extent(&frame->media[i], right), spsi_voxel_extent(&frame->media[i], down)));
     return least;
 }
 
@@ -2442,29 +2463,30 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    12 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
    is a 2D Gaussian in the pixel plane, and the share of it between two slab planes is the difference of
    spsi_kernel_share at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
-   slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness. Every
-   section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets.
-   Near a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is
-   taken instead. Sheets hold the integral of value over t; the length of a ray per t comes in at shading.
-   Cost: about 14 vector operations per vector of fragments and section, and 25 per row. */
+   slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
+   Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near
+   a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is taken
+   instead. Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14
+   vector operations per vector of fragments and section, and 25 per row. */
 
-#define SPSI_NEAR_REACHES 16 /* kernel radii from the eye below which a kernel is integrated along each ray's own way */
+#define SPSI_NEAR_REACHES 16 /* kernel radii from the eye below which a kernel is integrated along each ray's own way  \
+                              */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
     int perspective;
-    float sign;             /* -1 where rays cross the slabs against their order, else 1 */
-    float step[3][3];       /* change of (x t, y t, t) or (x, y, t) per voxel along each axis */
-    float slab_step[3];     /* change of slab coordinate per voxel along each axis */
+    float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
+    float step[3][3];             /* change of (x t, y t, t) or (x, y, t) per voxel along each axis */
+    float slab_step[3];           /* change of slab coordinate per voxel along each axis */
     float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
-    float covariance[6];    /* of the kernel there: 00 01 02 11 12 22 */
-    float inverse[6];       /* its inverse, and its determinant's root, for the near case */
+    float covariance[6];          /* of the kernel there: 00 01 02 11 12 22 */
+    float inverse[6];             /* its inverse, and its determinant's root, for the near case */
     float root_determinant;
-    float weight;           /* integral for value 1, but for what depends on the footprint */
-    float cut;              /* standard deviations at which footprints end */
-    float reach_slabs;      /* kernel radius along s */
-    float near_depth;       /* t below which the near case applies */
-    float eye_near;         /* t at which rays begin, as t - depth_reference */
+    float weight;      /* integral for value 1, but for what depends on the footprint */
+    float cut;         /* standard deviations at which footprints end */
+    float reach_slabs; /* kernel radius along s */
+    float near_depth;  /* t below which the near case applies */
+    float eye_near;    /* t at which rays begin, as t - depth_reference */
     float depth_reference;
 } spsi_splatter;
 
@@ -2477,18 +2499,18 @@ typedef struct spsi_anchor {
 typedef struct spsi_footprints {
     float x[SPSI_LANES], y[SPSI_LANES], depth[SPSI_LANES], slab[SPSI_LANES];
     float amplitude[SPSI_LANES];
-    float across[SPSI_LANES];       /* 1 / variance of x at given y */
-    float lean[SPSI_LANES];         /* change of the mean x per y */
-    float upright[SPSI_LANES];      /* 1 / variance of y */
-    float inverse_yy[SPSI_LANES];   /* -1/2 of the inverse covariance's y y entry */
-    float row_width[SPSI_LANES];    /* standard deviation of x at given y */
+    float across[SPSI_LANES];     /* 1 / variance of x at given y */
+    float lean[SPSI_LANES];       /* change of the mean x per y */
+    float upright[SPSI_LANES];    /* 1 / variance of y */
+    float inverse_yy[SPSI_LANES]; /* -1/2 of the inverse covariance's y y entry */
+    float row_width[SPSI_LANES];  /* standard deviation of x at given y */
     float half_height[SPSI_LANES], half_width[SPSI_LANES];
-    float per_slab[SPSI_LANES];     /* change of v from plane to plane */
+    float per_slab[SPSI_LANES];                     /* change of v from plane to plane */
     float slope_x[SPSI_LANES], slope_y[SPSI_LANES]; /* change of a plane's v per pixel */
     float mean_x[SPSI_LANES], mean_y[SPSI_LANES];   /* change of the kernel's mean t per pixel */
-    float per_depth[SPSI_LANES];    /* v per t */
-    float spread[SPSI_LANES];       /* range of v in a row per standard deviation, widened by the x slope */
-    float slabs[SPSI_LANES];        /* 1 / per_slab */
+    float per_depth[SPSI_LANES];                    /* v per t */
+    float spread[SPSI_LANES]; /* range of v in a row per standard deviation, widened by the x slope */
+    float slabs[SPSI_LANES];  /* 1 / per_slab */
 } spsi_footprints;
 
 /* A tile's sheets: one float per pixel, slab and channel. */
@@ -2497,11 +2519,11 @@ typedef struct spsi_tile {
     size_t sheet_size, channel_size; /* floats from one slab, and one channel, to the next */
     int x0, y0, x1, y1;              /* pixels covered, the last ones included */
     int pitch, slab_count;
-    int clamped;                     /* 1: sections end at `limits`, or begin at the near plane */
-    const spsi_hit *limits;          /* depths of polygons, of the whole image; NULL: none */
+    int clamped;            /* 1: sections end at `limits`, or begin at the near plane */
+    const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
-    float eye_slab;                  /* slab coordinate of the eye, for the near case */
-    uint64_t visits, fragments;      /* footprints written, and pixels times slabs of them */
+    float eye_slab;             /* slab coordinate of the eye, for the near case */
+    uint64_t visits, fragments; /* footprints written, and pixels times slabs of them */
 } spsi_tile;
 
 static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
@@ -2516,7 +2538,8 @@ static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays
         splatter->slab_step[axis] = (float)slabs;
         reach += slabs * slabs;
         for (int i = 0; i < 3; ++i) splatter->step[axis][i] = (float)e[axis][i];
-        for (int i = 0; i < 9; ++i) covariance[i / 3][i % 3] += SPSI_SIGMA * SPSI_SIGMA * e[axis][i / 3] * e[axis][i % 3];
+        for (int i = 0; i < 9; ++i)
+            covariance[i / 3][i % 3] += SPSI_SIGMA * SPSI_SIGMA * e[axis][i / 3] * e[axis][i % 3];
     }
     spsi_invert(covariance[0], covariance[1], covariance[2], rows);
     for (int i = 0, k = 0; i < 3; ++i)
@@ -2529,8 +2552,9 @@ static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays
     splatter->slab_y = (float)(spsi_dot(sweep->normal, rays->b) / sweep->thickness);
     splatter->slab_t = (float)(spsi_dot(sweep->normal, rays->c) / sweep->thickness);
     splatter->sign = 1;
-    splatter->weight = (float)((double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
-                               (2 * SPSI_PI * spsi_footprint_mass(cut)));
+    splatter->weight =
+        (float)((double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
+                (2 * SPSI_PI * spsi_footprint_mass(cut)));
     splatter->cut = (float)cut;
     splatter->reach_slabs = (float)(cut * SPSI_SIGMA * sqrt(reach));
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
@@ -2561,13 +2585,15 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     widen = spsi_max(spsi_set(0), spsi_sub(spsi_set((float)(SPSI_PIXEL_SIGMA * SPSI_PIXEL_SIGMA)), least));
     rxx = spsi_add(rxx, widen);
     ryy = spsi_add(ryy, widen);
-    determinant = spsi_max(spsi_sub(spsi_mul(rxx, ryy), spsi_mul(rxy, rxy)), spsi_mul(spsi_set(1e-6f), spsi_mul(rxx, ryy)));
+    determinant =
+        spsi_max(spsi_sub(spsi_mul(rxx, ryy), spsi_mul(rxy, rxy)), spsi_mul(spsi_set(1e-6f), spsi_mul(rxx, ryy)));
     across = spsi_div(ryy, determinant);
     mean_x = spsi_div(spsi_sub(spsi_mul(rxt, ryy), spsi_mul(ryt, rxy)), determinant);
     mean_y = spsi_div(spsi_sub(spsi_mul(ryt, rxx), spsi_mul(rxt, rxy)), determinant);
     along = spsi_sub(spsi_sub(c22, spsi_mul(mean_x, rxt)), spsi_mul(mean_y, ryt));
     per_depth = spsi_div(spsi_set((float)(1 / SPSI_CUT)), spsi_sqrt(spsi_max(along, spsi_mul(spsi_set(1e-6f), c22))));
-    spsi_store(out->amplitude, spsi_div(spsi_mul(spsi_mul(value, spsi_set(s->weight)), square), spsi_sqrt(determinant)));
+    spsi_store(out->amplitude,
+               spsi_div(spsi_mul(spsi_mul(value, spsi_set(s->weight)), square), spsi_sqrt(determinant)));
     spsi_store(out->across, across);
     spsi_store(out->lean, spsi_div(rxy, ryy));
     spsi_store(out->upright, spsi_div(one, ryy));
@@ -2578,12 +2604,14 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     spsi_store(out->mean_x, mean_x);
     spsi_store(out->mean_y, mean_y);
     spsi_store(out->per_depth, per_depth);
-    {   /* a plane's t changes by -(s.a) / (s.w) per pixel, times t in perspective */
-        const spsi_v crossing = spsi_fma(px, spsi_set(s->slab_x), spsi_fma(py, spsi_set(s->slab_y), spsi_set(s->slab_t)));
+    { /* a plane's t changes by -(s.a) / (s.w) per pixel, times t in perspective */
+        const spsi_v crossing =
+            spsi_fma(px, spsi_set(s->slab_x), spsi_fma(py, spsi_set(s->slab_y), spsi_set(s->slab_t)));
         const spsi_v per_crossing = spsi_div(spsi_set(s->sign), crossing);
         const spsi_v tilt = spsi_mul(per_crossing, s->perspective ? t : one);
         const spsi_v signed_depth = spsi_mul(per_depth, spsi_set(s->sign));
-        slope_x = spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_x)), per_depth, spsi_mul(mean_x, signed_depth)));
+        slope_x = spsi_sub(spsi_set(0),
+                           spsi_fma(spsi_mul(tilt, spsi_set(s->slab_x)), per_depth, spsi_mul(mean_x, signed_depth)));
         spsi_store(out->slope_x, slope_x);
         spsi_store(out->slope_y, spsi_sub(spsi_set(0), spsi_fma(spsi_mul(tilt, spsi_set(s->slab_y)), per_depth,
                                                                 spsi_mul(mean_y, signed_depth))));
@@ -2594,13 +2622,16 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
                                                spsi_set((float)(1 / (SPSI_CUT * SPSI_CUT))))));
 }
 
-/* Adds a footprint's row vector to the sheets from one plane on: `weight` times the change of share from plane to plane.
-   At the kernel's own first and last plane (open ends) the share is that of the limits: 0 and 1 where nothing clamps. */
-static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count, spsi_v weight, spsi_v v, spsi_v per_slab,
-                                     int starts, int ends, int clamped, spsi_v low, spsi_v high) {
+/* Adds a footprint's row vector to the sheets from one plane on: `weight` times the change of share from plane to
+   plane. At the kernel's own first and last plane (open ends) the share is that of the limits: 0 and 1 where nothing
+   clamps. */
+static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count, spsi_v weight, spsi_v v,
+                                     spsi_v per_slab, int starts, int ends, int clamped, spsi_v low, spsi_v high) {
     spsi_v before, after;
-    if (starts) before = clamped ? spsi_kernel_share(low) : spsi_set(0);
-    else before = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
+    if (starts)
+        before = clamped ? spsi_kernel_share(low) : spsi_set(0);
+    else
+        before = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
     for (int k = 0; k < count - ends; ++k, sheet += sheet_size) {
         v = spsi_add(v, per_slab);
         after = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
@@ -2615,8 +2646,8 @@ static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count,
 /* Rows of one footprint, a vector of rows at a time: where each begins and ends, in pixels and in slabs. */
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];
-    int first[SPSI_LANES], last[SPSI_LANES]; /* slab planes, cut at the tile's */
-    int starts[SPSI_LANES], ends[SPSI_LANES]; /* 1 where they were not cut: the kernel's own ends */
+    int first[SPSI_LANES], last[SPSI_LANES];   /* slab planes, cut at the tile's */
+    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1 where they were not cut: the kernel's own ends */
     float left[SPSI_LANES], right[SPSI_LANES]; /* of x0 and x1, half a pixel outwards */
     float dy[SPSI_LANES];
     float factor[SPSI_LANES]; /* of the row: exp of what depends on y alone */
@@ -2633,11 +2664,13 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     const spsi_v v = spsi_fma(dy, spsi_set(f->slope_y[i]), spsi_sub(zero, spsi_mul(per_slab, spsi_set(f->slab[i]))));
     const spsi_v v_middle = spsi_fma(dy, spsi_set(f->slope_x[i] * f->lean[i]), v);
     const spsi_v range = spsi_mul(radius, spsi_set(f->spread[i])), slabs = spsi_set(f->slabs[i]);
-    const spsi_v far = spsi_set((float)(tile->slab_count + 1)), before = spsi_set(-1), count = spsi_set((float)tile->slab_count);
+    const spsi_v far = spsi_set((float)(tile->slab_count + 1)), before = spsi_set(-1),
+                 count = spsi_set((float)tile->slab_count);
     const spsi_v low = spsi_floor(spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v_middle), slabs), before, far));
     const spsi_v high = spsi_add(spsi_floor(spsi_clamp(spsi_mul(spsi_sub(range, v_middle), slabs), before, far)), one);
     const spsi_v first = spsi_max(low, zero), last = spsi_min(high, count);
-    const spsi_v x0 = spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_set(-2.0f * SPSI_SIZE_MAX), spsi_set(64))));
+    const spsi_v x0 =
+        spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_set(-2.0f * SPSI_SIZE_MAX), spsi_set(64))));
     const spsi_v x1 = spsi_floor(spsi_clamp(spsi_add(middle, half), spsi_set(-64), spsi_set((float)tile->x1)));
     spsi_store(rows->dy, dy);
     spsi_store(rows->factor, spsi_exp(spsi_mul(square, spsi_set(f->inverse_yy[i]))));
@@ -2653,8 +2686,8 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
 }
 
 /* v of the polygon in front of which a section must end, and of the near plane behind which it begins. */
-static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, int x, int y, spsi_v mean, spsi_v per_depth,
-                               spsi_v *low, spsi_v *high) {
+static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, int x, int y, spsi_v mean,
+                               spsi_v per_depth, spsi_v *low, spsi_v *high) {
     float depth[SPSI_LANES];
     spsi_v far = spsi_set(SPSI_INFINITY), near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
     if (tile->limits) {
@@ -2696,7 +2729,8 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         weight = spsi_select(spsi_and(spsi_less(spsi_set(rows->left[r]), at), spsi_less(at, spsi_set(rows->right[r]))),
                              weight, spsi_set(0));
         if (clamped) {
-            const spsi_v mean = spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
+            const spsi_v mean =
+                spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
             spsi_limits(tile, s, x, y + r, mean, spsi_set(f->per_depth[i]), &low, &high);
         }
         spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
@@ -2708,16 +2742,20 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
 static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
                                  float *channel) {
     const float height = f->half_height[i], width = f->half_width[i];
-    const int y0 = spsi_most((int)ceilf(f->y[i] - height), tile->y0), y1 = spsi_least((int)floorf(f->y[i] + height), tile->y1);
-    const int x0 = spsi_most((int)ceilf(f->x[i] - width), tile->x0), x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
+    const int y0 = spsi_most((int)ceilf(f->y[i] - height), tile->y0),
+              y1 = spsi_least((int)floorf(f->y[i] + height), tile->y1);
+    const int x0 = spsi_most((int)ceilf(f->x[i] - width), tile->x0),
+              x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
         const int count = spsi_least(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int x = x0; x <= x1; x += SPSI_LANES)
-            if (tile->clamped) spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1);
-            else spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0);
+            if (tile->clamped)
+                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1);
+            else
+                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0);
     }
 }
 
@@ -2750,15 +2788,19 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, v, weight;
     spsi_v low, high, per_slab;
     e = spsi_fma(spsi_mul(uy, uy), spsi_set(c[3]), spsi_fma(spsi_mul(ut, ut), spsi_set(c[5]), e));
-    e = spsi_fma(two, spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]), spsi_fma(spsi_mul(ux, ut), spsi_set(c[2]),
-                               spsi_mul(spsi_mul(uy, ut), spsi_set(c[4])))), e);
+    e = spsi_fma(two,
+                 spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]),
+                          spsi_fma(spsi_mul(ux, ut), spsi_set(c[2]), spsi_mul(spsi_mul(uy, ut), spsi_set(c[4])))),
+                 e);
     e = spsi_div(e, spsi_mul(a, spsi_set(s->root_determinant * s->root_determinant)));
     per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT)));
     mean = spsi_div(b, a);
     crossing = spsi_mul(spsi_set(s->sign), spsi_fma(at, spsi_set(s->slab_x), spsi_set(s->slab_y * fy + s->slab_t)));
     per_slab = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
-    v = spsi_sub(spsi_mul(per_slab, spsi_set((float)k0 - tile->eye_slab)), spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
-    weight = spsi_div(spsi_mul(spsi_set(value * s->weight / s->root_determinant), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
+    v = spsi_sub(spsi_mul(per_slab, spsi_set((float)k0 - tile->eye_slab)),
+                 spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
+    weight = spsi_div(
+        spsi_mul(spsi_set(value * s->weight / s->root_determinant), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
     spsi_limits(tile, s, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
@@ -2790,8 +2832,8 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
 }
 
 /* The lanes of a vector of voxels whose bits are set. */
-static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, const spsi_v q[3], spsi_v slab, spsi_v value,
-                                   int bits, float *channel) {
+static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, const spsi_v q[3], spsi_v slab,
+                                   spsi_v value, int bits, float *channel) {
     float lanes[5][SPSI_LANES];
     for (int i = 0; i < 3; ++i) spsi_store(lanes[i], q[i]);
     spsi_store(lanes[3], slab);
@@ -2806,11 +2848,13 @@ static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, cons
 static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *anchor, spsi_v x, spsi_v y, spsi_v z,
                                      spsi_v q[3], spsi_v *depth, spsi_v *slab) {
     for (int i = 0; i < 3; ++i)
-        q[i] = spsi_fma(x, spsi_set(s->step[0][i]), spsi_fma(y, spsi_set(s->step[1][i]),
-                        spsi_fma(z, spsi_set(s->step[2][i]), spsi_set(anchor->q[i]))));
+        q[i] = spsi_fma(
+            x, spsi_set(s->step[0][i]),
+            spsi_fma(y, spsi_set(s->step[1][i]), spsi_fma(z, spsi_set(s->step[2][i]), spsi_set(anchor->q[i]))));
     *depth = spsi_add(spsi_sub(q[2], spsi_set(anchor->q[2])), spsi_set(anchor->depth));
-    *slab = spsi_fma(x, spsi_set(s->slab_step[0]), spsi_fma(y, spsi_set(s->slab_step[1]),
-                     spsi_fma(z, spsi_set(s->slab_step[2]), spsi_set(anchor->slab))));
+    *slab = spsi_fma(
+        x, spsi_set(s->slab_step[0]),
+        spsi_fma(y, spsi_set(s->slab_step[1]), spsi_fma(z, spsi_set(s->slab_step[2]), spsi_set(anchor->slab))));
 }
 
 /* Which of a vector of footprints reach into the tile: a bit each. */
@@ -2837,8 +2881,8 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
         const spsi_v value = spsi_load(segment->value + at);
         spsi_v q[3], depth, slab;
         int bits, near_bits;
-        spsi_voxels_place(s, anchor, spsi_load(segment->x + at), spsi_load(segment->y + at),
-                          spsi_load(segment->z + at), q, &depth, &slab);
+        spsi_voxels_place(s, anchor, spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at),
+                          q, &depth, &slab);
         bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
                                         spsi_less(spsi_set(0), spsi_add(slab, reach))));
         if (!bits) continue;
@@ -2884,7 +2928,7 @@ static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
     int width, height, tiles_x, tiles_y;
-    unsigned char *uneven;        /* per tile: its planes differ, so that they must be levelled before the next chunk */
+    unsigned char *uneven; /* per tile: its planes differ, so that they must be levelled before the next chunk */
 } spsi_planes;
 
 /* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), d being
@@ -2923,7 +2967,8 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {
         const float fixed = (float)(rays->c[i] + (rays->perspective ? (double)y * rays->b[i] : 0));
-        const spsi_v part = rays->perspective ? spsi_fma(x, spsi_set((float)rays->a[i]), spsi_set(fixed)) : spsi_set(fixed);
+        const spsi_v part =
+            rays->perspective ? spsi_fma(x, spsi_set((float)rays->a[i]), spsi_set(fixed)) : spsi_set(fixed);
         sum = spsi_fma(part, part, sum);
     }
     return spsi_sqrt(sum);
@@ -2985,7 +3030,8 @@ static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_ti
                 spsi_store(lanes, depth);
                 memcpy(planes->depth[k] + to, lanes, (size_t)count * sizeof(float));
                 if (k == SPSI_CHUNK) break;
-                depth = spsi_add(depth, spsi_light_sheet(shader, tile, from + (size_t)k * tile->sheet_size, length, per_slab));
+                depth = spsi_add(depth,
+                                 spsi_light_sheet(shader, tile, from + (size_t)k * tile->sheet_size, length, per_slab));
                 depth = spsi_min(depth, spsi_set(SPSI_DEPTH_MAX));
             }
         }
@@ -3005,13 +3051,13 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
 }
 
 /* ============================================================================================== >>shading
-   14 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 - A0)
-   before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its way
-   out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
+   14 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
+   A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
+   way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
    polygon in the light's way ends that share; one in the eye's way cuts the slab (section 12) and shares with it. */
 
 typedef struct spsi_depth_map {
-    int face_count;          /* 0: no polygons; 1; 6 for a point light among them */
+    int face_count; /* 0: no polygons; 1; 6 for a point light among them */
     spsi_rays rays[6];
     float *depths[6];
     spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays */
@@ -3023,36 +3069,36 @@ typedef struct spsi_shader {
     const spsi_faces *faces;
     const spsi_planes *planes;
     const spsi_depth_map *map;
-    const spsi_hit *hits;        /* whole image */
-    spsi_linear slab;            /* slab coordinate */
-    spsi_linear light_rays[3];   /* ray coordinates of the light's planes */
-    spsi_linear position[3];     /* relative to `position_origin` */
+    const spsi_hit *hits;      /* whole image */
+    spsi_linear slab;          /* slab coordinate */
+    spsi_linear light_rays[3]; /* ray coordinates of the light's planes */
+    spsi_linear position[3];   /* relative to `position_origin` */
     double position_origin[3];
-    const sps_light *light;      /* of the sweep, or NULL */
-    int unshadowed;              /* 1: the sweep also carries lights without shadow */
-    int first_slab;              /* of the chunk at hand */
-    int x_origin, y_origin;      /* pixel that comes first in the buffers below */
-    int pitch;                   /* pixels from row to row there */
+    const sps_light *light;                /* of the sweep, or NULL */
+    int unshadowed;                        /* 1: the sweep also carries lights without shadow */
+    int first_slab;                        /* of the chunk at hand */
+    int x_origin, y_origin;                /* pixel that comes first in the buffers below */
+    int pitch;                             /* pixels from row to row there */
     float *depth, *radiance[3], *distance; /* optical depth and radiance so far; distance: NULL unless wanted */
-    float end_depth;             /* optical depth at which a ray ends */
+    float end_depth;                       /* optical depth at which a ray ends */
 } spsi_shader;
 
 /* What a vector of pixels knows about its rays. */
 typedef struct spsi_pixels {
     int x, y;
-    spsi_v at, length;           /* x coordinates; world length per t */
-    spsi_v slab_base, slab_scale;/* plane k lies at d = (k - base) * scale, k counted from the chunk */
-    spsi_v polygon;              /* d of the polygon, or infinity */
-    spsi_v polygon_slab;         /* its slab coordinate, from the first slab of all */
-    spsi_v toward[3];            /* unit direction from the eye */
+    spsi_v at, length;            /* x coordinates; world length per t */
+    spsi_v slab_base, slab_scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
+    spsi_v polygon;               /* d of the polygon, or infinity */
+    spsi_v polygon_slab;          /* its slab coordinate, from the first slab of all */
+    spsi_v toward[3];             /* unit direction from the eye */
     spsi_v light_base[3], light_slope[3];
 } spsi_pixels;
 
 /* One material's part of a sheet. */
 typedef struct spsi_sample {
-    spsi_v depth, value_length;  /* optical depth; integral of value over world length */
-    spsi_v colour[3];            /* albedo or reflectance */
-    spsi_v surface, normal[3];   /* 0: gas .. 1: surface, with a unit normal */
+    spsi_v depth, value_length; /* optical depth; integral of value over world length */
+    spsi_v colour[3];           /* albedo or reflectance */
+    spsi_v surface, normal[3];  /* 0: gas .. 1: surface, with a unit normal */
     int has_normal;
 } spsi_sample;
 
@@ -3090,7 +3136,8 @@ static inline spsi_v spsi_plane_depth(const spsi_pixels *p, int k) {
 }
 
 /* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
-static inline void spsi_slab_range(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v *enter, spsi_v *leave) {
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v *enter,
+                                   spsi_v *leave) {
     const spsi_rays *eye = &shader->frame->eye;
     const spsi_v a = spsi_plane_depth(p, k), b = spsi_plane_depth(p, k + 1);
     const float near_d = eye->near_depth > -DBL_MAX ? (float)(eye->near_depth - eye->depth_reference) : -FLT_MAX;
@@ -3116,7 +3163,8 @@ static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v 
     spsi_v q[3], quad[4], share[4], t0, t1, ix, iy, rise;
     spsi_m inside;
     for (int i = 0; i < 3; ++i)
-        q[i] = spsi_fma(middle, spsi_linear_slope(&map->along[face][i], at, y), spsi_linear_base(&map->along[face][i], at, y));
+        q[i] = spsi_fma(middle, spsi_linear_slope(&map->along[face][i], at, y),
+                        spsi_linear_base(&map->along[face][i], at, y));
     t0 = spsi_linear_slope(&map->along[face][2], at, y);
     t1 = spsi_sub(spsi_fma(spsi_sub(d1, middle), t0, q[2]), spsi_set((float)rays->depth_reference));
     t0 = spsi_sub(spsi_fma(spsi_sub(d0, middle), t0, q[2]), spsi_set((float)rays->depth_reference));
@@ -3135,8 +3183,10 @@ static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v 
     spsi_gather_quad(map->depths[face], rays->width, ix, iy, quad);
     rise = spsi_max(spsi_sub(t1, t0), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 4; ++i) share[i] = spsi_clamp(spsi_div(spsi_sub(quad[i], t0), rise), zero, one);
-    return spsi_select(inside, spsi_mix(spsi_mix(share[0], share[1], spsi_sub(q[0], ix)),
-                                        spsi_mix(share[2], share[3], spsi_sub(q[0], ix)), spsi_sub(q[1], iy)), one);
+    return spsi_select(inside,
+                       spsi_mix(spsi_mix(share[0], share[1], spsi_sub(q[0], ix)),
+                                spsi_mix(share[2], share[3], spsi_sub(q[0], ix)), spsi_sub(q[1], iy)),
+                       one);
 }
 
 /* The mean value of a classified material in slab k at pixel (x, y), and the middle of its way there. `fallback` stands
@@ -3153,7 +3203,8 @@ static inline spsi_v spsi_mean_value(const spsi_shader *shader, const spsi_tile 
         const spsi_rays *eye = &shader->frame->eye;
         float depth[SPSI_LANES];
         for (int i = 0; i < SPSI_LANES; ++i) {
-            const int px = spsi_least(spsi_most(x + i, 0), eye->width - 1), py = spsi_least(spsi_most(y, 0), eye->height - 1);
+            const int px = spsi_least(spsi_most(x + i, 0), eye->width - 1),
+                      py = spsi_least(spsi_most(y, 0), eye->height - 1);
             depth[i] = shader->hits[(size_t)py * (size_t)eye->width + (size_t)px].depth;
         }
         p.polygon = spsi_load(depth);
@@ -3168,7 +3219,8 @@ static inline spsi_v spsi_mean_value(const spsi_shader *shader, const spsi_tile 
 /* World position at depth d, relative to the shader's position origin. */
 static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
     for (int i = 0; i < 3; ++i)
-        position[i] = spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
+        position[i] =
+            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
 }
 
 static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
@@ -3203,21 +3255,24 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
     }
     for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], cofactor[i]);
     determinant = spsi_dot_v(way[0], cofactor[0]);
-    determinant = spsi_select(spsi_less(spsi_abs(determinant), spsi_set(FLT_MIN)), spsi_set(SPSI_INFINITY), determinant);
+    determinant =
+        spsi_select(spsi_less(spsi_abs(determinant), spsi_set(FLT_MIN)), spsi_set(SPSI_INFINITY), determinant);
     for (int c = 0; c < 3; ++c) {
         g[c] = spsi_mul(difference[0], cofactor[0][c]);
         g[c] = spsi_fma(difference[1], cofactor[1][c], spsi_fma(difference[2], cofactor[2][c], g[c]));
         g[c] = spsi_div(g[c], determinant);
     }
     size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c) sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_set(1), spsi_mul(size, spsi_set(material->voxel_length * material->gradient_scale)));
+    for (int c = 0; c < 3; ++c)
+        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
+    sample->surface =
+        spsi_min(spsi_set(1), spsi_mul(size, spsi_set(material->voxel_length * material->gradient_scale)));
     sample->has_normal = 1;
 }
 
 /* Reads one material's part of slab k. */
-static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
-                                     int k, size_t at, spsi_v way, spsi_sample *sample) {
+static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
+                                     int channel, int k, size_t at, spsi_v way, spsi_sample *sample) {
     const spsi_material *material = &shader->frame->materials[channel];
     const spsi_v sum = spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at);
     sample->has_normal = 0;
@@ -3245,7 +3300,8 @@ static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, cosine);
     for (int i = 0; i < SPSI_LANES; ++i)
-        lanes[i] = lanes[i] > 0 ? powf(lanes[i] < 1 ? lanes[i] : 1, exponent) * (exponent + 8) * (float)(0.125 / SPSI_PI) : 0;
+        lanes[i] =
+            lanes[i] > 0 ? powf(lanes[i] < 1 ? lanes[i] : 1, exponent) * (exponent + 8) * (float)(0.125 / SPSI_PI) : 0;
     return spsi_load(lanes);
 }
 
@@ -3304,8 +3360,8 @@ typedef struct spsi_slab {
 } spsi_slab;
 
 /* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
-static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const sps_light *light,
-                           spsi_v carried, spsi_v radiance[3]) {
+static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
+                           const sps_light *light, spsi_v carried, spsi_v radiance[3]) {
     spsi_v travel[3], irradiance;
     spsi_light_at(shader, light, p, slab->middle, travel, &irradiance);
     irradiance = spsi_mul(irradiance, carried);
@@ -3321,7 +3377,8 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
 }
 
 /* Light of the sweep's own light: through its planes, ended by polygons. */
-static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, spsi_v radiance[3]) {
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
+                              spsi_v radiance[3]) {
     const spsi_v d0 = spsi_plane_depth(p, slab->k), d1 = spsi_plane_depth(p, slab->k + 1);
     const spsi_v a0 = spsi_lookup_planes(shader, p, slab->k, d0), a1 = spsi_lookup_planes(shader, p, slab->k + 1, d1);
     const spsi_v way = spsi_max(spsi_sub(slab->last, slab->first), spsi_set(1e-6f));
@@ -3367,7 +3424,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
    about the point, each compared with the depth that the surface's own tangent plane has there, so that a surface
    does not shade itself however grazing the light; neighbouring facets of a curved mesh may turn towards the light by
    SPSI_FACET_TURN radians before they count as occluders. */
-#define SPSI_GRAZING 0.02    /* cosine below which a tangent plane's depth says nothing */
+#define SPSI_GRAZING    0.02 /* cosine below which a tangent plane's depth says nothing */
 #define SPSI_FACET_TURN 0.3  /* facets of the test meshes turn by up to 0.25 */
 static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double plane[3]) {
     for (int face = 0; face < map->face_count; ++face) {
@@ -3420,8 +3477,8 @@ static double spsi_light_depth(const spsi_shader *shader, const double point[3])
 }
 
 /* Position, normals and reflectance where a pixel meets its polygon; both normals are turned towards the eye. */
-static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int x, int y, double point[3], double normal[3],
-                            double plane[3], double colour[3]) {
+static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int x, int y, double point[3],
+                            double normal[3], double plane[3], double colour[3]) {
     const spsi_face *face = &shader->faces->list[hit->face];
     const spsi_rays *eye = &shader->frame->eye;
     const double w[3] = {1.0 - (double)hit->weights[0] - (double)hit->weights[1], (double)hit->weights[0],
@@ -3463,8 +3520,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     const spsi_hit *hit = &shader->hits[(size_t)y * (size_t)shader->frame->eye.width + (size_t)x];
     double point[3], normal[3], plane[3], colour[3];
     spsi_surface_at(shader, hit, x, y, point, normal, plane, colour);
-    for (int c = 0; c < 3; ++c)
-        radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
+    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
     for (int i = 0; i < scene->light_count; ++i) {
         const sps_light *light = &scene->lights[i];
         const int shadows = spsi_light_shadows(shader->frame, light);
@@ -3481,8 +3537,8 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
    ray opaque. */
 static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
                               spsi_v *depth, spsi_v radiance[3], spsi_v *distance) {
-    const spsi_m here = spsi_and(spsi_less(p->polygon_slab, spsi_set(high)),
-                                 spsi_less(p->polygon, spsi_set(SPSI_INFINITY)));
+    const spsi_m here =
+        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->polygon, spsi_set(SPSI_INFINITY)));
     const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), *depth));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
     float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
@@ -3510,7 +3566,8 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, spsi_v depth,
                            spsi_slab *slab) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = shader->frame->material_count;
-    const size_t at = (size_t)(k + margin) * tile->sheet_size + (size_t)((p->y - tile->y0) * tile->pitch + (p->x - tile->x0));
+    const size_t at =
+        (size_t)(k + margin) * tile->sheet_size + (size_t)((p->y - tile->y0) * tile->pitch + (p->x - tile->x0));
     const spsi_v zero = spsi_set(0);
     spsi_v any = zero, way, whole;
     for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
@@ -3525,7 +3582,8 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     slab->last = spsi_set(1);
     if (tile->clamped) {
         const spsi_v a = spsi_plane_depth(p, k);
-        const spsi_v from = spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
+        const spsi_v from =
+            spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
         slab->first = spsi_clamp(from, zero, spsi_set(1));
         slab->last = spsi_clamp(spsi_add(from, spsi_div(way, whole)), slab->first, spsi_set(1));
     }
@@ -3559,8 +3617,8 @@ static void spsi_add_slab(const spsi_shader *shader, const spsi_pixels *p, const
     *depth = spsi_min(spsi_add(*depth, slab->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs from
-   the very first, the polygons that belong to it. Gives the number of slabs that held something. */
+/* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
+   from the very first, the polygons that belong to it. Gives the number of slabs that held something. */
 static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, int x, int y, int width, int slab_count,
                              float low, float high) {
     const size_t to = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
@@ -3593,10 +3651,10 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, i
 }
 
 /* ================================================================================================ >>sweep
-   15 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which look
-   up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so every
-   pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the list;
-   tiles without bricks cost one comparison per brick of the chunk. */
+   15 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
+   look up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so
+   every pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the
+   list; tiles without bricks cost one comparison per brick of the chunk. */
 
 /* Pixels are tested by inclusive boxes, slabs by chunks. */
 typedef struct spsi_span {
@@ -3617,20 +3675,21 @@ typedef struct spsi_run {
     spsi_light_shader light_shader;
     spsi_planes planes;
     spsi_depth_map map;
-    float *sheets;                  /* sheet_floats per worker */
+    float *sheets; /* sheet_floats per worker */
     size_t sheet_floats;
-    uint64_t (*counts)[5];          /* per worker: visits and fragments for lights and for the eye, pixels shaded */
-    int margin, slab_count;         /* slabs to composite in this chunk; 0: polygons only */
-    float low, high;                /* polygons between these slab coordinates belong to this chunk */
+    uint64_t (*counts)[5];  /* per worker: visits and fragments for lights and for the eye, pixels shaded */
+    int margin, slab_count; /* slabs to composite in this chunk; 0: polygons only */
+    float low, high;        /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
-    unsigned char *finished;        /* per tile of the region: opaque throughout */
-    float (*polygon_range)[2];      /* per tile of the region: slab coordinates of its polygons */
+    unsigned char *finished;                /* per tile of the region: opaque throughout */
+    float (*polygon_range)[2];              /* per tile of the region: slab coordinates of its polygons */
 } spsi_run;
 
 static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
     const int margin = frame->has_gradient ? 1 : 0;
-    return (size_t)frame->material_count * (size_t)((SPSI_CHUNK + 2 * margin) * (SPSI_TILE_WIDTH + 2 * margin) *
-                                                    (SPSI_TILE_HEIGHT + 2 * margin)) + 2 * SPSI_LANES;
+    return (size_t)frame->material_count *
+               (size_t)((SPSI_CHUNK + 2 * margin) * (SPSI_TILE_WIDTH + 2 * margin) * (SPSI_TILE_HEIGHT + 2 * margin)) +
+           2 * SPSI_LANES;
 }
 
 static size_t spsi_light_sheet_floats(const spsi_frame *frame) {
@@ -3638,7 +3697,8 @@ static size_t spsi_light_sheet_floats(const spsi_frame *frame) {
 }
 
 static size_t spsi_worker_floats(const spsi_frame *frame) {
-    const size_t eye = spsi_eye_sheet_floats(frame), light = frame->shadow_count > 0 ? spsi_light_sheet_floats(frame) : 0;
+    const size_t eye = spsi_eye_sheet_floats(frame),
+                 light = frame->shadow_count > 0 ? spsi_light_sheet_floats(frame) : 0;
     return eye > light ? eye : light;
 }
 
@@ -3657,8 +3717,10 @@ static void spsi_span_tiles(const spsi_medium *medium, const spsi_brick *brick, 
         behind += rays->perspective && !(q[2] > 0);
         for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
     }
-    if (behind == 8) low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
-    else if (behind) low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
+    if (behind == 8)
+        low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
+    else if (behind)
+        low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
     tiles[0] = (short)floor(fmin(fmax(low[0] - filter, 0), rays->width) / SPSI_TILE_WIDTH);
     tiles[1] = (short)floor(fmin(fmax(low[1] - filter, 0), rays->height) / SPSI_TILE_HEIGHT);
     tiles[2] = (short)floor(fmax(fmin(high[0] + filter, rays->width - 1), -1) / SPSI_TILE_WIDTH);
@@ -3685,7 +3747,8 @@ static void spsi_span_task(void *data, int index, int worker) {
         spsi_span *span = &job->spans[i];
         for (int corner = 0; corner < 8; ++corner) {
             double at[3], point[3], slab;
-            for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
+            for (int k = 0; k < 3; ++k)
+                at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
             spsi_voxel_position(medium, at, point);
             slab = (spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness;
             low = fmin(low, slab);
@@ -3729,8 +3792,8 @@ static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int
     return touched;
 }
 
-static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_rays *rays, int column, int row, int margin,
-                            int worker) {
+static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_rays *rays, int column, int row,
+                            int margin, int worker) {
     memset(tile, 0, sizeof *tile);
     tile->x0 = column * SPSI_TILE_WIDTH - margin;
     tile->y0 = row * SPSI_TILE_HEIGHT - margin;
@@ -3791,15 +3854,16 @@ static void spsi_eye_task(void *data, int index, int worker) {
         tile.limit_height = height;
         tile.clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
     }
-    if (run->shader.frame->eye.near_depth > 0 || (!run->frame->eye.perspective && run->frame->eye.near_depth > -DBL_MAX))
+    if (run->shader.frame->eye.near_depth > 0 ||
+        (!run->frame->eye.perspective && run->frame->eye.near_depth > -DBL_MAX))
         tile.clamped = 1;
     if (run->slab_count > 0) touched = spsi_tile_splat(run, &tile, column, row, 0, spsi_eye_sheet_floats(run->frame));
     if (!touched && !polygons) return;
     for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-            run->counts[worker][4] += (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y,
-                                                                  spsi_least(SPSI_LANES, width - x),
-                                                                  touched ? SPSI_CHUNK : 0, run->low, run->high);
+            run->counts[worker][4] +=
+                (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y, spsi_least(SPSI_LANES, width - x),
+                                            touched ? SPSI_CHUNK : 0, run->low, run->high);
     run->counts[worker][2] += tile.visits;
     run->counts[worker][3] += tile.fragments;
     if (!run->sweep->back_to_front) run->finished[index] = (unsigned char)spsi_tile_finished(run, &tile, x0, y0);
@@ -3844,8 +3908,8 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PLANES,
-                                   texels * (SPSI_CHUNK + 1) + tiles / sizeof(float) + 1, sizeof(float));
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels * (SPSI_CHUNK + 1) + tiles / sizeof(float) + 1,
+                                   sizeof(float));
     if (!memory) return context->result;
     planes->width = sweep->rays.width;
     planes->height = sweep->rays.height;
@@ -3860,8 +3924,7 @@ static void spsi_run_splatters(spsi_run *run) {
     const spsi_frame *frame = run->frame;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->materials[frame->media[i].channel];
-        spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut,
-                            &run->eye_splatters[i]);
+        spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
         if (run->sweep->light >= 0)
             spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
@@ -3891,7 +3954,8 @@ static void spsi_run_linears(spsi_run *run) {
             spsi_linear_build(&frame->eye, run->map.rays[face].inverse[i], run->map.rays[face].origin, 0,
                               &run->map.along[face][i]);
     }
-    if (sweep->light >= 0) spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &run->light_shader.slab);
+    if (sweep->light >= 0)
+        spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &run->light_shader.slab);
 }
 
 static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
@@ -3906,7 +3970,7 @@ static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
     tiles = (size_t)run->tiles_x * (size_t)run->tiles_y;
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
-    run->polygon_range = (float (*)[2])spsi_reserve(context, SPSI_BUFFER_TILES, tiles, 2 * sizeof(float) + 1);
+    run->polygon_range = (float(*)[2])spsi_reserve(context, SPSI_BUFFER_TILES, tiles, 2 * sizeof(float) + 1);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
     if (!run->polygon_range || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
@@ -3929,10 +3993,12 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
     job.count = context->brick_count;
     job.spans = (spsi_span *)spsi_reserve(context, SPSI_BUFFER_SPANS, (size_t)job.count, sizeof(spsi_span));
     run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
-    run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers, run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
+    run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
+                                        run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
     if (!job.spans || !run->chunk_bricks || !run->sheets) return context->result;
     /* the counters follow the last worker's sheets, rounded up to their alignment */
-    run->counts = (uint64_t (*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
+    run->counts =
+        (uint64_t(*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
     memset(run->counts, 0, workers * sizeof *run->counts);
     run->spans = job.spans;
     spsi_parallel(context, (job.count + 255) / 256, spsi_span_task, &job);
@@ -3977,7 +4043,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
 static void spsi_run_find_bricks(spsi_run *run, int chunk) {
     run->chunk_brick_count = 0;
     for (int i = 0; i < run->context->brick_count; ++i)
-        if (run->spans[i].chunk0 <= chunk && chunk <= run->spans[i].chunk1) run->chunk_bricks[run->chunk_brick_count++] = i;
+        if (run->spans[i].chunk0 <= chunk && chunk <= run->spans[i].chunk1)
+            run->chunk_bricks[run->chunk_brick_count++] = i;
 }
 
 static int spsi_run_finished(const spsi_run *run) {
@@ -4172,7 +4239,8 @@ static void spsi_eye_reference(spsi_frame *frame) {
     frame->eye.depth_reference = frame->eye.perspective ? fmax(q[2], 0) : q[2];
 }
 
-static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, spsi_hit **hits) {
+static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                    spsi_hit **hits) {
     const size_t pixels = (size_t)frame->eye.width * (size_t)frame->eye.height;
     *hits = NULL;
     if (faces->count == 0) return SPS_OK;
@@ -4226,14 +4294,13 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     return SPS_OK;
 }
 
-
 /* ================================================================================================= >>plan
-   16 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of calls are
-   exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
+   16 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
+   calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather", "eye polygons", "light polygons", "eye sheets", "light sheets", "gradient", "scattering", "emission",
-    "ambient", "surface light"};
+    "gather",   "eye polygons", "light polygons", "eye sheets", "light sheets",
+    "gradient", "scattering",   "emission",       "ambient",    "surface light"};
 
 /* Counts the blocks of all volumes that will be read, and what comes of them at most. */
 typedef struct spsi_reading {
@@ -4265,8 +4332,10 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             reading->bricks += bricks;
             reading->voxels_kept += kept;
             report->voxels_read += voxels;
-            if (block.medium->volume->eval_fn) report->eval_calls += (uint64_t)block.size[2];
-            else report->read_calls += 1;
+            if (block.medium->volume->eval_fn)
+                report->eval_calls += (uint64_t)block.size[2];
+            else
+                report->read_calls += 1;
         }
     }
     return SPS_OK;
@@ -4292,7 +4361,8 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t rows = (size_t)((region[1] + region[3] - 1) / SPSI_TILE_HEIGHT - region[1] / SPSI_TILE_HEIGHT + 1);
     const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     const size_t side = (size_t)spsi_most(sweep->rays.width, sweep->rays.height);
-    size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) + (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
+    size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
+                 (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 9;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);
@@ -4329,8 +4399,10 @@ static void spsi_plan_passes(const spsi_frame *frame, int reads, sps_plan_report
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, volumes ? sweeps : 0, "volumes are seen, one sweep per shadowing light",
                    "no volume that could be seen");
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, volumes && spsi_any_extinction(frame) ? shadows : 0,
-                   "volumes cast shadows", !volumes ? "no volume that could be seen"
-                   : shadows ? "no volume has extinction" : "no light casts shadows");
+                   "volumes cast shadows",
+                   !volumes  ? "no volume that could be seen"
+                   : shadows ? "no volume has extinction"
+                             : "no light casts shadows");
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0, "volumes scatter light",
@@ -4350,7 +4422,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(context, frame, reading) + tables * sizeof(spsi_table);
     if (frame->triangle_count > 0) {
-        report->pass[SPS_PASS_EYE_POLYGONS].bytes = frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
+        report->pass[SPS_PASS_EYE_POLYGONS].bytes =
+            frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->eye.width * (size_t)frame->eye.height * sizeof(spsi_hit) + SPSI_BLOCK_BYTES;
         if (frame->shadow_count > 0)
             report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = (size * size + size * size / 2 + 6 * 64) * sizeof(float);
@@ -4380,26 +4453,27 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   17 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at the midpoints
-   of equal steps, a shadow ray at every sample, triangles met exactly through a bounding volume hierarchy, all in double
-   precision. Shares with the renderer how a sample answers to light, and nothing about where light goes. Second order
-   in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
+   17 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
+   the midpoints of equal steps, a shadow ray at every sample, triangles met exactly through a bounding volume
+   hierarchy, all in double precision. Shares with the renderer how a sample answers to light, and nothing about where
+   light goes. Second order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
+   voxels. */
 
 #define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the mass is beyond */
-#define SPSI_REFERENCE_TAPS 8
-#define SPSI_LEAF 4               /* triangles in a leaf of the hierarchy */
+#define SPSI_REFERENCE_TAPS  8
+#define SPSI_LEAF            4 /* triangles in a leaf of the hierarchy */
 
 typedef struct spsi_grid {
     const float *values;
-    unsigned char *occupied;  /* per brick: it or a neighbour holds something */
+    unsigned char *occupied; /* per brick: it or a neighbour holds something */
     int size[3], bricks[3];
-    double inverse[3][3];     /* world offset from the corner to voxels */
+    double inverse[3][3]; /* world offset from the corner to voxels */
     double corner[3];
 } spsi_grid;
 
 typedef struct spsi_node {
     float low[3], high[3];
-    int first, count;         /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
+    int first, count; /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
 } spsi_node;
 
 typedef struct spsi_marcher {
@@ -4408,10 +4482,10 @@ typedef struct spsi_marcher {
     spsi_grid grids[SPSI_VOLUMES_MAX];
     spsi_node *nodes;
     int node_count, *order;
-    double step;              /* world length */
-    spsi_shader shader;       /* only for the surface functions */
+    double step;        /* world length */
+    spsi_shader shader; /* only for the surface functions */
     float *total;
-    int first_row;            /* of the rows at hand */
+    int first_row; /* of the rows at hand */
 } spsi_marcher;
 
 /* --- the field --- */
@@ -4451,8 +4525,10 @@ static double spsi_field(const spsi_grid *grid, const double point[3], double gr
     for (int i = 0; i < 3; ++i) first[i] = spsi_field_taps(at[i], grid->size[i], &count[i], w[i], s[i]);
     for (int z = 0; z < count[2]; ++z)
         for (int y = 0; y < count[1]; ++y) {
-            const float *row = grid->values + ((size_t)(first[2] + z) * (size_t)grid->size[1] + (size_t)(first[1] + y)) *
-                                                  (size_t)grid->size[0] + (size_t)first[0];
+            const float *row =
+                grid->values +
+                ((size_t)(first[2] + z) * (size_t)grid->size[1] + (size_t)(first[1] + y)) * (size_t)grid->size[0] +
+                (size_t)first[0];
             double along = 0, slope = 0;
             for (int x = 0; x < count[0]; ++x) along += w[0][x] * (double)row[x];
             sum += w[2][z] * w[1][y] * along;
@@ -4497,9 +4573,12 @@ static void spsi_select_middle(const spsi_faces *faces, int *order, int count, i
                 order[j--] = other;
             }
         }
-        if (middle <= j) high = j;
-        else if (middle >= i) low = i;
-        else break;
+        if (middle <= j)
+            high = j;
+        else if (middle >= i)
+            low = i;
+        else
+            break;
     }
 }
 
@@ -4613,7 +4692,8 @@ static int spsi_march_range(const spsi_marcher *marcher, const double origin[3],
     memcpy(ray.direction, direction, sizeof ray.direction);
     ray.low = low;
     ray.high = high;
-    if (!spsi_ray_meets_box(&ray, marcher->frame->volume_bounds.low, marcher->frame->volume_bounds.high, range)) return 0;
+    if (!spsi_ray_meets_box(&ray, marcher->frame->volume_bounds.low, marcher->frame->volume_bounds.high, range))
+        return 0;
     if (!(range[1] > range[0])) return 0;
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
 }
@@ -4768,7 +4848,8 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
 }
 
 /* The whole of one pixel: radiance, transmittance, and coverage-weighted distance. */
-static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double radiance[3], double *through, double *distance) {
+static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double radiance[3], double *through,
+                             double *distance) {
     const spsi_rays *eye = &marcher->frame->eye;
     double origin[3], direction[3], range[2], length;
     spsi_hit hit = {SPSI_INFINITY, -1, {0, 0}};
@@ -4789,7 +4870,7 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double r
     count = spsi_march_range(marcher, origin, direction, ray.low, ray.high, range);
     radiance[0] = radiance[1] = radiance[2] = *distance = 0;
     *through = 1;
-    for (int i = 0; i < count && *through > 1e-12; ++i) {
+    for (int i = 0; i<count && * through> 1e-12; ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
         double at[3], source[3], depth, mean;
         spsi_point point;
@@ -4822,7 +4903,8 @@ static void spsi_march_row_task(void *data, int index, int worker) {
         float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
         double radiance[3], through, distance;
         spsi_march_pixel(marcher, region[0] + x, region[1] + row, radiance, &through, &distance);
-        for (int c = 0; c < 3; ++c) pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* background is there */
+        for (int c = 0; c < 3; ++c)
+            pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* background is there */
         pixel[3] = (float)(1 - through);
         if (marcher->frame->wants_depth) pixel[4] = through < 1 ? (float)(distance / (1 - through)) : SPSI_INFINITY;
     }
@@ -4846,7 +4928,8 @@ static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, 
         if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
         for (int z = block.core_low[2]; z < block.core_high[2]; ++z)
             for (int y = block.core_low[1]; y < block.core_high[1]; ++y) {
-                const size_t to = ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)block.core_low[0];
+                const size_t to =
+                    ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)block.core_low[0];
                 memcpy(values + to, block.values + spsi_block_index(&block, block.core_low[0], y, z),
                        (size_t)block.size[0] * sizeof(float));
             }
@@ -4855,10 +4938,13 @@ static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, 
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
-                if (!(values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x] > 0)) continue;
+                if (!(values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x] > 0))
+                    continue;
                 for (int n = 0; n < 27; ++n) {
                     const int bx = b[0] + n % 3 - 1, by = b[1] + n / 3 % 3 - 1, bz = b[2] + n / 9 - 1;
-                    if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] || bz >= grid->bricks[2]) continue;
+                    if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] ||
+                        bz >= grid->bricks[2])
+                        continue;
                     grid->occupied[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx] = 1;
                 }
             }
@@ -4882,16 +4968,21 @@ static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi
         voxels += v;
         bricks += b;
     }
-    values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, voxels + bricks / sizeof(float) + 1, sizeof(float));
+    values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, voxels + bricks / sizeof(float) + 1,
+                                   sizeof(float));
     if (!values) return context->result;
     memset(values + voxels, 0, bricks);
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_grid *grid = &marcher->grids[i];
-        grid->occupied = (unsigned char *)(values + voxels) + (i > 0 ? marcher->grids[i - 1].occupied -
-                         (unsigned char *)(values + voxels) + marcher->grids[i - 1].bricks[0] *
-                         marcher->grids[i - 1].bricks[1] * marcher->grids[i - 1].bricks[2] : 0);
+        grid->occupied = (unsigned char *)(values + voxels) +
+                         (i > 0 ? marcher->grids[i - 1].occupied - (unsigned char *)(values + voxels) +
+                                      marcher->grids[i - 1].bricks[0] * marcher->grids[i - 1].bricks[1] *
+                                          marcher->grids[i - 1].bricks[2]
+                                : 0);
         grid->values = i > 0 ? marcher->grids[i - 1].values + (size_t)marcher->grids[i - 1].size[0] *
-                       (size_t)marcher->grids[i - 1].size[1] * (size_t)marcher->grids[i - 1].size[2] : values;
+                                                                  (size_t)marcher->grids[i - 1].size[1] *
+                                                                  (size_t)marcher->grids[i - 1].size[2]
+                             : values;
         if (spsi_grid_read(context, frame, i, values + (grid->values - values), grid)) return context->result;
     }
     return SPS_OK;
@@ -4910,11 +5001,13 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     marcher->step = step * extent;
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
     spsi_eye_reference(frame);
-    marcher->total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
+    marcher->total =
+        (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
     if (!marcher->total) return context->result;
     if (faces->count == 0) return SPS_OK;
     marcher->order = (int *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_FACES, (size_t)faces->count, sizeof(int));
-    marcher->nodes = (spsi_node *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_NODES, 2 * (size_t)faces->count, sizeof(spsi_node));
+    marcher->nodes =
+        (spsi_node *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_NODES, 2 * (size_t)faces->count, sizeof(spsi_node));
     if (!marcher->order || !marcher->nodes) return context->result;
     spsi_nodes_build(marcher);
     return SPS_OK;
@@ -4932,7 +5025,8 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
     for (int y = 0; y < region[3]; ++y) {
         if (spsi_background_row(context, frame, y, rgb)) return context->result;
         for (int x = 0; x < region[2]; ++x)
-            memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x, 3 * sizeof(float));
+            memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
+                   3 * sizeof(float));
     }
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += 16) {
         if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;

@@ -71,8 +71,8 @@ static void set_plate(sps_volume *plate) {
 static void build_dart(ex_mesh *mesh, ex_vec tip, ex_vec axis) {
     static const float steel[3] = {0.55f, 0.56f, 0.60f}, brass[3] = {0.60f, 0.40f, 0.12f},
                        blue[3] = {0.08f, 0.26f, 0.62f};
-    static const double barrel[16] = {0.015, 0.38, 0.06, 0.46, 0.085, 0.60, 0.06, 0.72,
-                                      0.085, 0.84, 0.06, 0.96, 0.075, 1.06, 0.03, 1.16};
+    static const double barrel[16] = {0.015, 0.38, 0.055, 0.46, 0.078, 0.60, 0.068, 0.72,
+                                      0.078, 0.84, 0.068, 0.96, 0.075, 1.06, 0.03,  1.16};
     const ex_lathe lathe = {barrel, 8, tip, axis};
     const ex_vec side = ex_vec_square_to(axis), other = ex_vec_cross(axis, side);
     ex_shape_cylinder(mesh, ex_vec_add(tip, ex_vec_scale(axis, 0.4)), tip, 0.022, 0, steel);

@@ -303,8 +303,8 @@ static inline void ex_paint_dots(const float own[3], double u, double v, float o
         const double size = 0.045 + 0.02 * (ex_hash((int)floor(turn) % around, row, 9) % 100 / 100.0);
         dot = fmax(dot, 1 - ex_ramp(size, size + 0.015, sqrt(across * across + along * along)));
     }
-    ex_color(out, ex_mix((double)own[0], 0.85, dot), ex_mix((double)own[1], 0.80, dot),
-             ex_mix((double)own[2], 0.68, dot));
+    ex_color(out, ex_mix((double)own[0], 0.80, dot), ex_mix((double)own[1], 0.75, dot),
+             ex_mix((double)own[2], 0.64, dot));
 }
 
 /* Gills: narrow dark grooves from the stem to the rim. */
@@ -333,7 +333,7 @@ static inline void ex_shape_mushroom(ex_mesh *mesh, ex_vec base, ex_vec axis, do
 /* ----------------------------------------------------------------------------------------------- a tree */
 
 enum { EX_TREE_RODS = 1024, EX_TREE_CLUMPS = 256 };
-#define EX_TREE_LEAF 0.45 /* value of leaves, about; a wide band of greens */
+#define EX_TREE_LEAF 0.30 /* value of leaves, about: low, as the skin of the wood passes through it */
 #define EX_TREE_WOOD 1.0  /* value of wood */
 
 typedef struct ex_tree {
@@ -406,7 +406,7 @@ static inline double ex_clump_value(ex_vec p, ex_vec center, double radius, doub
     const double grain = ex_noise(ex_vec_scale(p, 0.16 / voxel));
     const double distance =
         far - radius * (0.82 + 0.28 * ex_noise(ex_vec_scale(p, 2.5 / radius))) - 2.2 * voxel * grain;
-    return EX_TREE_LEAF * (1 + 0.2 * grain) * ex_solid(distance, 3 * voxel);
+    return EX_TREE_LEAF * (1 + 0.15 * grain) * ex_solid(distance, 3 * voxel);
 }
 
 /* Raises the values of the voxels in a box around `center` to what one rod (or clump) of the tree gives there. */

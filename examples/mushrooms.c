@@ -5,24 +5,25 @@
 #include "common.h"
 #include "modelling.h"
 
-/* A round plate with a raised rim, of stone: the grain goes into the value, and from there into the colour. */
+/* A round plate with a raised rim, of stone: the grain goes into the value, and from there into the colour; the relief
+ * is real. */
 static int plate_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i) {
         const ex_vec p = ex_vec_of(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]);
         const double around = sqrt(p.x * p.x + p.z * p.z);
+        const double grain = ex_fractal(ex_vec_scale(p, 2.3), 4), relief = 0.006 * ex_noise(ex_vec_scale(p, 9));
         const double disc = fmax(fabs(p.y + 0.11) - 0.075, around - 1.82);
         const double rim = ex_ring_distance(p, ex_vec_of(0, -0.06, 0), ex_vec_of(0, 1, 0), 1.80, 0.11);
-        const double grain = ex_fractal(ex_vec_scale(p, 2.3), 4);
-        out[i] = (float)(ex_solid(fmin(disc, rim), 0.075) * ex_clamp(0.78 + 0.22 * grain, 0.55, 1));
+        out[i] = (float)(ex_solid(fmin(disc, rim) + relief, 0.075) * ex_clamp(0.75 + 0.35 * grain, 0.45, 1));
     }
     return user != NULL;
 }
 
 static void set_plate(sps_volume *plate) {
-    static const sps_transfer_point stone[4] = {{0.20f, {0.50f, 0.47f, 0.42f}, 0},
-                                                {0.45f, {0.52f, 0.48f, 0.42f}, 60},
-                                                {0.65f, {0.33f, 0.33f, 0.31f}, 120},
-                                                {1.00f, {0.78f, 0.71f, 0.58f}, 120}};
+    static const sps_transfer_point stone[4] = {{0.12f, {0.50f, 0.48f, 0.44f}, 0},
+                                                {0.45f, {0.48f, 0.46f, 0.42f}, 40},
+                                                {0.70f, {0.66f, 0.59f, 0.49f}, 90},
+                                                {1.00f, {0.88f, 0.79f, 0.64f}, 120}};
     static const sps_transfer look = {stone, 4, NULL, NULL, 0};
     ex_volume_box(plate, ex_vec_of(-2, -0.25, -2), ex_vec_of(2, 0.12, 2), 160);
     plate->eval_fn = plate_value;
@@ -49,7 +50,7 @@ int main(int argc, char **argv) {
     set_plate(&plate);
     build_mushrooms(&mesh);
     ex_shape_use(&mesh, &mushrooms);
-    ex_sun(&sun, ex_vec_of(1.0, -1.15, -0.35), 3.0);
+    ex_sun(&sun, ex_vec_of(1.0, -1.15, -0.35), 3.2);
     ex_scene_set(&scene, &plate, 1, &mushrooms, 1, &sun);
     ex_view_set(&view, ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
     const int status = ex_scene_main(argc, argv, &scene, &view, 1);

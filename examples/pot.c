@@ -17,9 +17,9 @@ static int haze_value(void *user, size_t count, const double *positions, float *
 }
 
 static void set_haze(sps_volume *haze) {
-    ex_volume_box(haze, ex_vec_of(-1.36, -0.02, -1.36), ex_vec_of(1.36, 2.16, 1.36), 96);
+    ex_volume_box(haze, ex_vec_of(-1.36, -0.02, -1.36), ex_vec_of(1.36, 2.16, 1.36), 64);
     haze->eval_fn = haze_value;
-    haze->extinction = 0.75f;
+    haze->extinction = 0.6f;
     ex_color(haze->albedo, 0.80, 0.92, 0.98);
 }
 
@@ -65,9 +65,10 @@ int main(int argc, char **argv) {
     meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
     ex_sun(&sun, ex_vec_of(1.0, -0.85, 0.25), 12);
     ex_scene_set(&scene, &haze, 1, meshes, 2, &sun);
-    ex_color(scene.ambient, 0.05, 0.06, 0.08);
+    ex_color(scene.ambient, 0.06, 0.07, 0.09);
     scene.background_user = dusk;
     ex_view_set(&view, ex_vec_of(2.6, 1.9, 5.8), ex_vec_of(0.1, 0.80, 0), 31);
+    view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
     const int status = ex_scene_main(argc, argv, &scene, &view, 1);
     ex_mesh_free(&pot);
     ex_mesh_free(&table);

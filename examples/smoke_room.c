@@ -10,15 +10,15 @@
 static int smoke_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
-        const double t = ex_turbulence(ex_vec_of(1.3 * p.x, 1.9 * p.y, 1.3 * p.z), 4);
-        out[i] = (float)(0.25 + 1.5 * ex_ramp(0.15, 1.1, t));
+        const double t = ex_turbulence(ex_vec_of(1.6 * p.x, 2.3 * p.y, 1.6 * p.z), 3);
+        out[i] = (float)(0.15 + 1.9 * ex_ramp(0.20, 1.0, t));
     }
     return user != NULL;
 }
 
 static void set_smoke(sps_volume *smoke) {
     static const sps_lobe forward = {0.35f, 1};
-    ex_volume_box(smoke, ex_vec_of(-2, 0, -2), ex_vec_of(2, 2.6, 2), 96);
+    ex_volume_box(smoke, ex_vec_of(-2, 0, -2), ex_vec_of(2, 2.6, 2), 64);
     smoke->eval_fn = smoke_value;
     smoke->extinction = 0.32f;
     ex_color(smoke->albedo, 0.92, 0.90, 0.86);
@@ -78,11 +78,12 @@ int main(int argc, char **argv) {
     build_room(&mesh);
     build_desk(&mesh);
     ex_shape_use(&mesh, &room);
-    ex_sun(&sun, ex_vec_of(-0.35, -0.62, 1.0), 16);
+    ex_sun(&sun, ex_vec_of(-0.35, -0.62, 1.0), 18.5);
     ex_scene_set(&scene, &smoke, 1, &room, 1, &sun);
     ex_color(scene.ambient, 0.09, 0.10, 0.12);
     scene.background_user = dusk;
     ex_view_set(&view, ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
+    view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
     const int status = ex_scene_main(argc, argv, &scene, &view, 1);
     ex_mesh_free(&mesh);
     return status;

@@ -6,29 +6,37 @@
 #include "common.h"
 #include "modelling.h"
 
-/* A low mound of mossy earth in a dish. */
-static int plate_value(void *user, size_t count, const double *positions, float *out) {
+/* A low mound of mossy earth. */
+static int earth_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
         const double around = sqrt(p.x * p.x + p.z * p.z), grain = ex_fractal(ex_vec_scale(p, 3.0), 3);
-        const double top = 0.02 + 0.05 * ex_ramp(1.2, 0.2, around) + 0.015 * grain;
-        const double earth = fmax(fmax(p.y - top, -0.20 - p.y), around - 1.70);
-        const double dish = ex_ring_distance(p, ex_vec_of(0, -0.06, 0), ex_vec_of(0, 1, 0), 1.72, 0.13);
-        const double tone = dish < earth ? 1.0 : ex_clamp(0.62 + 0.22 * grain, 0.45, 0.78);
-        out[i] = (float)(tone * ex_solid(fmin(earth, dish), 0.07));
+        const double top = 0.02 + 0.05 * ex_ramp(1.2, 0.2, around) + 0.03 * grain;
+        const double distance = fmax(fmax(p.y - top, -0.10 - p.y), around - 1.70);
+        out[i] = (float)(ex_solid(distance, 0.07) * ex_clamp(0.65 + 0.35 * grain, 0.4, 1));
     }
     return user != NULL;
 }
 
-static void set_plate(sps_volume *plate) {
-    static const sps_transfer_point earth[6] = {
-        {0.15f, {0.30f, 0.26f, 0.14f}, 0},   {0.45f, {0.26f, 0.22f, 0.11f}, 90},  {0.62f, {0.20f, 0.27f, 0.07f}, 120},
-        {0.78f, {0.32f, 0.36f, 0.12f}, 120}, {0.85f, {0.46f, 0.38f, 0.33f}, 120}, {1.00f, {0.55f, 0.44f, 0.36f}, 120}};
-    static const sps_transfer look = {earth, 6, NULL, NULL, 0};
-    ex_volume_box(plate, ex_vec_of(-1.95, -0.28, -1.95), ex_vec_of(1.95, 0.16, 1.95), 150);
-    plate->eval_fn = plate_value;
-    plate->transfer = &look;
-    plate->shading = SPS_SHADING_SURFACE;
+/* The rim of the clay dish that holds it. */
+static int dish_value(void *user, size_t count, const double *positions, float *out) {
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
+        out[i] = (float)ex_solid(ex_ring_distance(p, ex_vec_of(0, -0.06, 0), ex_vec_of(0, 1, 0), 1.72, 0.13), 0.07);
+    }
+    return user != NULL;
+}
+
+static void set_plate(sps_volume plate[2]) {
+    static const sps_transfer_point earth[3] = {
+        {0.15f, {0.17f, 0.26f, 0.05f}, 0}, {0.40f, {0.25f, 0.34f, 0.08f}, 50}, {0.80f, {0.50f, 0.42f, 0.22f}, 90}};
+    static const sps_transfer_point clay[2] = {{0.15f, {0.58f, 0.36f, 0.27f}, 0}, {0.50f, {0.58f, 0.36f, 0.27f}, 120}};
+    static const sps_transfer earth_look = {earth, 3, NULL, NULL, 0}, clay_look = {clay, 2, NULL, NULL, 0};
+    ex_volume_box(&plate[0], ex_vec_of(-1.75, -0.16, -1.75), ex_vec_of(1.75, 0.20, 1.75), 128);
+    ex_volume_box(&plate[1], ex_vec_of(-1.92, -0.26, -1.92), ex_vec_of(1.92, 0.14, 1.92), 144);
+    plate[0].eval_fn = earth_value, plate[0].transfer = &earth_look;
+    plate[1].eval_fn = dish_value, plate[1].transfer = &clay_look;
+    plate[0].shading = plate[1].shading = SPS_SHADING_SURFACE;
 }
 
 /* The S of a bonsai's trunk, with branches from its bends. */
@@ -53,8 +61,8 @@ static void grow_tree(ex_tree *tree) {
 
 static void set_tree(sps_volume *volume, ex_grid *grid) {
     static const sps_transfer_point bark_and_leaves[6] = {
-        {0.20f, {0.10f, 0.22f, 0.04f}, 0},  {0.32f, {0.12f, 0.26f, 0.04f}, 40},  {0.45f, {0.20f, 0.36f, 0.06f}, 45},
-        {0.56f, {0.34f, 0.42f, 0.10f}, 45}, {0.60f, {0.46f, 0.28f, 0.16f}, 160}, {1.00f, {0.50f, 0.31f, 0.19f}, 200}};
+        {0.14f, {0.10f, 0.22f, 0.04f}, 0},  {0.22f, {0.12f, 0.27f, 0.04f}, 30},  {0.30f, {0.20f, 0.38f, 0.06f}, 30},
+        {0.36f, {0.32f, 0.42f, 0.10f}, 30}, {0.40f, {0.52f, 0.30f, 0.16f}, 200}, {1.00f, {0.56f, 0.33f, 0.19f}, 200}};
     static const sps_transfer look = {bark_and_leaves, 6, NULL, NULL, 0};
     static ex_tree tree;
     ex_volume_box(volume, ex_vec_of(-1.65, -0.1, -1.5), ex_vec_of(1.65, 2.55, 1.2), 160);
@@ -76,18 +84,18 @@ static void build_mushrooms(ex_mesh *mesh) {
 int main(int argc, char **argv) {
     ex_mesh mesh = {0};
     ex_grid grid = {0};
-    sps_volume volumes[2] = {{0}, {0}};
+    sps_volume volumes[3] = {{0}, {0}, {0}};
     sps_mesh mushrooms = {0};
     sps_light sun = {0};
     sps_scene scene = {0};
     sps_view view = {0};
     set_tree(&volumes[0], &grid);
-    set_plate(&volumes[1]);
+    set_plate(volumes + 1);
     build_mushrooms(&mesh);
     ex_shape_use(&mesh, &mushrooms);
-    ex_sun(&sun, ex_vec_of(0.55, -1.3, 0.12), 3.4);
-    ex_scene_set(&scene, volumes, 2, &mushrooms, 1, &sun);
-    ex_view_set(&view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.92, 0), 27);
+    ex_sun(&sun, ex_vec_of(0.55, -1.3, -0.12), 3.3);
+    ex_scene_set(&scene, volumes, 3, &mushrooms, 1, &sun);
+    ex_view_set(&view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.90, 0), 28);
     const int status = ex_scene_main(argc, argv, &scene, &view, 1);
     ex_grid_free(&grid);
     ex_mesh_free(&mesh);

@@ -5,20 +5,25 @@
 #include "common.h"
 #include "modelling.h"
 
-/* Three merged puffs, flat underneath; the turbulence eats into their edge, where little is to be eaten. */
+/* Five merged puffs, flat underneath; the turbulence eats into their edge, where little is to be eaten. */
 static int cloud_value(void *user, size_t count, const double *positions, float *out) {
-    static const double puffs[3][4] = {{0.0, 0.10, 0.0, 1.0}, {-0.95, -0.12, 0.15, 0.68}, {0.95, -0.15, -0.1, 0.72}};
+    static const double puffs[5][4] = {{0.05, 0.20, 0.0, 0.95},
+                                       {-0.85, -0.10, 0.15, 0.70},
+                                       {0.80, -0.05, 0.05, 0.75},
+                                       {-0.35, 0.0, 0.45, 0.70},
+                                       {0.42, -0.15, 0.45, 0.66}};
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
-        double depth = -1;
-        for (int k = 0; k < 3; ++k)
-            depth = fmax(depth,
-                         puffs[k][3] - ex_vec_length(ex_vec_sub(p, ex_vec_of(puffs[k][0], puffs[k][1], puffs[k][2]))));
+        double merged = 0; /* a soft maximum of how deep p is in each puff, so that no crease shows */
+        for (int k = 0; k < 5; ++k)
+            merged += exp(
+                10 * (puffs[k][3] - ex_vec_length(ex_vec_sub(p, ex_vec_of(puffs[k][0], puffs[k][1], puffs[k][2])))));
+        double depth = log(merged) / 10;
         depth -= 0.5 * ex_ramp(-0.35, -0.75, p.y);
         out[i] = 0;
         if (depth < -0.12) continue;
-        depth += 0.50 - 0.62 * ex_turbulence(ex_vec_scale(p, 1.6), 5) - 0.35;
-        out[i] = (float)ex_ramp(-0.02, 0.28, depth);
+        depth += 0.14 - 0.72 * ex_turbulence(ex_vec_scale(p, 1.6), 6);
+        out[i] = (float)ex_ramp(-0.02, 0.22, depth);
     }
     return user != NULL;
 }
@@ -30,12 +35,12 @@ int main(int argc, char **argv) {
     sps_light sun = {0};
     sps_scene scene = {0};
     sps_view view = {0};
-    ex_volume_box(&cloud, ex_vec_of(-1.75, -0.95, -1.1), ex_vec_of(1.75, 1.15, 1.1), 128);
+    ex_volume_box(&cloud, ex_vec_of(-1.75, -0.95, -1.1), ex_vec_of(1.75, 1.15, 1.25), 176);
     cloud.eval_fn = cloud_value;
-    cloud.extinction = 7;
+    cloud.extinction = 10;
     ex_color(cloud.albedo, 0.99, 0.99, 0.99);
     cloud.lobes = lobes, cloud.lobe_count = 2;
-    ex_sun(&sun, ex_vec_of(0.8, -0.9, -0.35), 20);
+    ex_sun(&sun, ex_vec_of(0.7, -1.0, -0.55), 20);
     ex_scene_set(&scene, &cloud, 1, NULL, 0, &sun);
     ex_color(scene.ambient, 0.15, 0.18, 0.24);
     scene.background_user = sky;

@@ -66,22 +66,25 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
 
     SPLATSHADOW_IMPLEMENTATION   in exactly one source file: the code itself
     SPS_API                      extern; may be `static`, or an export attribute
-    SPS_ASSERT(c)                assert(c); programming errors of the library only, bad input is a sps_result
+    SPS_ASSERT(c)                assert(c); for errors of the library and of parallel_for_fn, bad input is a sps_result
     SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
     SPS_SNPRINTF                 snprintf; writes the error sentences
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
-    about 16 bytes per relevant voxel, 24 to 60 per pixel, 40 per texel of shadow buffer, and per worker a tile of
-    sheets (0.2 to 1.5 MB). sps_plan says how much, before; a memory_limit is never passed.
+    about 20 bytes per relevant voxel, 24 to 60 per pixel, 72 per texel of shadow buffer, and per worker a tile of
+    sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much, before; a memory_limit is never
+    passed.
 ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
     failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
-    parallel_for_fn. Scene callbacks (read, range, eval, background) run on the calling thread, one at a time.
+    parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, clock, allocator) run on
+    the calling thread, one at a time, and must not call into the same context.
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image.
-LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Values above 1e18 or below 1e-30 are refused
-    or count as zero. Optical depth past 100 counts as opaque: exp(-100) is 0 in every product that is formed.
+LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Values above 1e18 are refused, below 1e-30 they
+    count as 0. Past an optical depth of 86 transmittance is exactly 0; a polygon counts as 1e15. A classified volume
+    wants slabs of a voxel or less, since it is the mean value of a slab that is classified.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -183,7 +186,8 @@ typedef struct sps_volume {
 
     /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. Non-zero: failure. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
-    /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow. */
+    /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow; where data may
+       be invalid, answer 0..1e18, and reading will find it. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
     /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
@@ -196,7 +200,7 @@ typedef struct sps_volume {
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
-    const sps_transfer *transfer; /* NULL: gas */
+    const sps_transfer *transfer; /* NULL: gas; else extinction, albedo and emission above do not count, lobes do */
     sps_shading shading;          /* with a transfer function */
     float gradient_full;          /* change of value per voxel at which shading is wholly a surface's; 0 means 0.05 */
     float specular;               /* strength of the highlight, 0..1 */
@@ -273,9 +277,11 @@ typedef struct sps_view {
     double position[3], target[3], up[3]; /* up zero or along the view: some axis is chosen */
     double field_of_view;                 /* vertical angle, up to 3.1; 0: orthographic */
     double ortho_height;                  /* orthographic: world height of the image; 0 means 1 */
-    const double *world_to_clip; /* instead of all above but the size: 16 numbers, any depth convention, +y is up */
-    double near_distance;        /* along the camera's axis; what is nearer is not seen; >= 0 */
-    int region[4];               /* x, y, width, height of the part to render; width 0: all */
+    /* Instead of all above but the size: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth
+       may run either way and in any range in perspective; an orthographic one must grow away from the eye. */
+    const double *world_to_clip;
+    double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 */
+    int region[4];        /* x, y, width, height of the part to render; width 0: all */
     sps_quality quality;
     double slab;         /* sheet thickness in voxels, the main knob; 0: from quality */
     int shadow_size;     /* texels of a shadow buffer's longer side, up to 16384; 0: from quality */
@@ -285,7 +291,7 @@ typedef struct sps_view {
 
 /* The caller's buffers, of the region's size. */
 typedef struct sps_image {
-    float *rgba;       /* premultiplied radiance and coverage */
+    float *rgba;       /* radiance, background included, and coverage (1 - transmittance), without it */
     float *depth;      /* optional: mean distance along the ray of what is seen, weighted by coverage; none: infinity */
     size_t row_pixels; /* pixels from one row to the next; 0 means the region's width */
 } sps_image;
@@ -794,6 +800,7 @@ static sps_result spsi_fail_field(sps_context *context, sps_result result, const
 
 static void spsi_release(sps_context *context, void *data, size_t size) {
     if (!data) return;
+    SPS_ASSERT(context->stats.bytes >= size);
     if (context->config.free_fn)
         context->config.free_fn(context->config.alloc_user, data, size);
     else
@@ -1824,6 +1831,7 @@ static int spsi_block_matters(const spsi_block *block) {
 }
 
 static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
+    SPS_ASSERT(index >= 0 && index < context->segment_count);
     return ((spsi_segment **)context->buffers[SPSI_BUFFER_SEGMENTS].data)[index];
 }
 
@@ -2469,8 +2477,9 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    instead. Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14
    vector operations per vector of fragments and section, and 25 per row. */
 
-#define SPSI_NEAR_REACHES 16 /* kernel radii from the eye below which a kernel is integrated along each ray's own way  \
-                              */
+#define SPSI_NEAR_REACHES                                                                                              \
+    16 /* kernel radii from the eye below which a kernel is integrated along each ray's own way                        \
+        */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
@@ -3794,6 +3803,7 @@ static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int
 
 static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_rays *rays, int column, int row,
                             int margin, int worker) {
+    SPS_ASSERT(worker >= 0 && worker < spsi_worker_count(run->context)); /* else two tasks would share sheets */
     memset(tile, 0, sizeof *tile);
     tile->x0 = column * SPSI_TILE_WIDTH - margin;
     tile->y0 = row * SPSI_TILE_HEIGHT - margin;

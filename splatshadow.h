@@ -1216,7 +1216,7 @@ typedef struct spsi_frame {
     int channels;     /* of radiance: 1 where all is grey */
     int lit_count;    /* lights that are not black */
     int shadow_count; /* of these, lights that cast shadows */
-    int scatters, emits, has_gradient, has_ambient, wants_depth;
+    int scatters, emits, extinguishes, has_gradient, has_ambient, wants_depth;
 } spsi_frame;
 
 static const spsi_bounds spsi_nowhere = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
@@ -1501,7 +1501,6 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
         material.shininess = volume->shininess > 0 ? volume->shininess : 32;
         if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
         medium->light_channel = frame->light_channel_count++;
-        frame->has_gradient |= volume->shading == SPS_SHADING_SURFACE && frame->lit_count > 0;
     } else {
         spsi_material_gas(volume, &material);
     }
@@ -1581,6 +1580,20 @@ static int spsi_light_shadows(const spsi_frame *frame, const sps_light *light) {
     return !spsi_black(light->color) && !light->no_shadow && !frame->view.no_shadows;
 }
 
+/* Counts lights, none where nothing could answer to them. */
+static void spsi_resolve_lights(spsi_frame *frame) {
+    for (int i = 0; i < frame->scene->light_count && (frame->scatters || frame->triangle_count > 0); ++i) {
+        frame->lit_count += !spsi_black(frame->scene->lights[i].color);
+        frame->shadow_count += spsi_light_shadows(frame, &frame->scene->lights[i]);
+    }
+    for (int i = 0; i < frame->material_count; ++i) {
+        const spsi_material *material = &frame->materials[i];
+        frame->extinguishes |= material->extinguishes;
+        frame->has_gradient |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+    }
+    if (frame->lit_count == 0) frame->has_gradient = 0;
+}
+
 /* 1 where every colour in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
     const sps_scene *scene = frame->scene;
@@ -1607,12 +1620,9 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     frame->view = *view;
     frame->wants_depth = wants_depth;
     frame->volume_bounds = frame->mesh_bounds = spsi_nowhere;
-    for (int i = 0; i < scene->light_count; ++i) {
-        frame->lit_count += !spsi_black(scene->lights[i].color);
-        frame->shadow_count += spsi_light_shadows(frame, &scene->lights[i]);
-    }
     if (spsi_resolve_volumes(context, frame) || spsi_resolve_meshes(context, frame)) return NULL;
     if (view->width > 0 && view->height > 0 && spsi_resolve_view(context, frame)) return NULL;
+    spsi_resolve_lights(frame);
     frame->has_ambient = !spsi_black(scene->ambient);
     frame->channels = spsi_count_channels(frame);
     return frame;
@@ -1947,7 +1957,8 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = UINT64_C(14695981039346656037);
     for (int i = 0; i < frame->medium_count; ++i) {
         const sps_volume *volume = frame->media[i].volume;
-        const spsi_table *table = frame->materials[frame->media[i].channel].table;
+        const spsi_material *material = &frame->materials[frame->media[i].channel];
+        const spsi_table *table = material->table;
         if (volume->revision == 0) return 0;
         hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
         hash = spsi_fingerprint(hash, &volume->user, sizeof volume->user);
@@ -1957,7 +1968,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         if (volume->eval_fn) hash = spsi_fingerprint(hash, frame->media[i].step, sizeof frame->media[i].step);
         if (volume->eval_fn) hash = spsi_fingerprint(hash, frame->media[i].corner, sizeof frame->media[i].corner);
         if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
-        if (table) hash = spsi_fingerprint(hash, &volume->transfer->value_max, sizeof volume->transfer->value_max);
+        if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
     }
     return hash | 1;
 }
@@ -2451,6 +2462,7 @@ static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame
 
 /* The index of the n-th light that casts shadows; -1 if there is none. */
 static int spsi_shadow_light(const spsi_frame *frame, int n) {
+    if (n >= frame->shadow_count) return -1;
     for (int i = 0; i < frame->scene->light_count; ++i)
         if (spsi_light_shadows(frame, &frame->scene->lights[i]) && n-- == 0) return i;
     return -1;
@@ -3914,7 +3926,7 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     float *memory;
     size_t tiles;
     planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
-    if (sweep->light < 0 || context->brick_count == 0) return SPS_OK;
+    if (sweep->light < 0 || context->brick_count == 0 || !run->frame->extinguishes) return SPS_OK;
     planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
@@ -4377,7 +4389,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->light >= 0 && frame->medium_count > 0) {
+    if (sweep->light >= 0 && frame->medium_count > 0 && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light = side * side * (SPSI_CHUNK + 1) * sizeof(float) + tiles + 8;
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
@@ -4392,12 +4404,6 @@ static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, con
     report->pass[pass].reason = runs ? why : why_not;
 }
 
-static int spsi_any_extinction(const spsi_frame *frame) {
-    for (int i = 0; i < frame->material_count; ++i)
-        if (frame->materials[i].extinguishes) return 1;
-    return 0;
-}
-
 static void spsi_plan_passes(const spsi_frame *frame, int reads, sps_plan_report *report) {
     const int volumes = frame->medium_count > 0, polygons = frame->triangle_count > 0, lit = frame->lit_count > 0;
     const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count;
@@ -4408,13 +4414,12 @@ static void spsi_plan_passes(const spsi_frame *frame, int reads, sps_plan_report
                    polygons ? "no light casts shadows" : "no triangles");
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, volumes ? sweeps : 0, "volumes are seen, one sweep per shadowing light",
                    "no volume that could be seen");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, volumes && spsi_any_extinction(frame) ? shadows : 0,
-                   "volumes cast shadows",
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, volumes && frame->extinguishes ? shadows : 0, "volumes cast shadows",
                    !volumes  ? "no volume that could be seen"
                    : shadows ? "no volume has extinction"
-                             : "no light casts shadows");
+                             : "no light casts shadows on anything");
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
-                   "no volume shaded as a surface, or no light");
+                   "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0, "volumes scatter light",
                    frame->scatters ? "no light" : "no volume scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->emits, "a volume emits", "no volume emits");

@@ -107,7 +107,7 @@ int main(int argc, char **argv) {
     ex_sun(&sun, ex_vec_of(-0.75, -0.62, -1.0), 2.8);
     ex_scene_set(&scene, volumes, 4, &dart, 1, &sun);
     ex_view_set(&view, ex_vec_of(-3.9, 1.4, 6.0), ex_vec_of(0.28, 0.0, 0.5), 35);
-    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    const int status = ex_scene_show(argc, argv, "dart", &scene, &view);
     ex_mesh_free(&mesh);
     return status;
 }

@@ -491,4 +491,17 @@ static inline void ex_view_set(sps_view *view, ex_vec position, ex_vec target, d
     view->quality = SPS_QUALITY_HIGH;
 }
 
+/* ex_scene_main, with NAME.png for a picture that --out does not name: the default goes before the caller's options,
+   of which the last one counts. */
+static inline int ex_scene_show(int argc, char **argv, const char *name, const sps_scene *scene, const sps_view *view) {
+    char option[] = "--out", file[64];
+    char **arguments = (char **)ex_allocate((size_t)argc + 3, sizeof *arguments);
+    snprintf(file, sizeof file, "%s.png", name);
+    arguments[0] = argv[0], arguments[1] = option, arguments[2] = file;
+    for (int i = 1; i < argc; ++i) arguments[i + 2] = argv[i];
+    const int status = ex_scene_main(argc + 2, arguments, scene, view, 1);
+    free(arguments);
+    return status;
+}
+
 #endif /* EX_MODELLING_H */

@@ -53,7 +53,7 @@ int main(int argc, char **argv) {
     ex_sun(&sun, ex_vec_of(1.0, -1.15, -0.35), 3.2);
     ex_scene_set(&scene, &plate, 1, &mushrooms, 1, &sun);
     ex_view_set(&view, ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
-    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    const int status = ex_scene_show(argc, argv, "mushrooms", &scene, &view);
     ex_mesh_free(&mesh);
     return status;
 }

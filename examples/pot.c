@@ -69,7 +69,7 @@ int main(int argc, char **argv) {
     scene.background_user = dusk;
     ex_view_set(&view, ex_vec_of(2.6, 1.9, 5.8), ex_vec_of(0.1, 0.80, 0), 31);
     view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
-    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    const int status = ex_scene_show(argc, argv, "pot", &scene, &view);
     ex_mesh_free(&pot);
     ex_mesh_free(&table);
     return status;

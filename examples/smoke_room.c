@@ -84,7 +84,7 @@ int main(int argc, char **argv) {
     scene.background_user = dusk;
     ex_view_set(&view, ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
     view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
-    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    const int status = ex_scene_show(argc, argv, "smoke_room", &scene, &view);
     ex_mesh_free(&mesh);
     return status;
 }

@@ -95,8 +95,8 @@ int main(int argc, char **argv) {
     ex_shape_use(&mesh, &mushrooms);
     ex_sun(&sun, ex_vec_of(0.55, -1.3, -0.12), 3.3);
     ex_scene_set(&scene, volumes, 3, &mushrooms, 1, &sun);
-    ex_view_set(&view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.90, 0), 28);
-    const int status = ex_scene_main(argc, argv, &scene, &view, 1);
+    ex_view_set(&view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.86, 0), 29);
+    const int status = ex_scene_show(argc, argv, "tree", &scene, &view);
     ex_grid_free(&grid);
     ex_mesh_free(&mesh);
     return status;

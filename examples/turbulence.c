@@ -45,5 +45,5 @@ int main(int argc, char **argv) {
     ex_color(scene.ambient, 0.15, 0.18, 0.24);
     scene.background_user = sky;
     ex_view_set(&view, ex_vec_of(0.3, -0.5, 6.5), ex_vec_of(0, 0, 0), 28);
-    return ex_scene_main(argc, argv, &scene, &view, 1);
+    return ex_scene_show(argc, argv, "turbulence", &scene, &view);
 }

@@ -1,0 +1,695 @@
+/* bench: how fast, and how exact for the time. Times are medians of frames that take turns, within one run, so that
+   ratios hold on a machine of any speed; each figure stands on its own line with the project's target beside it.
+   cc -std=c99 -O3 -march=native -pthread -I. examples/bench.c -o bench -lm
+   bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
+   bench speed      without the tables of error against time
+   bench accuracy   these tables only */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#define EX_NO_PNG
+#include "common.h"
+
+#define PI           3.14159265358979323846
+#define REPEATS      5 /* frames timed of each contender */
+#define WORKERS      2 /* that the targets speak of */
+#define TARGET_ERROR 0.001
+
+/* ================================================================================================= figures */
+
+/* One measured number. Bounds that are not finite are none. */
+static void figure(const char *what, double value, const char *unit, double low, double high) {
+    char target[48] = "";
+    if (low > -DBL_MAX && high < DBL_MAX)
+        snprintf(target, sizeof target, "%g..%g", low, high);
+    else if (high < DBL_MAX)
+        snprintf(target, sizeof target, "<= %.4g", high);
+    else if (low > -DBL_MAX)
+        snprintf(target, sizeof target, ">= %.4g", low);
+    printf("  %-66s %9.4g %-4s %-10s", what, value, unit, target);
+    if (value > high)
+        printf(" missed by %.0f %%", 100 * (value / high - 1));
+    else if (value < low)
+        printf(" missed by %.0f %%", 100 * (1 - value / low));
+    else if (*target)
+        printf(" met");
+    printf("\n");
+    fflush(stdout);
+}
+
+static void at_most(const char *what, double value, const char *unit, double bound) {
+    figure(what, value, unit, -HUGE_VAL, bound);
+}
+
+static void at_least(const char *what, double value, const char *unit, double bound) {
+    figure(what, value, unit, bound, HUGE_VAL);
+}
+
+static void plain(const char *what, double value, const char *unit) { figure(what, value, unit, -HUGE_VAL, HUGE_VAL); }
+
+static int compare_doubles(const void *left, const void *right) {
+    const double a = *(const double *)left, b = *(const double *)right;
+    return a < b ? -1 : a > b;
+}
+
+/* Sorts. */
+static double percentile(double *values, size_t count, double share) {
+    qsort(values, count, sizeof *values, compare_doubles);
+    return values[(size_t)(share * (double)(count - 1) + 0.5)];
+}
+
+/* ================================================================================================== frames */
+
+/* A scene of one volume, one mesh and one light at most. Stays where it is: the scene points into it. */
+typedef struct frame {
+    sps_volume volume;
+    sps_mesh mesh;
+    sps_light light;
+    sps_scene scene;
+    sps_view view;
+    float *rgba;
+} frame;
+
+static void frame_begin(frame *f, int width, int height) {
+    memset(f, 0, sizeof *f);
+    f->scene.volumes = &f->volume, f->scene.volume_count = 1;
+    f->scene.meshes = &f->mesh, f->scene.mesh_count = 1;
+    f->scene.lights = &f->light, f->scene.light_count = 1;
+    f->view.width = width, f->view.height = height;
+    f->view.quality = SPS_QUALITY_MEDIUM;
+    f->view.up[1] = 1;
+    f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
+}
+
+static void frame_end(frame *f) { free(f->rgba); }
+
+static void session_begin(ex_session *session, int threads) {
+    ex_error error;
+    if (ex_session_begin(session, threads, &error)) {
+        fprintf(stderr, "bench: %s\n", error.text);
+        exit(1);
+    }
+    session->progress.terminal = 0; /* lines of figures would run into it */
+}
+
+static void stop_if(sps_result result, const ex_session *session) {
+    if (result == SPS_OK) return;
+    fprintf(stderr, "bench: %s\n", sps_error(session->context));
+    exit(1);
+}
+
+static double render_seconds(ex_session *session, const frame *f, const sps_view *view) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = f->rgba;
+    const double start = ex_now(NULL);
+    stop_if(sps_render(session->context, &f->scene, view, &image), session);
+    return ex_now(NULL) - start;
+}
+
+/* A way to render a frame that is timed against others. */
+typedef struct contender {
+    ex_session *session;
+    const frame *frame;
+    sps_view view;
+    double seconds; /* median */
+    sps_stats_report stats;
+} contender;
+
+static void contender_set(contender *c, ex_session *session, const frame *f, int no_shadows) {
+    memset(c, 0, sizeof *c);
+    c->session = session, c->frame = f, c->view = f->view;
+    c->view.no_shadows = no_shadows;
+}
+
+/* Times all in turns, so that whatever else the machine does falls on each alike; the first round only warms up. */
+static void race(contender *contenders, int count, int repeats) {
+    double *seconds = (double *)ex_allocate((size_t)(count * repeats), sizeof *seconds);
+    for (int r = -1; r < repeats; ++r)
+        for (int i = 0; i < count; ++i) {
+            contender *c = contenders + i;
+            const double took = render_seconds(c->session, c->frame, &c->view);
+            if (r >= 0) seconds[i * repeats + r] = took;
+            sps_stats(c->session->context, &c->stats);
+        }
+    for (int i = 0; i < count; ++i) contenders[i].seconds = percentile(seconds + i * repeats, (size_t)repeats, 0.5);
+    free(seconds);
+}
+
+static double fragments_per_second(const sps_stats_report *stats) {
+    return (double)(stats->light_fragments + stats->eye_fragments) / (stats->seconds_light + stats->seconds_eye);
+}
+
+static void print_stages(const sps_stats_report *s) {
+    printf(
+        "    of %.3f s: read voxels %.3f, polygons %.3f, sort %.3f, light sheets %.3f, eye sheets and shading %.3f\n",
+        s->seconds_total, s->seconds_gather, s->seconds_polygons, s->seconds_bin, s->seconds_light, s->seconds_eye);
+    printf("    light: %.1f M fragments; eye: %.1f M fragments, %.1f M pixels of slabs shaded\n",
+           1e-6 * (double)s->light_fragments, 1e-6 * (double)s->eye_fragments, 1e-6 * (double)s->pixels_shaded);
+}
+
+/* ================================================================================================== bonsai */
+
+static const sps_transfer_point bonsai_points[] = {
+    {0.135f, {0.16f, 0.34f, 0.06f}, 0},  {0.15f, {0.20f, 0.42f, 0.08f}, 60},  {0.26f, {0.30f, 0.45f, 0.10f}, 90},
+    {0.34f, {0.42f, 0.27f, 0.14f}, 200}, {0.55f, {0.46f, 0.30f, 0.17f}, 300}, {0.70f, {0.34f, 0.25f, 0.18f}, 400},
+    {0.76f, {0.55f, 0.24f, 0.14f}, 500}, {1.00f, {0.65f, 0.60f, 0.55f}, 500},
+};
+
+static const sps_transfer bonsai_transfer = {bonsai_points, sizeof bonsai_points / sizeof *bonsai_points, NULL, NULL,
+                                             0};
+
+/* 0: loaded; else says why not. */
+static int bonsai_load(ex_grid *grid) {
+    static const int size[3] = {256, 256, 256};
+    const char *folder = getenv("SPLATSHADOW_DATA");
+    char path[4096];
+    ex_error error;
+    if (!folder) {
+        printf("  left out: SPLATSHADOW_DATA does not say where bonsai_256x256x256_u8.raw is\n");
+        return 1;
+    }
+    snprintf(path, sizeof path, "%s/bonsai_256x256x256_u8.raw", folder);
+    if (!ex_grid_load(grid, path, size, EX_U8, &error)) return 0;
+    printf("  left out: %s\n", error.text);
+    return 1;
+}
+
+static void bonsai_frame(frame *f, ex_grid *grid) {
+    static const double eye[3] = {2.2, 2.6, 4.6}, target[3] = {0, 0.95, 0}, light[3] = {-1, -1.6, -0.6};
+    frame_begin(f, 512, 512);
+    memcpy(f->volume.size, grid->size, sizeof f->volume.size);
+    f->volume.placement.origin[0] = f->volume.placement.origin[2] = -1;
+    for (int i = 0; i < 3; ++i) f->volume.placement.axis[i][i] = 2;
+    f->volume.read_fn = ex_grid_read, f->volume.range_fn = ex_grid_range, f->volume.user = grid;
+    f->volume.revision = 1;
+    f->volume.transfer = &bonsai_transfer;
+    memcpy(f->light.direction, light, sizeof light);
+    for (int i = 0; i < 3; ++i) f->light.color[i] = 2.5f - 0.1f * (float)i, f->scene.ambient[i] = 0.25f;
+    memcpy(f->view.position, eye, sizeof eye);
+    memcpy(f->view.target, target, sizeof target);
+    f->view.field_of_view = 34 * PI / 180;
+}
+
+/* Bytes of a context that has rendered the frame and nothing else; the share of its workers' tiles apart, which is
+   told from the peaks with one worker and with two. */
+static void bonsai_memory(const frame *f) {
+    size_t peak[2];
+    sps_plan_report plan;
+    sps_stats_report stats;
+    for (int i = 0; i < 2; ++i) {
+        ex_session session;
+        session_begin(&session, 1 + i);
+        render_seconds(&session, f, &f->view);
+        sps_stats(session.context, &stats);
+        peak[i] = stats.bytes_peak;
+        stop_if(sps_plan(session.context, &f->scene, &f->view, &plan), &session); /* knows the voxels' bounds now */
+        ex_session_end(&session);
+    }
+    const double tile = (double)(peak[1] - peak[0]), image = f->view.width * (double)f->view.height;
+    const double shadow = plan.shadow_width * (double)plan.shadow_height;
+    const double allowed = 48 * (double)stats.voxels_relevant + 96 * (image + shadow);
+    printf("    allowed: 48 bytes for each of %.3f M voxels, 96 for each of %.0f pixels and %.0f x %.0f texels\n",
+           1e-6 * (double)stats.voxels_relevant, image, (double)plan.shadow_width, (double)plan.shadow_height);
+    at_most("peak memory without workers' tiles", 1e-6 * ((double)peak[0] - tile), "MB", 1e-6 * allowed);
+    plain("and a tile of sheets for each worker", 1e-6 * tile, "MB");
+}
+
+static void bonsai_speed(frame *f, const char *name, sps_shading shading, ex_session *one, ex_session *two) {
+    contender c[3];
+    f->volume.shading = shading;
+    contender_set(&c[0], two, f, 0);
+    contender_set(&c[1], two, f, 1);
+    contender_set(&c[2], one, f, 0);
+    race(c, 3, REPEATS);
+    printf(" shaded as %s\n", name);
+    at_most("frame at medium, 512 x 512, 2 workers, voxels held", c[0].seconds, "s", 0.6);
+    print_stages(&c[0].stats);
+    at_most("shadowed / unshadowed time", c[0].seconds / c[1].seconds, "", 1.8);
+    at_least("1 worker / 2 workers, time", c[2].seconds / c[0].seconds, "", 1.7);
+    at_least("fragments, sorting and shading included, on one core", 1e-9 * fragments_per_second(&c[2].stats), "G/s",
+             3);
+}
+
+static void bench_bonsai(void) {
+    ex_grid grid;
+    ex_session one, two;
+    sps_stats_report stats;
+    frame f;
+    printf("\nBonsai scan, 256^3 voxels, transfer function, one directional light\n");
+    if (bonsai_load(&grid)) return;
+    session_begin(&one, 1);
+    session_begin(&two, WORKERS);
+    bonsai_frame(&f, &grid);
+    const double first = render_seconds(&two, &f, &f.view);
+    sps_stats(two.context, &stats);
+    figure("relevant voxels", 100 * (double)stats.voxels_relevant / (256.0 * 256 * 256), "%", 8, 15);
+    plain("first frame, in which the voxels are read", first, "s");
+    bonsai_speed(&f, "a surface", SPS_SHADING_SURFACE, &one, &two);
+    bonsai_speed(&f, "a gas", SPS_SHADING_GAS, &one, &two);
+    f.volume.shading = SPS_SHADING_SURFACE;
+    bonsai_memory(&f);
+    ex_session_end(&two);
+    ex_session_end(&one);
+    frame_end(&f);
+    ex_grid_free(&grid);
+}
+
+/* ============================================================================ a block of voxels, and where it lies */
+
+/* A cube of `edge` voxels in the middle of a volume of `size`^3; elsewhere 0. */
+typedef struct block {
+    int size, edge;
+} block;
+
+static int block_holds(const block *b, int at) {
+    const int first = (b->size - b->edge) / 2;
+    return at >= first && at < first + b->edge;
+}
+
+static int block_read(void *user, const int lo[3], const int size[3], float *out) {
+    const block *b = (const block *)user;
+    for (int z = lo[2]; z < lo[2] + size[2]; ++z)
+        for (int y = lo[1]; y < lo[1] + size[1]; ++y)
+            for (int x = lo[0]; x < lo[0] + size[0]; ++x) {
+                const int inside = block_holds(b, x) && block_holds(b, y) && block_holds(b, z);
+                *out++ = inside ? 1 + 0.125f * (float)((x ^ y ^ z) & 7) : 0;
+            }
+    return 0;
+}
+
+static int block_range(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
+    const block *b = (const block *)user;
+    const int first = (b->size - b->edge) / 2;
+    int meets = 1;
+    for (int i = 0; i < 3; ++i) meets &= lo[i] < first + b->edge && lo[i] + size[i] > first;
+    out_min_max[0] = 0, out_min_max[1] = meets ? 2.0f : 0.0f;
+    return 0;
+}
+
+/* Voxels of edge 1 about the origin, seen from far enough that `pixels` of the image are one voxel. */
+static void block_frame(frame *f, block *b, int width, double pixels, uint64_t revision) {
+    static const double eye[3] = {1.2, 0.9, 2.4}, light[3] = {-1, -1.3, 0.4};
+    frame_begin(f, width, width);
+    for (int i = 0; i < 3; ++i) {
+        f->volume.size[i] = b->size;
+        f->volume.placement.origin[i] = -0.5 * b->size;
+        f->volume.placement.axis[i][i] = b->size;
+        f->volume.albedo[i] = 0.9f, f->light.color[i] = 3;
+    }
+    f->volume.read_fn = block_read, f->volume.range_fn = block_range, f->volume.user = b;
+    f->volume.revision = revision;
+    f->volume.extinction = 0.01f; /* so thin that no ray ends early */
+    memcpy(f->light.direction, light, sizeof light);
+    for (int i = 0; i < 3; ++i) f->view.position[i] = 100 * eye[i];
+    f->view.ortho_height = width / pixels;
+}
+
+/* The shadow_size that gives a voxel so many texels, by what `medium` plans for one. Two texels of border on each side
+   are not among them. */
+static int texels_for(const ex_session *session, const frame *f, int texels) {
+    sps_plan_report plan;
+    stop_if(sps_plan(session->context, &f->scene, &f->view, &plan), session);
+    const int longer = plan.shadow_width > plan.shadow_height ? plan.shadow_width : plan.shadow_height;
+    return texels * (longer - 4) + 4;
+}
+
+static void bench_splatting(void) {
+    static const double thickness[2] = {1, 4};
+    block b = {64, 64};
+    frame f;
+    ex_session one;
+    printf("\nSplatting: 64^3 voxels of 4 pixels, and of 4 texels of the shadow buffer\n");
+    session_begin(&one, 1);
+    block_frame(&f, &b, 512, 4, 1);
+    f.view.shadow_size = texels_for(&one, &f, 4);
+    for (int i = 0; i < 2; ++i) {
+        contender c;
+        char what[80];
+        f.view.slab = thickness[i];
+        contender_set(&c, &one, &f, 0);
+        race(&c, 1, REPEATS);
+        snprintf(what, sizeof what, "fragments on one core, slabs of %g voxels", thickness[i]);
+        at_least(what, 1e-9 * fragments_per_second(&c.stats), "G/s", 3);
+        print_stages(&c.stats);
+    }
+    ex_session_end(&one);
+    frame_end(&f);
+}
+
+/* The same voxels in volumes of two sizes: held from frame to frame, or read for each. */
+static void bench_empty_space(void) {
+    block blocks[2] = {{128, 60}, {256, 60}};
+    printf("\nEmpty space: the same 60^3 voxels alone in 128^3 and in 256^3\n");
+    for (int read = 0; read < 2; ++read) {
+        frame frames[2];
+        ex_session sessions[2];
+        contender c[2];
+        char what[80];
+        for (int i = 0; i < 2; ++i) {
+            session_begin(&sessions[i], WORKERS);
+            block_frame(&frames[i], &blocks[i], 512, 4, read ? 0 : 1);
+            contender_set(&c[i], &sessions[i], &frames[i], 0);
+        }
+        race(c, 2, 9);
+        snprintf(what, sizeof what, "256^3 / 128^3 time, voxels %s (%.3f s, %.3f s)",
+                 read ? "read for every frame" : "held", c[1].seconds, c[0].seconds);
+        figure(what, c[1].seconds / c[0].seconds, "", 0.85, 1.15);
+        for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]), frame_end(&frames[i]);
+    }
+}
+
+/* ====================================================================================== a blob over a plane, exactly
+ */
+
+/* A Gaussian blob of gas that scatters all light evenly, over a plane of reflectance 1/2. For such a blob the optical
+   depth along any line is an error function, so that a pixel is one integral of a smooth function. */
+#define BLOB_WIDTH      0.35 /* standard deviation */
+#define BLOB_EXTINCTION 4.0  /* at its middle */
+#define BLOB_LEAST      1e-4 /* below this share of its middle the blob's grid is empty */
+#define BLOB_BOX        9.0  /* edge of the grid, in widths */
+#define BLOB_NODES      32   /* of the quadrature; 48 change no pixel by 1e-7 */
+#define BLOB_SIZE       512  /* pixels */
+
+static const double blob_centre[3] = {0, 1.2, 0}, blob_eye[3] = {0, 4.5, 10}, blob_target[3] = {0, 0.8, 0};
+static const double blob_light[3] = {-0.70710678118654752, -0.70710678118654752, 0}; /* irradiance pi */
+
+typedef struct blob {
+    double width, middle; /* standard deviation; extinction there */
+} blob;
+
+/* What the voxels' kernels make of the blob: a Gaussian of the sum of the variances and of the same mass. */
+static blob blob_through_kernels(int grid) {
+    const double kernel = 0.65 * BLOB_BOX * BLOB_WIDTH / grid;
+    blob b;
+    b.width = sqrt(BLOB_WIDTH * BLOB_WIDTH + kernel * kernel);
+    b.middle = BLOB_EXTINCTION * pow(BLOB_WIDTH / b.width, 3);
+    return b;
+}
+
+/* Optical depth along a line at squared distance `apart` from the middle, from s0 to s1 counted from the foot. */
+static double blob_depth(const blob *b, double apart, double s0, double s1) {
+    const double across = exp(-0.5 * apart / (b->width * b->width)), unit = 1 / (b->width * sqrt(2.0));
+    return b->middle * b->width * sqrt(0.5 * PI) * across * (erf(s1 * unit) - erf(s0 * unit));
+}
+
+/* Light that is left at a point, of what would arrive without the blob. */
+static double blob_lit(const blob *b, const double point[3]) {
+    double from[3];
+    for (int i = 0; i < 3; ++i) from[i] = point[i] - blob_centre[i];
+    const double along = ex_dot(from, blob_light);
+    return exp(-blob_depth(b, ex_dot(from, from) - along * along, -1e3, along));
+}
+
+/* Gauss-Legendre nodes and weights on -1..1, by Newton's method on the recurrence. */
+static void legendre_nodes(int count, double *nodes, double *weights) {
+    for (int i = 0; i < count; ++i) {
+        double x = cos(PI * (i + 0.75) / (count + 0.5)), slope = 1;
+        for (int step = 0; step < 20; ++step) {
+            double before = 1, now = x;
+            for (int k = 2; k <= count; ++k) {
+                const double next = ((2 * k - 1) * x * now - (k - 1) * before) / k;
+                before = now, now = next;
+            }
+            slope = count * (x * now - before) / (x * x - 1);
+            x -= now / slope;
+        }
+        nodes[i] = x, weights[i] = 2 / ((1 - x * x) * slope * slope);
+    }
+}
+
+typedef struct blob_task {
+    blob shape;
+    double nodes[BLOB_NODES], weights[BLOB_NODES], rows[3][3]; /* right, down, forward */
+    int size;
+    double *image;
+} blob_task;
+
+static void blob_point(const double direction[3], double t, double point[3]) {
+    for (int i = 0; i < 3; ++i) point[i] = blob_eye[i] + t * direction[i];
+}
+
+static double blob_radiance(const blob_task *task, const double direction[3]) {
+    const blob *b = &task->shape;
+    double middle[3], point[3], sum = 0;
+    for (int i = 0; i < 3; ++i) middle[i] = blob_centre[i] - blob_eye[i];
+    const double foot = ex_dot(middle, direction), apart = ex_dot(middle, middle) - foot * foot;
+    const double plane = direction[1] < 0 ? -blob_eye[1] / direction[1] : HUGE_VAL;
+    const double t0 = foot - 6.5 * b->width, t1 = fmin(foot + 6.5 * b->width, plane);
+    for (int i = 0; i < BLOB_NODES && t1 > t0; ++i) {
+        const double t = t0 + 0.5 * (1 + task->nodes[i]) * (t1 - t0), s = t - foot;
+        const double here = b->middle * exp(-0.5 * (apart + s * s) / (b->width * b->width));
+        if (here < 1e-9) continue;
+        blob_point(direction, t, point);
+        sum += 0.5 * (t1 - t0) * task->weights[i] * 0.25 * here * blob_lit(b, point) *
+               exp(-blob_depth(b, apart, -foot, s)); /* 0.25: pi / (4 pi) */
+    }
+    if (!(plane < HUGE_VAL)) return sum;
+    blob_point(direction, plane, point);
+    return sum + 0.5 * -blob_light[1] * blob_lit(b, point) * exp(-blob_depth(b, apart, -foot, plane - foot));
+}
+
+static void blob_row(void *data, int y, int worker) {
+    const blob_task *task = (const blob_task *)data;
+    const double pitch = 2 * tan(13 * PI / 180) / task->size;
+    (void)worker;
+    for (int x = 0; x < task->size; ++x) {
+        const double across = pitch * (x - 0.5 * (task->size - 1)), down = pitch * (y - 0.5 * (task->size - 1));
+        double direction[3];
+        for (int i = 0; i < 3; ++i)
+            direction[i] = across * task->rows[0][i] + down * task->rows[1][i] + task->rows[2][i];
+        const double length = sqrt(ex_dot(direction, direction));
+        for (int i = 0; i < 3; ++i) direction[i] /= length;
+        task->image[(size_t)y * (size_t)task->size + (size_t)x] = blob_radiance(task, direction);
+    }
+}
+
+/* The exact image; freed by the caller. The camera looks along -z and down, so that its right is x. */
+static double *blob_exact(ex_session *session, blob shape, int size) {
+    blob_task task;
+    const double dy = blob_target[1] - blob_eye[1], dz = blob_target[2] - blob_eye[2], length = sqrt(dy * dy + dz * dz);
+    const double rows[3][3] = {{1, 0, 0}, {0, dz / length, -dy / length}, {0, dy / length, dz / length}};
+    task.shape = shape, task.size = size;
+    memcpy(task.rows, rows, sizeof rows);
+    legendre_nodes(BLOB_NODES, task.nodes, task.weights);
+    task.image = (double *)ex_allocate((size_t)size * (size_t)size, sizeof(double));
+    ex_parallel_for(&session->pool, size, blob_row, &task);
+    return task.image;
+}
+
+/* ===================================================================================== ... and as the library has it
+ */
+
+static int blob_density(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i, positions += 3) {
+        double square = 0;
+        for (int k = 0; k < 3; ++k) square += (positions[k] - blob_centre[k]) * (positions[k] - blob_centre[k]);
+        const double value = exp(-0.5 * square / (BLOB_WIDTH * BLOB_WIDTH));
+        out[i] = value < BLOB_LEAST ? 0 : (float)value;
+    }
+    return 0;
+}
+
+static int plane_read(void *user, size_t first, size_t count, sps_triangle *out) {
+    static const float corners[4][3] = {{-30, 0, -30}, {30, 0, -30}, {30, 0, 30}, {-30, 0, 30}};
+    (void)user;
+    for (size_t i = 0; i < count; ++i)
+        for (size_t k = 0; k < 3; ++k)
+            memcpy(out[i].position[k], corners[k == 0 ? 0 : first + i + k], sizeof corners[0]);
+    return 0;
+}
+
+static void blob_frame(frame *f, int grid, int size) {
+    frame_begin(f, size, size);
+    for (int i = 0; i < 3; ++i) {
+        f->volume.size[i] = grid;
+        f->volume.placement.origin[i] = blob_centre[i] - 0.5 * BLOB_BOX * BLOB_WIDTH;
+        f->volume.placement.axis[i][i] = BLOB_BOX * BLOB_WIDTH;
+        f->volume.albedo[i] = 1, f->mesh.color[i] = 0.5f, f->light.color[i] = (float)PI;
+    }
+    f->volume.eval_fn = blob_density, f->volume.extinction = (float)BLOB_EXTINCTION, f->volume.revision = 1;
+    f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;
+    memcpy(f->light.direction, blob_light, sizeof blob_light);
+    memcpy(f->view.position, blob_eye, sizeof blob_eye);
+    memcpy(f->view.target, blob_target, sizeof blob_target);
+    f->view.field_of_view = 26 * PI / 180;
+}
+
+/* Root mean square, and if asked for the 99th percentile, of the differences in radiance. */
+static double image_error(const float *rgba, const double *exact, int size, double *high) {
+    const size_t count = (size_t)size * (size_t)size;
+    double *differences = (double *)ex_allocate(count, sizeof(double)), sum = 0;
+    for (size_t i = 0; i < count; ++i) {
+        differences[i] = fabs((double)rgba[4 * i] - exact[i]);
+        sum += differences[i] * differences[i];
+    }
+    if (high) *high = percentile(differences, count, 0.99);
+    free(differences);
+    return sqrt(sum / (double)count);
+}
+
+typedef struct best_setting {
+    double seconds, slab, error;
+    int grid, shadow, quality;
+} best_setting;
+
+static const double curve_slabs[] = {16, 8, 4, 2, 1, 0.5};
+static const int curve_shadows[] = {128, 256, 512};
+enum { CURVE_SLABS = 6, CURVE_SHADOWS = 3 };
+
+/* One setting: its three errors and its time, as a group of columns. */
+static void print_setting(ex_session *session, const frame *f, const double *exact, const double *own,
+                          best_setting *best) {
+    contender c;
+    double high;
+    contender_set(&c, session, f, 0);
+    race(&c, 1, f->view.slab < 4 ? 1 : 3);
+    const double error = image_error(f->rgba, exact, BLOB_SIZE, &high);
+    printf(" | %7.5f %7.5f %7.5f %6.1f", error, high, image_error(f->rgba, own, BLOB_SIZE, NULL), 1e3 * c.seconds);
+    fflush(stdout);
+    if (error > TARGET_ERROR || c.seconds >= best->seconds) return;
+    best->seconds = c.seconds, best->error = error, best->slab = f->view.slab, best->shadow = f->view.shadow_size;
+    best->grid = f->volume.size[0], best->quality = (int)f->view.quality;
+}
+
+static void print_curve(ex_session *session, frame *f, const double *exact, const double *own, best_setting *best) {
+    printf("\n  %d^3 voxels, kernels and ends of rays as in %s\n       ", f->volume.size[0],
+           f->view.quality == SPS_QUALITY_DRAFT ? "draft" : "medium");
+    for (int k = 0; k < CURVE_SHADOWS; ++k) printf(" | shadow buffer %4d            ", curve_shadows[k]);
+    printf("\n  slab ");
+    for (int k = 0; k < CURVE_SHADOWS; ++k) printf(" | rmse    p99     own       ms ");
+    for (int i = 0; i < CURVE_SLABS; ++i) {
+        printf("\n  %4g ", curve_slabs[i]);
+        for (int k = 0; k < CURVE_SHADOWS; ++k) {
+            f->view.slab = curve_slabs[i], f->view.shadow_size = curve_shadows[k];
+            print_setting(session, f, exact, own, best);
+        }
+    }
+    printf("\n");
+}
+
+static double blur_error(const double *exact, const double *own) {
+    double sum = 0;
+    for (int i = 0; i < BLOB_SIZE * BLOB_SIZE; ++i) sum += (exact[i] - own[i]) * (exact[i] - own[i]);
+    return sqrt(sum) / BLOB_SIZE;
+}
+
+/* Tables for one grid; gives the error of `medium` as it stands, against the field that it stands for. */
+static double bench_curves(ex_session *session, const double *exact, int grid, best_setting *best) {
+    frame f;
+    contender medium;
+    char what[80];
+    double *own = blob_exact(session, blob_through_kernels(grid), BLOB_SIZE);
+    blob_frame(&f, grid, BLOB_SIZE);
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_MEDIUM; ++quality) {
+        f.view.quality = (sps_quality)quality;
+        print_curve(session, &f, exact, own, best);
+    }
+    f.view.slab = 0, f.view.shadow_size = 0;
+    contender_set(&medium, session, &f, 0);
+    race(&medium, 1, 3);
+    const double error = image_error(f.rgba, own, BLOB_SIZE, NULL);
+    printf("\n");
+    snprintf(what, sizeof what, "rmse of the kernels' blur alone, %d^3", grid);
+    plain(what, blur_error(exact, own), "");
+    snprintf(what, sizeof what, "medium as it stands, %d^3: rmse", grid);
+    plain(what, image_error(f.rgba, exact, BLOB_SIZE, NULL), "");
+    snprintf(what, sizeof what, "... against the blurred blob (own)");
+    plain(what, error, "");
+    snprintf(what, sizeof what, "... time");
+    plain(what, medium.seconds, "s");
+    frame_end(&f);
+    free(own);
+    return error;
+}
+
+/* The best setting once more, in a context that is new: what a program that renders one picture waits for. */
+static void print_best(const best_setting *best) {
+    frame f;
+    ex_session session;
+    sps_stats_report stats;
+    char what[120];
+    printf("\n");
+    if (!(best->seconds < HUGE_VAL)) {
+        printf("  no setting reaches an rmse of %g\n", TARGET_ERROR);
+        return;
+    }
+    snprintf(what, sizeof what, "rmse %.5f: %d^3, slab %g, shadow %d, %s", best->error, best->grid, best->slab,
+             best->shadow, best->quality == SPS_QUALITY_DRAFT ? "draft" : "medium");
+    at_most(what, best->seconds, "s", 0.05);
+    session_begin(&session, WORKERS);
+    blob_frame(&f, best->grid, BLOB_SIZE);
+    f.view.slab = best->slab, f.view.shadow_size = best->shadow, f.view.quality = (sps_quality)best->quality;
+    plain("... as the first frame of a new context, reading the voxels", render_seconds(&session, &f, &f.view), "s");
+    sps_stats(session.context, &stats);
+    print_stages(&stats);
+    ex_session_end(&session);
+    frame_end(&f);
+}
+
+/* Brute force at the first step, of ever smaller ones, that is no worse than `error`. It takes no pixel filter, so an
+   image of fewer pixels is an even sample of the same picture, and its time can be scaled. */
+static void bench_reference(ex_session *session, double error) {
+    enum { SIZE = 64, GRID = 128 };
+    frame f;
+    sps_image image;
+    double step = 16 * sqrt(2.0), reached, seconds;
+    double *own = blob_exact(session, blob_through_kernels(GRID), SIZE);
+    memset(&image, 0, sizeof image);
+    blob_frame(&f, GRID, SIZE);
+    image.rgba = f.rgba;
+    do {
+        step *= sqrt(0.5);
+        const double start = ex_now(NULL);
+        stop_if(sps_reference(session->context, &f.scene, &f.view, step, &image), session);
+        seconds = ex_now(NULL) - start;
+        reached = image_error(f.rgba, own, SIZE, NULL);
+        printf("    sps_reference, step %7.3f voxels: own rmse %.6f, %.2f s for %d x %d pixels\n", step, reached,
+               seconds, SIZE, SIZE);
+    } while (reached > error && seconds < 5);
+    plain("sps_reference at that step, 512 x 512, scaled by pixels", seconds * BLOB_SIZE * BLOB_SIZE / (SIZE * SIZE),
+          "s");
+    frame_end(&f);
+    free(own);
+}
+
+static void bench_accuracy(void) {
+    static const int grids[2] = {128, 64};
+    const blob plain_blob = {BLOB_WIDTH, BLOB_EXTINCTION};
+    best_setting best = {HUGE_VAL, 0, 0, 0, 0, 0};
+    double errors[2], largest = 0;
+    ex_session session;
+    session_begin(&session, WORKERS);
+    double *exact = blob_exact(&session, plain_blob, BLOB_SIZE);
+    for (int i = 0; i < BLOB_SIZE * BLOB_SIZE; ++i) largest = fmax(largest, exact[i]);
+    printf("\nA Gaussian blob over a plane, 512 x 512, 2 workers, voxels held, against closed forms\n"
+           "  rmse, p99: root mean square and 99th percentile of the error in radiance (the largest is %.3f)\n"
+           "  own: rmse against the closed form for the blob as the voxels' kernels blur it\n"
+           "  ms: median of 3 frames, and of one where slabs are thinner than 4 voxels\n",
+           largest);
+    for (int i = 0; i < 2; ++i) errors[i] = bench_curves(&session, exact, grids[i], &best);
+    print_best(&best);
+    printf("\n  Brute force at the own error of medium, 128^3 (%.6f)\n", errors[0]);
+    bench_reference(&session, errors[0]);
+    free(exact);
+    ex_session_end(&session);
+}
+
+/* ==================================================================================================== main */
+
+int main(int argc, char **argv) {
+    const int speed = argc == 1 || (argc == 2 && strcmp(argv[1], "speed") == 0);
+    const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
+    if (!speed && !accuracy) {
+        fprintf(stderr, "%s: give nothing, or `speed`, or `accuracy`\n", argv[0]);
+        return 2;
+    }
+    printf("%d processors, vectors of %d floats\n", ex_processor_count(), SPSI_LANES);
+    if (speed) {
+        bench_bonsai();
+        bench_splatting();
+        bench_empty_space();
+    }
+    if (accuracy) bench_accuracy();
+    return 0;
+}

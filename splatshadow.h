@@ -283,8 +283,10 @@ typedef struct sps_view {
     double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 */
     int region[4];        /* x, y, width, height of the part to render; width 0: all */
     sps_quality quality;
-    double slab;         /* sheet thickness in voxels, the main knob; 0: from quality */
-    int shadow_size;     /* texels of a shadow buffer's longer side, up to 16384; 0: from quality */
+    double slab; /* sheet thickness in voxels, the main knob; 0: from quality */
+    /* Texels on the longer side of a light's sheets and of its polygons' depth map, up to 16384; 0: from quality. The
+       depth map has at least 512, 1024, 2048, 4096 by quality. */
+    int shadow_size;
     int no_shadows;      /* 1: as no_shadow on every light */
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -801,11 +803,11 @@ static sps_result spsi_fail_field(sps_context *context, sps_result result, const
 static void spsi_release(sps_context *context, void *data, size_t size) {
     if (!data) return;
     SPS_ASSERT(context->stats.bytes >= size);
+    context->stats.bytes -= size; /* before: the last thing released is the context itself */
     if (context->config.free_fn)
         context->config.free_fn(context->config.alloc_user, data, size);
     else
         SPS_FREE(data);
-    context->stats.bytes -= size;
 }
 
 /* Every allocation but the context's own passes here: overflow, limit and failure are one error. NULL after it. */
@@ -3210,31 +3212,35 @@ static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v 
                        one);
 }
 
-/* The mean value of a classified material in slab k at pixel (x, y), and the middle of its way there. `fallback` stands
-   in where the slab is cut away. */
-static inline spsi_v spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel, int x, int y, int k,
-                                     spsi_v fallback, spsi_v *middle) {
-    const size_t margin = (size_t)((tile->slab_count - SPSI_CHUNK) / 2);
-    const size_t at = (size_t)channel * tile->channel_size + (size_t)(k + (int)margin) * tile->sheet_size +
+/* The depth of polygons at pixels that may lie outside of the image, which repeats its edge. */
+static inline spsi_v spsi_polygons_around(const spsi_shader *shader, int x, int y) {
+    const spsi_rays *eye = &shader->frame->eye;
+    const int row = spsi_least(spsi_most(y, 0), eye->height - 1);
+    float depth[SPSI_LANES];
+    if (!shader->hits) return spsi_set(SPSI_INFINITY);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const int column = spsi_least(spsi_most(x + i, 0), eye->width - 1);
+        depth[i] = shader->hits[(size_t)row * (size_t)eye->width + (size_t)column].depth;
+    }
+    return spsi_load(depth);
+}
+
+/* The mean value of a classified material in slab k at pixels (x, y), and the middle of their ways there. Gives which
+   of them are good: where a polygon leaves less than a quarter of the slab, the mean says little. */
+static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel, int x, int y, int k,
+                                     spsi_v *value, spsi_v *middle) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const size_t at = (size_t)channel * tile->channel_size + (size_t)(k + margin) * tile->sheet_size +
                       (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     spsi_pixels p;
     spsi_v enter, leave, way;
     spsi_pixels_build(shader, x, y, 0, &p);
-    if (shader->hits) {
-        const spsi_rays *eye = &shader->frame->eye;
-        float depth[SPSI_LANES];
-        for (int i = 0; i < SPSI_LANES; ++i) {
-            const int px = spsi_least(spsi_most(x + i, 0), eye->width - 1),
-                      py = spsi_least(spsi_most(y, 0), eye->height - 1);
-            depth[i] = shader->hits[(size_t)py * (size_t)eye->width + (size_t)px].depth;
-        }
-        p.polygon = spsi_load(depth);
-    }
+    p.polygon = spsi_polygons_around(shader, x, y);
     spsi_slab_range(shader, &p, k, &enter, &leave);
     way = spsi_sub(leave, enter);
-    *middle = spsi_mul(spsi_set(0.5f), spsi_add(spsi_plane_depth(&p, k), spsi_plane_depth(&p, k + 1)));
-    return spsi_select(spsi_less(spsi_set(1e-3f), spsi_mul(way, spsi_abs(spsi_div(spsi_set(1), p.slab_scale)))),
-                       spsi_div(spsi_load(tile->sheets + at), spsi_max(way, spsi_set(FLT_MIN * 16))), fallback);
+    *middle = spsi_mul(spsi_set(0.5f), spsi_add(enter, leave));
+    *value = spsi_div(spsi_load(tile->sheets + at), spsi_max(way, spsi_set(FLT_MIN * 16)));
+    return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(p.slab_scale)), way);
 }
 
 /* World position at depth d, relative to the shader's position origin. */
@@ -3255,21 +3261,37 @@ static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
     return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
 }
 
+/* A slab on a vector of rays: its samples, and where they lie. */
+typedef struct spsi_slab {
+    int k, sample_count;
+    spsi_sample *samples;
+    spsi_v enter, leave, middle; /* depths along the ray */
+    spsi_v first, last;          /* shares of the slab, in the light's order, between which the ray is in it */
+    spsi_v depth;                /* optical depth of all samples */
+    spsi_v before, after;        /* optical depth between eye and the slab's first and last plane, light's order */
+} spsi_slab;
+
 /* Fills a sample's normal and surface share from central differences: between neighbours along x and y in the same
-   sheet, and between the sheets before and after. The three ways are not square to each other, so the gradient g is
-   solved from way . g = difference. No volume spanned by the ways: no gradient, wholly gas. */
-static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
-                                 int k, const spsi_material *material, spsi_v here, spsi_sample *sample) {
+   sheet, and between the sheets before and after; one-sided where a polygon cuts a neighbour away. The three ways are
+   not square to each other, so the gradient g is solved from way . g = difference. No volume spanned by the ways: no
+   gradient, wholly gas. */
+static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
+                                 const spsi_slab *slab, int channel, spsi_v here, spsi_sample *sample) {
+    const spsi_material *material = &shader->frame->materials[channel];
     static const int around[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    spsi_v way[3][3], difference[3], g[3], cofactor[3][3], determinant, size;
+    spsi_v way[3][3], difference[3], g[3], cofactor[3][3], own[3], determinant, size;
+    spsi_position_at(shader, p->at, (float)p->y, slab->middle, own);
     for (int i = 0; i < 3; ++i) {
         spsi_v value[2], end[2][3];
         for (int side = 0; side < 2; ++side) {
             const int sign = side ? 1 : -1;
             const int x = p->x + sign * around[i][0], y = p->y + sign * around[i][1];
             spsi_v middle;
-            value[side] = spsi_mean_value(shader, tile, channel, x, y, k + sign * around[i][2], here, &middle);
+            const spsi_m good =
+                spsi_mean_value(shader, tile, channel, x, y, slab->k + sign * around[i][2], &value[side], &middle);
             spsi_position_at(shader, spsi_add(p->at, spsi_set((float)(x - p->x))), (float)y, middle, end[side]);
+            value[side] = spsi_select(good, value[side], here);
+            for (int c = 0; c < 3; ++c) end[side][c] = spsi_select(good, end[side][c], own[c]);
         }
         difference[i] = spsi_sub(value[1], value[0]);
         for (int c = 0; c < 3; ++c) way[i][c] = spsi_sub(end[1][c], end[0][c]);
@@ -3293,9 +3315,10 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
 
 /* Reads one material's part of slab k. */
 static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
-                                     int channel, int k, size_t at, spsi_v way, spsi_sample *sample) {
+                                     const spsi_slab *slab, int channel, size_t at, spsi_sample *sample) {
     const spsi_material *material = &shader->frame->materials[channel];
-    const spsi_v sum = spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at);
+    const spsi_v sum = spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at),
+                 way = spsi_sub(slab->leave, slab->enter);
     sample->has_normal = 0;
     sample->surface = spsi_set(0);
     sample->value_length = spsi_mul(sum, p->length);
@@ -3312,7 +3335,7 @@ static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile 
         for (int c = 0; c < 3; ++c) sample->colour[c] = looks[c];
         if (material->shading != SPS_SHADING_SURFACE || !shader->frame->has_gradient) return;
         if (spsi_bits(spsi_less(spsi_set(0), sample->depth)))
-            spsi_sample_gradient(shader, tile, p, channel, k, material, mean, sample);
+            spsi_sample_gradient(shader, tile, p, slab, channel, mean, sample);
     }
 }
 
@@ -3370,16 +3393,6 @@ static void spsi_light_at(const spsi_shader *shader, const sps_light *light, con
     }
 }
 
-/* A slab on a vector of rays: its samples, and where they lie. */
-typedef struct spsi_slab {
-    int k, sample_count;
-    spsi_sample *samples;
-    spsi_v enter, leave, middle; /* depths along the ray */
-    spsi_v first, last;          /* shares of the slab, in the light's order, between which the ray is in it */
-    spsi_v depth;                /* optical depth of all samples */
-    spsi_v before, after;        /* optical depth between eye and the slab's first and last plane, light's order */
-} spsi_slab;
-
 /* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
 static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
                            const sps_light *light, spsi_v carried, spsi_v radiance[3]) {
@@ -3397,24 +3410,36 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
     }
 }
 
+/* The share of a ray's way through a slab that polygons leave in the light. The way is looked at in four parts, since a
+   shadow's edge may cross it sideways. */
+static spsi_v spsi_lit_share(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab) {
+    enum { PARTS = 4 };
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
+    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / PARTS));
+    spsi_v sum = spsi_set(0);
+    if (shader->map->face_count == 0) return spsi_set(1);
+    for (int i = 0; i < PARTS; ++i) {
+        const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
+        spsi_v share = spsi_set(1);
+        for (int face = 0; face < shader->map->face_count; ++face)
+            share = spsi_min(share, spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
+        sum = spsi_add(sum, share);
+    }
+    return spsi_mul(sum, spsi_set(1.0f / PARTS));
+}
+
 /* Light of the sweep's own light: through its planes, ended by polygons. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
                               spsi_v radiance[3]) {
     const spsi_v d0 = spsi_plane_depth(p, slab->k), d1 = spsi_plane_depth(p, slab->k + 1);
     const spsi_v a0 = spsi_lookup_planes(shader, p, slab->k, d0), a1 = spsi_lookup_planes(shader, p, slab->k + 1, d1);
-    const spsi_v way = spsi_max(spsi_sub(slab->last, slab->first), spsi_set(1e-6f));
-    spsi_v last = slab->last, lit = spsi_set(1), start, end, eye_end;
-    if (shader->map->face_count > 0) {
-        spsi_v share = spsi_set(1);
-        for (int face = 0; face < shader->map->face_count; ++face)
-            share = spsi_min(share, spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
-        last = spsi_clamp(share, slab->first, slab->last);
-        lit = spsi_div(spsi_sub(last, slab->first), way);
-        if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
-    }
+    const spsi_v lit = spsi_lit_share(shader, p, slab);
+    const spsi_v last = spsi_mix(slab->first, slab->last, lit);
+    spsi_v start, end;
+    if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
     start = spsi_add(spsi_mix(a0, a1, slab->first), slab->before);
-    eye_end = spsi_mix(slab->before, slab->after, lit);
-    end = spsi_add(spsi_mix(a0, a1, last), eye_end);
+    end = spsi_add(spsi_mix(a0, a1, last), spsi_mix(slab->before, slab->after, lit));
     spsi_add_light(shader, p, slab, shader->light, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
 }
 
@@ -3610,7 +3635,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     }
     slab->depth = zero;
     for (int m = 0; m < count; ++m) {
-        spsi_sample_build(shader, tile, p, m, k, at, way, &slab->samples[m]);
+        spsi_sample_build(shader, tile, p, slab, m, at, &slab->samples[m]);
         slab->depth = spsi_add(slab->depth, slab->samples[m].depth);
     }
     slab->before = shader->sweep->back_to_front ? slab->depth : depth;
@@ -4204,9 +4229,10 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
 
 /* --- a light's depth map, and the frame --- */
 
+/* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
 static int spsi_map_size(const spsi_frame *frame) {
     static const int size[] = {1024, 512, 1024, 2048, 4096};
-    return frame->view.shadow_size > 0 ? frame->view.shadow_size : size[frame->view.quality];
+    return spsi_most(frame->view.shadow_size, size[frame->view.quality]);
 }
 
 /* One face of a cube of depth maps about a point light; faces overlap by a texel. */

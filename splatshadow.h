@@ -2507,6 +2507,7 @@ typedef struct spsi_splatter {
     float root_determinant;
     float weight;      /* integral for value 1, but for what depends on the footprint */
     float cut;         /* standard deviations at which footprints end */
+    float reach_depth; /* kernel radius in t */
     float reach_slabs; /* kernel radius along s */
     float near_depth;  /* t below which the near case applies */
     float eye_near;    /* t at which rays begin, as t - depth_reference */
@@ -2542,7 +2543,8 @@ typedef struct spsi_tile {
     size_t sheet_size, channel_size; /* floats from one slab, and one channel, to the next */
     int x0, y0, x1, y1;              /* pixels covered, the last ones included */
     int pitch, slab_count;
-    int clamped;            /* 1: sections end at `limits`, or begin at the near plane */
+    int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
+    float nearest_limit;    /* least depth of a polygon in the tile */
     const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
     float eye_slab;             /* slab coordinate of the eye, for the near case */
@@ -2579,6 +2581,7 @@ static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays
         (float)((double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
                 (2 * SPSI_PI * spsi_footprint_mass(cut)));
     splatter->cut = (float)cut;
+    splatter->reach_depth = (float)(cut * sqrt(covariance[2][2]));
     splatter->reach_slabs = (float)(cut * SPSI_SIGMA * sqrt(reach));
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
@@ -2769,13 +2772,15 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
               y1 = spsi_least((int)floorf(f->y[i] + height), tile->y1);
     const int x0 = spsi_most((int)ceilf(f->x[i] - width), tile->x0),
               x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
+    const int clamped = tile->clamped && (f->depth[i] + s->reach_depth > tile->nearest_limit ||
+                                          f->depth[i] - s->reach_depth < s->eye_near);
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
         const int count = spsi_least(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int x = x0; x <= x1; x += SPSI_LANES)
-            if (tile->clamped)
+            if (clamped)
                 spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1);
             else
                 spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0);
@@ -3728,7 +3733,7 @@ typedef struct spsi_run {
     float low, high;        /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
     unsigned char *finished;                /* per tile of the region: opaque throughout */
-    float (*polygon_range)[2];              /* per tile of the region: slab coordinates of its polygons */
+    float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
 } spsi_run;
 
 static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
@@ -3842,6 +3847,7 @@ static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_ray
                             int margin, int worker) {
     SPS_ASSERT(worker >= 0 && worker < spsi_worker_count(run->context)); /* else two tasks would share sheets */
     memset(tile, 0, sizeof *tile);
+    tile->nearest_limit = SPSI_INFINITY;
     tile->x0 = column * SPSI_TILE_WIDTH - margin;
     tile->y0 = row * SPSI_TILE_HEIGHT - margin;
     tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
@@ -3899,6 +3905,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
         tile.limits = run->shader.hits;
         tile.limit_width = width;
         tile.limit_height = height;
+        tile.nearest_limit = range[2];
         tile.clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
     }
     if (run->shader.frame->eye.near_depth > 0 ||
@@ -3916,17 +3923,20 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->sweep->back_to_front) run->finished[index] = (unsigned char)spsi_tile_finished(run, &tile, x0, y0);
 }
 
-/* The slab coordinates of a tile's polygons. */
+/* The slab coordinates of the polygons in a tile and its margin, and their least depth. */
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
-    const int x0 = (run->tile_x0 + index % run->tiles_x) * SPSI_TILE_WIDTH;
-    const int y0 = (run->tile_y0 + index / run->tiles_x) * SPSI_TILE_HEIGHT;
-    float low = SPSI_INFINITY, high = -SPSI_INFINITY;
+    const int left = (run->tile_x0 + index % run->tiles_x) * SPSI_TILE_WIDTH;
+    const int top = (run->tile_y0 + index / run->tiles_x) * SPSI_TILE_HEIGHT;
+    const int x0 = spsi_most(0, left - run->margin), y0 = spsi_most(0, top - run->margin);
+    const int x1 = spsi_least(run->frame->eye.width, left + SPSI_TILE_WIDTH + run->margin);
+    const int y1 = spsi_least(run->frame->eye.height, top + SPSI_TILE_HEIGHT + run->margin);
+    float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     (void)worker;
-    for (int y = y0; y < spsi_least(run->frame->eye.height, y0 + SPSI_TILE_HEIGHT) && run->shader.hits; ++y)
-        for (int x = x0; x < spsi_least(run->frame->eye.width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES) {
+    for (int y = y0; y < y1 && run->shader.hits; ++y)
+        for (int x = x0; x < x1; x += SPSI_LANES) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
-            const int width = spsi_least(SPSI_LANES, run->frame->eye.width - x);
+            const int width = spsi_least(SPSI_LANES, x1 - x);
             spsi_pixels p;
             spsi_pixels_build(&run->shader, x, y, width, &p);
             spsi_store(lanes, p.polygon_slab);
@@ -3935,10 +3945,12 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
                 if (depths[i] < SPSI_INFINITY) {
                     low = lanes[i] < low ? lanes[i] : low;
                     high = lanes[i] > high ? lanes[i] : high;
+                    nearest = depths[i] < nearest ? depths[i] : nearest;
                 }
         }
     run->polygon_range[index][0] = low;
     run->polygon_range[index][1] = high;
+    run->polygon_range[index][2] = nearest;
     run->finished[index] = 0;
 }
 
@@ -4017,7 +4029,7 @@ static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
     tiles = (size_t)run->tiles_x * (size_t)run->tiles_y;
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
-    run->polygon_range = (float(*)[2])spsi_reserve(context, SPSI_BUFFER_TILES, tiles, 2 * sizeof(float) + 1);
+    run->polygon_range = (float(*)[3])spsi_reserve(context, SPSI_BUFFER_TILES, tiles, 3 * sizeof(float) + 1);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
     if (!run->polygon_range || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
@@ -4352,14 +4364,15 @@ static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
 
 /* Counts the blocks of all volumes that will be read, and what comes of them at most. */
 typedef struct spsi_reading {
+    int held; /* 1: the voxels are here from an earlier call, nothing will be read */
     uint64_t blocks, bricks, voxels_kept;
 } spsi_reading;
 
 static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
                                     spsi_reading *reading) {
-    const int held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
     memset(reading, 0, sizeof *reading);
-    if (held) return SPS_OK;
+    reading->held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
+    if (reading->held) return SPS_OK;
     for (int medium = 0; medium < frame->medium_count; ++medium) {
         const int count = spsi_block_count(&frame->media[medium]);
         for (int i = 0; i < count; ++i) {
@@ -4389,14 +4402,13 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+static size_t spsi_plan_gather_bytes(const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
     uint64_t bytes = segments * (sizeof(spsi_segment) + 3 * sizeof(spsi_segment *)) + SPSI_BLOCK_BYTES;
     bytes += (reading->bricks + 2) * 3 * sizeof(spsi_brick); /* the list grows by half, old and new at once */
     if (frame->medium_count == 0) return 0;
     if (reading->blocks == 0) bytes = SPSI_BLOCK_BYTES;
-    (void)context;
     return (size_t)bytes;
 }
 
@@ -4411,7 +4423,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t side = (size_t)spsi_most(sweep->rays.width, sweep->rays.height);
     size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
-    eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 9;
+    eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 13;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
@@ -4430,11 +4442,13 @@ static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, con
     report->pass[pass].reason = runs ? why : why_not;
 }
 
-static void spsi_plan_passes(const spsi_frame *frame, int reads, sps_plan_report *report) {
+static void spsi_plan_passes(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
     const int volumes = frame->medium_count > 0, polygons = frame->triangle_count > 0, lit = frame->lit_count > 0;
     const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count;
-    spsi_plan_pass(report, SPS_PASS_GATHER, volumes && reads, "volumes must be read",
-                   volumes ? "the voxels are held from an earlier call" : "no volume that could be seen");
+    spsi_plan_pass(report, SPS_PASS_GATHER, volumes && reading->blocks > 0, "volumes must be read",
+                   !volumes        ? "no volume that could be seen"
+                   : reading->held ? "the voxels are held from an earlier call"
+                                   : "range_fn shows that no voxel matters");
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
     spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, polygons ? shadows : 0, "polygons cast shadows, one map per light",
                    polygons ? "no light casts shadows" : "no triangles");
@@ -4461,7 +4475,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     const size_t size = (size_t)spsi_most(8, spsi_map_size(frame));
     size_t tables = 1, sum = sizeof *context + sizeof *frame;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
-    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(context, frame, reading) + tables * sizeof(spsi_table);
+    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table);
     if (frame->triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
@@ -4479,7 +4493,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
     if (frame->view.width > 0 && frame->view.height > 0)
         for (int n = 0; n < spsi_sweep_count(frame); ++n) {
             spsi_sweep sweep;
-            const uint64_t bricks = reading.blocks > 0 ? reading.bricks : (uint64_t)context->brick_count;
+            const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
             if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
             spsi_plan_sweep_bytes(context, frame, &sweep, bricks, report);
         }
@@ -4489,7 +4503,9 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
     report->color_channels = frame->channels;
     report->sheet_channels = frame->material_count;
     spsi_plan_bytes(context, frame, &reading, report);
-    spsi_plan_passes(frame, reading.blocks > 0, report);
+    spsi_plan_passes(frame, &reading, report);
+    for (int i = 0; i < SPS_PASS_COUNT; ++i)
+        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* what is left counts in the sum alone */
     return SPS_OK;
 }
 

@@ -3471,13 +3471,29 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* --- polygons: one pixel at a time, in double precision --- */
 
-/* The share of a light that a depth map lets through to a point on a surface with geometric normal `plane`: four texels
-   about the point, each compared with the depth that the surface's own tangent plane has there, so that a surface
-   does not shade itself however grazing the light; neighbouring facets of a curved mesh may turn towards the light by
-   SPSI_FACET_TURN radians before they count as occluders. */
-#define SPSI_GRAZING    0.02 /* cosine below which a tangent plane's depth says nothing */
-#define SPSI_FACET_TURN 0.3  /* facets of the test meshes turn by up to 0.25 */
-static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double plane[3]) {
+/* Whether one texel of a depth map leaves a surface's point in the light. The texel's ray is compared with the depth at
+   which it meets the surface's own tangent plane, so that a flat surface does not shade itself however grazing the
+   light. On curved meshes neighbouring facets turn by about the angle between the facet and its shading normal; what
+   they rise by over the distance to the texel is let pass. */
+static int spsi_texel_lights(const spsi_rays *rays, float texel, double x, double y, const double point[3], double t,
+                             const double plane[3], double turn) {
+    const double grazing = 1e-5, curved_grazing = 0.02;
+    double foot[3], ray[3], offset[3], cosine, own = 0, bias;
+    spsi_ray_point(rays, x, y, t, foot);
+    spsi_ray_direction(rays, x, y, ray);
+    spsi_along(point, foot, -1, offset);
+    cosine = spsi_dot(plane, ray) / spsi_length(ray);
+    if (fabs(cosine) > grazing) own = spsi_dot(plane, offset) / spsi_dot(plane, ray);
+    bias = 2 * turn * spsi_length(offset) / fmax(fabs(cosine), curved_grazing);
+    bias += 1e-6 * (fabs(t) + fabs(own) + spsi_length(offset)); /* the texel is a float */
+    return (double)texel + rays->depth_reference >= t + own - bias;
+}
+
+/* The share of a light that a depth map lets through to a point on a surface: four texels about it, weighted. */
+static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double normal[3],
+                                  const double plane[3]) {
+    double turn[3];
+    spsi_along(normal, plane, -1, turn);
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         double q[3], sum = 0, x, y;
@@ -3489,14 +3505,7 @@ static double spsi_map_visibility(const spsi_depth_map *map, const double point[
         for (int i = 0; i < 4; ++i) {
             const double tx = x + (i & 1), ty = y + (i >> 1);
             const float texel = map->depths[face][(size_t)ty * (size_t)rays->width + (size_t)tx];
-            double foot[3], ray[3], offset[3], cosine, own, bias;
-            spsi_ray_point(rays, tx, ty, q[2], foot);
-            spsi_ray_direction(rays, tx, ty, ray);
-            spsi_along(point, foot, -1, offset);
-            cosine = spsi_dot(plane, ray) / spsi_length(ray);
-            own = fabs(cosine) > SPSI_GRAZING ? spsi_dot(plane, offset) / spsi_dot(plane, ray) : 0;
-            bias = SPSI_FACET_TURN * spsi_length(offset) / fmax(fabs(cosine), SPSI_GRAZING) + 1e-5 * fabs(q[2]);
-            if ((double)texel + rays->depth_reference >= q[2] + own - bias)
+            if (spsi_texel_lights(rays, texel, tx, ty, point, q[2], plane, spsi_length(turn)))
                 sum += (1 - fabs(q[0] - tx)) * (1 - fabs(q[1] - ty));
         }
         return sum;
@@ -3549,7 +3558,9 @@ static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int 
     spsi_cross(u, v, plane);
     spsi_normalise(plane);
     if (!spsi_normalise(normal)) memcpy(normal, plane, 3 * sizeof(double));
-    for (int i = 0; i < 3; ++i) u[i] = -ray[i];
+    /* the depth is a float: set the point back onto the plane, or grazing light would find it behind */
+    for (int i = 0; i < 3; ++i) u[i] = point[i] - shader->faces->origin[i] - (double)face->position[0][i];
+    spsi_along(point, plane, -spsi_dot(plane, u), point);
     if (spsi_dot(plane, ray) > 0) spsi_along(plane, plane, -2, plane);
     if (spsi_dot(normal, plane) < 0) spsi_along(normal, normal, -2, normal);
 }
@@ -3578,7 +3589,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         double arrives;
         if (shadows ? light != shader->light : !shader->sweep->first) continue;
         arrives = spsi_surface_irradiance(light, point, normal) / SPSI_PI;
-        if (shadows && arrives > 0) arrives *= spsi_map_visibility(shader->map, point, plane);
+        if (shadows && arrives > 0) arrives *= spsi_map_visibility(shader->map, point, normal, plane);
         if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, point));
         for (int c = 0; c < 3; ++c) radiance[c] += (float)(colour[c] * arrives * (double)light->color[c]);
     }

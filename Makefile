@@ -2,9 +2,10 @@
 # make demo        fetches what is missing, if it may, builds, and renders all pictures into build/gallery/
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
 # make test-long   the same without leaving anything out, and in more configurations
-# make bench       times, as ratios within one run
-# make accuracy    error against time, for every knob
+# make bench       times, as ratios within one run, and error against time
+# make accuracy    error against time alone, into docs/accuracy.md
 # make gallery     the pictures of the scene programs alone
+# make pictures    the small ones in docs/
 # make format      clang-format on examples and tests
 # make clean
 # STB=dir says where stb_image_write.h is; SPLATSHADOW_DATA=dir where real scans are (optional, for demo and test).
@@ -60,6 +61,12 @@ gallery: $(PICTURES)
 build/gallery/%.png: build/% | build/gallery
 	build/$* --out $@
 
+# The pictures that the README and the manual show. No prerequisite tells whether they are old: they are made anew.
+DOCS_PICTURES = tree smoke_room pot
+.PHONY: pictures
+pictures: $(DOCS_PICTURES:%=build/%)
+	for scene in $(DOCS_PICTURES); do build/$$scene --out docs/$$scene.png --width 480 || exit 1; done
+
 # Real scans. To add one: its name here, its file, its options for build/render, and if it has a transfer function,
 # the lines of that with ; between them. A scan whose file is not in SPLATSHADOW_DATA is passed over.
 # Values are 0..1; the boxes have the proportions of the voxels.
@@ -101,19 +108,17 @@ build/gallery/scan_%.png: build/render build/gallery/floor.obj Makefile
 build/gallery/floor.obj: | build/gallery
 	@printf 'v -6 0 -6\nv 6 0 -6\nv 6 0 6\nv -6 0 6\nf 4 3 2 1\n' > $@
 
-# --------------------------------------------------------------------------------- measuring, where there is a source
+# --------------------------------------------------------------------------------------------------- measuring
 
-ifneq ($(wildcard examples/bench.c),)
-.PHONY: bench
+# `build/bench speed` prints the times alone.
+.PHONY: bench accuracy
 bench: build/bench
 	build/bench
-endif
 
-ifneq ($(wildcard examples/accuracy.c),)
-.PHONY: accuracy
-accuracy: build/accuracy
-	build/accuracy
-endif
+accuracy: build/bench
+	build/bench accuracy | tee build/accuracy.txt
+	@{ echo '# Error against time'; echo; echo 'Printed by `make accuracy`. Times are those of the machine it ran on.'; echo; \
+		echo '```'; cat build/accuracy.txt; echo '```'; } > docs/accuracy.md
 
 # ------------------------------------------------------------------------------------------------------- tests
 

@@ -27,9 +27,9 @@ static void figure(const char *what, double value, const char *unit, double low,
         snprintf(target, sizeof target, ">= %.4g", low);
     printf("  %-66s %9.4g %-4s %-10s", what, value, unit, target);
     if (value > high)
-        printf(" missed by %.0f %%", 100 * (value / high - 1));
+        printf(" missed by %.1f %%", 100 * (value / high - 1));
     else if (value < low)
-        printf(" missed by %.0f %%", 100 * (1 - value / low));
+        printf(" missed by %.1f %%", 100 * (1 - value / low));
     else if (*target)
         printf(" met");
     printf("\n");

@@ -5189,11 +5189,11 @@ SPS_API void sps_stats(const sps_context *context, sps_stats_report *report) {
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report) {
     spsi_frame *frame;
+    if (report) memset(report, 0, sizeof *report);
     if (!context) return SPS_ERROR_ARGUMENT;
     spsi_begin(context);
     if (!scene || !view || !report)
         return spsi_fail(context, SPS_ERROR_ARGUMENT, "scene, view and report must not be NULL");
-    memset(report, 0, sizeof *report);
     frame = spsi_frame_build(context, scene, view, 1);
     if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
     return context->result;

@@ -467,6 +467,7 @@ static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm512_min_ps(a, b); 
 static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm512_max_ps(a, b); }
 static inline spsi_v spsi_sqrt(spsi_v a) { return _mm512_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm512_roundscale_ps(a, 8); }
+static inline spsi_v spsi_floor(spsi_v a) { return _mm512_roundscale_ps(a, 9); }
 static inline spsi_v spsi_pow2(spsi_v n) {
     const __m512i e = _mm512_add_epi32(_mm512_cvtps_epi32(n), _mm512_set1_epi32(127));
     return _mm512_castsi512_ps(_mm512_slli_epi32(e, 23));
@@ -503,6 +504,7 @@ static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return _mm256_min_ps(a, b); 
 static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return _mm256_max_ps(a, b); }
 static inline spsi_v spsi_sqrt(spsi_v a) { return _mm256_sqrt_ps(a); }
 static inline spsi_v spsi_round(spsi_v a) { return _mm256_round_ps(a, 8); }
+static inline spsi_v spsi_floor(spsi_v a) { return _mm256_floor_ps(a); }
 static inline spsi_v spsi_pow2(spsi_v n) {
     const __m256i e = _mm256_add_epi32(_mm256_cvtps_epi32(n), _mm256_set1_epi32(127));
     return _mm256_castsi256_ps(_mm256_slli_epi32(e, 23));
@@ -570,6 +572,7 @@ static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return vminq_f32(a, b); }
 static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return vmaxq_f32(a, b); }
 static inline spsi_v spsi_sqrt(spsi_v a) { return vsqrtq_f32(a); }
 static inline spsi_v spsi_round(spsi_v a) { return vrndnq_f32(a); }
+static inline spsi_v spsi_floor(spsi_v a) { return vrndmq_f32(a); }
 static inline spsi_v spsi_pow2(spsi_v n) {
     return vreinterpretq_f32_s32(vshlq_n_s32(vaddq_s32(vcvtq_s32_f32(n), vdupq_n_s32(127)), 23));
 }
@@ -616,6 +619,14 @@ static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only eve
 static inline spsi_v spsi_iota(void) { return 0; }
 #endif
 
+#if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
+/* Largest whole number not above a, for |a| < 2^30. */
+static inline spsi_v spsi_floor(spsi_v a) {
+    const spsi_v r = spsi_round(a);
+    return spsi_select(spsi_less(a, r), spsi_sub(r, spsi_set(1)), r);
+}
+#endif
+
 #ifndef SPSI_HAS_GATHER
 /* The four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1) in a grid, for whole-numbered x and y. */
 static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
@@ -636,12 +647,6 @@ static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, sps
 static inline spsi_v spsi_clamp(spsi_v a, spsi_v low, spsi_v high) { return spsi_max(low, spsi_min(a, high)); }
 static inline spsi_v spsi_abs(spsi_v a) { return spsi_max(a, spsi_sub(spsi_set(0), a)); }
 static inline spsi_v spsi_mix(spsi_v a, spsi_v b, spsi_v t) { return spsi_fma(spsi_sub(b, a), t, a); }
-
-/* Largest whole number not above a, for |a| < 2^30. */
-static inline spsi_v spsi_floor(spsi_v a) {
-    const spsi_v r = spsi_round(a);
-    return spsi_select(spsi_less(a, r), spsi_sub(r, spsi_set(1)), r);
-}
 
 /* e^x to 2e-7 of itself for -86 < x < 88; exactly 0 below, so that no denormal number is made.
    x = n ln 2 + r; the polynomial in r was fitted for this library (largest relative error 1.1e-7). */
@@ -2672,7 +2677,8 @@ static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count,
 /* Rows of one footprint, a vector of rows at a time: where each begins and ends, in pixels and in slabs. */
 typedef struct spsi_rows {
     int x0[SPSI_LANES], x1[SPSI_LANES];
-    int first[SPSI_LANES], last[SPSI_LANES];   /* slab planes, cut at the tile's */
+    int first[SPSI_LANES], slabs[SPSI_LANES];  /* first slab plane, and slabs, cut at the tile's; 0: nothing here */
+    int area[SPSI_LANES];                      /* pixels times slabs */
     int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1 where they were not cut: the kernel's own ends */
     float left[SPSI_LANES], right[SPSI_LANES]; /* of x0 and x1, half a pixel outwards */
     float dy[SPSI_LANES];
@@ -2694,10 +2700,13 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
                  count = spsi_set((float)tile->slab_count);
     const spsi_v low = spsi_floor(spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v_middle), slabs), before, far));
     const spsi_v high = spsi_add(spsi_floor(spsi_clamp(spsi_mul(spsi_sub(range, v_middle), slabs), before, far)), one);
-    const spsi_v first = spsi_max(low, zero), last = spsi_min(high, count);
-    const spsi_v x0 =
-        spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_set(-2.0f * SPSI_SIZE_MAX), spsi_set(64))));
-    const spsi_v x1 = spsi_floor(spsi_clamp(spsi_add(middle, half), spsi_set(-64), spsi_set((float)tile->x1)));
+    const spsi_v first = spsi_max(low, zero);
+    const spsi_v x0 = spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_set(-2.0f * SPSI_SIZE_MAX),
+                                                           spsi_set((float)-tile->x0))));
+    const spsi_v x1 =
+        spsi_floor(spsi_clamp(spsi_add(middle, half), spsi_set((float)(tile->x0 - 1)), spsi_set((float)tile->x1)));
+    const spsi_v width = spsi_max(spsi_add(spsi_sub(x1, x0), one), zero);
+    const spsi_v held = spsi_max(spsi_sub(spsi_min(high, count), first), zero);
     spsi_store(rows->dy, dy);
     spsi_store(rows->factor, spsi_exp(spsi_mul(square, spsi_set(f->inverse_yy[i]))));
     spsi_store(rows->v, spsi_fma(per_slab, first, v));
@@ -2706,7 +2715,8 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store_int(rows->x0, x0);
     spsi_store_int(rows->x1, x1);
     spsi_store_int(rows->first, first);
-    spsi_store_int(rows->last, last);
+    spsi_store_int(rows->slabs, spsi_select(spsi_less(zero, width), held, zero));
+    spsi_store_int(rows->area, spsi_mul(width, held));
     spsi_store_int(rows->starts, spsi_select(spsi_less(low, zero), zero, one));
     spsi_store_int(rows->ends, spsi_select(spsi_less(count, high), zero, one));
 }
@@ -2744,11 +2754,10 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
     float *row = channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
     for (int r = 0; r < count; ++r, row += tile->pitch) {
-        const int x0 = rows->x0[r] - x, x1 = rows->x1[r] - x, slabs = rows->last[r] - rows->first[r];
+        const int slabs = rows->slabs[r];
         spsi_v weight = spsi_mul(column, spsi_set(rows->factor[r])), low = spsi_set(0), high = low;
         column = spsi_mul(column, turn);
-        if (x0 >= SPSI_LANES || x1 < 0 || x1 < x0 || slabs <= 0) continue;
-        tile->fragments += (uint64_t)((spsi_least(x1, SPSI_LANES - 1) - spsi_most(x0, 0) + 1) * slabs);
+        if (slabs == 0 || rows->x0[r] >= x + SPSI_LANES || rows->x1[r] < x) continue;
         if (slender)
             weight = spsi_mul(amplitude, spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[r]),
                                                            spsi_add(square, spsi_set(c * rows->dy[r] * rows->dy[r])))));
@@ -2779,6 +2788,7 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
         const int count = spsi_least(SPSI_LANES, y1 - y + 1);
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
+        for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (clamped)
                 spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1);

@@ -2,6 +2,7 @@
 # make demo        fetches what is missing, if it may, builds, and renders all pictures into build/gallery/
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
 # make test-long   the same without leaving anything out, and in more configurations
+# make fuzz        random scenes under sanitizers
 # make bench       times, as ratios within one run, and error against time
 # make accuracy    error against time alone, into docs/accuracy.md
 # make gallery     the pictures of the scene programs alone
@@ -22,7 +23,7 @@ LIBRARIES = -pthread -lm
 HEADERS = splatshadow.h $(wildcard examples/*.h)
 EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
 
-.PHONY: all demo gallery scans test test-long format clean
+.PHONY: all demo gallery scans test test-long fuzz format clean
 .DELETE_ON_ERROR:
 
 all: $(EXAMPLES)
@@ -138,9 +139,9 @@ COMPILE_wide_sanitized = clang $(STANDARD) -O1 -g -march=native -fsanitize=addre
 
 # What runs where: all of it, unless the time calls for less.
 TESTS_native    = $(TESTS)
-TESTS_sanitized = $(TESTS)
-TESTS_cpp       = $(TESTS)
-TESTS_baseline  = $(TESTS)
+TESTS_sanitized = test_engineering test_extremes test_plan test_simd
+TESTS_cpp       = test_engineering test_plan
+TESTS_baseline  = test_transport test_simd
 TESTS_unoptimized = $(TESTS)
 TESTS_threads   = $(TESTS)
 TESTS_wide_sanitized = $(TESTS)
@@ -204,7 +205,8 @@ $(foreach c,$(filter-out $(THERE),$(CHECK_COMPILERS)),$(info skipped: warnings o
 
 .PHONY: run-tests
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
-	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log)
+	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
+	$(if $(filter native cpp,$(READY)),build/tests/header.link.log)
 endif
 
 # $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
@@ -228,6 +230,18 @@ build/tests/header.%.log: splatshadow.h
 build/tests/example.%.log: $(HEADERS)
 	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L $(INCLUDES) -fsyntax-only \
 		examples/$(patsubst $(call part,1,$*)_%,%,$*).c && $(ONE_PASSED))
+
+# The implementation in one object, C as well as C++, and plain users of it in another.
+build/tests/header.link.log: splatshadow.h
+	@$(call run,header.link,cd build/tests && printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c && \
+		printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\n' > link_code.c && \
+		gcc -std=c99 -I../.. -c link_user.c && gcc -std=c99 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_c -lm && ./link_c && \
+		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp && $(ONE_PASSED))
+
+# make fuzz SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
+fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build
+	$(COMPILE_wide_sanitized) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz $(LIBRARIES)
+	build/fuzz $(or $(SEED),1) $(or $(COUNT),1000)
 
 # ---------------------------------------------------------------------------------------------------- the rest
 

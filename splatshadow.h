@@ -362,7 +362,9 @@ SPS_API void sps_destroy(sps_context *context);
 SPS_API const char *sps_error(const sps_context *context);
 
 /* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels or triangles.
-   `report` is filled on SPS_OK and zeroed otherwise. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
+   `report` is filled on SPS_OK and zeroed otherwise. Volumes are taken whole, so UNSUPPORTED, or too many slabs, may be
+   found here where sps_render, which knows what the voxels hold, has no difficulty. Errors: ARGUMENT, MEMORY, CALLBACK
+   (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
@@ -416,14 +418,16 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX    16384     /* pixels or texels on a side; 2^28 of them still count in an int */
-#define SPSI_SLABS_MAX   (1 << 20) /* slab coordinates within a chunk stay exact in a float far beyond this */
-#define SPSI_VOLUMES_MAX 64
-#define SPSI_LOBES_MAX   8
-#define SPSI_WORKERS_MAX 1024
-#define SPSI_VALUE_MAX   1e18f  /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_VALUE_MIN   1e-30f /* smaller ones would only make denormal numbers */
-#define SPSI_DEPTH_MAX   1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
+#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them still count in an int */
+#define SPSI_SLABS_MAX      (1 << 20) /* slab coordinates within a chunk stay exact in a float far beyond this */
+#define SPSI_VOLUMES_MAX    64
+#define SPSI_LOBES_MAX      8
+#define SPSI_WORKERS_MAX    1024
+#define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it still have room in a double */
+#define SPSI_VALUE_MIN      1e-30f /* smaller ones would only make denormal numbers */
+#define SPSI_RADIANCE_MAX   1e30f  /* cap of what one sheet emits, so that sums stay finite */
+#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
@@ -686,7 +690,7 @@ static void spsi_along(const double a[3], const double b[3], double t, double ou
 static int spsi_normalise(double a[3]) {
     const double largest = fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
     double length;
-    if (!(largest > 0) || !(largest <= DBL_MAX)) return 0;
+    if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* fmax passes over NaN */
     for (int i = 0; i < 3; ++i) a[i] /= largest;
     length = spsi_length(a);
     for (int i = 0; i < 3; ++i) a[i] /= length;
@@ -722,14 +726,18 @@ static int spsi_invert(const double a[3], const double b[3], const double c[3], 
     return 1;
 }
 
-static int spsi_finite(const double *values, int count) {
+/* The first of some numbers that is no usable coordinate; NULL where all are. */
+static const double *spsi_bad_coordinate(const double *values, int count) {
     for (int i = 0; i < count; ++i)
-        if (!(fabs(values[i]) <= DBL_MAX)) return 0;
-    return 1;
+        if (!(fabs(values[i]) <= SPSI_COORDINATE_MAX)) return &values[i];
+    return NULL;
 }
 
-static int spsi_colour_valid(const float c[3], float most) {
-    return c[0] >= 0 && c[1] >= 0 && c[2] >= 0 && c[0] <= most && c[1] <= most && c[2] <= most;
+/* The first of three components that is not within 0..most; NULL where all are. */
+static const float *spsi_bad_colour(const float c[3], float most) {
+    for (int i = 0; i < 3; ++i)
+        if (!(c[i] >= 0 && c[i] <= most)) return &c[i];
+    return NULL;
 }
 
 static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
@@ -953,7 +961,12 @@ typedef struct spsi_rays {
     double depth_reference, near_depth;
 } spsi_rays;
 
-static int spsi_rays_complete(spsi_rays *rays) { return spsi_invert(rays->a, rays->b, rays->c, rays->inverse); }
+/* Gives 0 where the rays do not span space, or a singular matrix has sent them too far away. */
+static int spsi_rays_complete(spsi_rays *rays) {
+    if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
+    return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
+           !spsi_bad_coordinate(rays->b, 3);
+}
 
 /* World offset from the origin to ray coordinates, before any division. */
 static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q[3]) {
@@ -1102,7 +1115,7 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
 }
 
 static int spsi_transfer_entry_valid(const float entry[4]) {
-    return spsi_colour_valid(entry, 1) && entry[3] >= 0 && entry[3] <= SPSI_VALUE_MAX;
+    return !spsi_bad_colour(entry, 1) && entry[3] >= 0 && entry[3] <= SPSI_VALUE_MAX;
 }
 
 /* The transfer function at `value` by straight lines between its points. */
@@ -1267,7 +1280,7 @@ static int spsi_placement_resolve(const sps_placement *from, sps_placement *to) 
     *to = *from;
     for (int i = 0; i < 9; ++i) zero &= axes[i] == 0.0;
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
-    if (!spsi_finite(to->origin, 3) || !spsi_finite(&to->axis[0][0], 9)) return 0;
+    if (spsi_bad_coordinate(to->origin, 3) || spsi_bad_coordinate(&to->axis[0][0], 9)) return 0;
     determinant = spsi_determinant(to->axis[0], to->axis[1], to->axis[2]);
     return fabs(determinant) > 0 && fabs(determinant) <= DBL_MAX;
 }
@@ -1280,11 +1293,12 @@ static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume,
     if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "extinction", (double)volume->extinction,
                                "it must be 0..1e18");
-    if (!spsi_colour_valid(volume->albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "albedo", (double)volume->albedo[0],
-                               "red, green and blue must be 0..1");
-    if (!spsi_colour_valid(volume->emission, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "emission", (double)volume->emission[0],
+    if (spsi_bad_colour(volume->albedo, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "albedo",
+                               (double)*spsi_bad_colour(volume->albedo, 1), "red, green and blue must be 0..1");
+    if (spsi_bad_colour(volume->emission, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "emission",
+                               (double)*spsi_bad_colour(volume->emission, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     return SPS_OK;
 }
@@ -1335,29 +1349,31 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
                                "it must be below 2^31");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "read_fn", 0, "it must be set");
-    if (!spsi_colour_valid(mesh->color, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color", (double)mesh->color[0],
-                               "red, green and blue must be 0..1");
+    if (spsi_bad_colour(mesh->color, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color",
+                               (double)*spsi_bad_colour(mesh->color, 1), "red, green and blue must be 0..1");
     return SPS_OK;
 }
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
+    const double *bad;
     double direction[3];
     if (light->start_canary || light->end_canary)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "canary", 1, "the struct was not zeroed");
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
-    if (!spsi_colour_valid(light->color, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "color", (double)light->color[0],
+    if (spsi_bad_colour(light->color, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "color",
+                               (double)*spsi_bad_colour(light->color, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "direction", spsi_length(light->direction),
                                "it must be finite and have a length");
-    if (light->kind == SPS_LIGHT_POINT && !spsi_finite(light->position, 3))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "position", light->position[0],
-                               "it must be finite");
+    bad = spsi_bad_coordinate(light->position, 3);
+    if (light->kind == SPS_LIGHT_POINT && bad)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "position", *bad, "it must be within 1e15");
     return SPS_OK;
 }
 
@@ -1373,11 +1389,13 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "light_count", scene->light_count,
                                "it must be 0 or more, with lights set");
-    if (!spsi_colour_valid(scene->ambient, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "ambient", (double)scene->ambient[0],
+    if (spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "ambient",
+                               (double)*spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
-    if (!spsi_colour_valid(scene->background, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "background", (double)scene->background[0],
+    if (spsi_bad_colour(scene->background, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "background",
+                               (double)*spsi_bad_colour(scene->background, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     for (int i = 0; i < scene->volume_count; ++i)
         if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
@@ -1389,14 +1407,18 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
 }
 
 static sps_result spsi_check_camera(sps_context *context, const sps_view *view) {
+    const double *bad;
     if (view->world_to_clip) {
-        if (spsi_finite(view->world_to_clip, 16)) return SPS_OK;
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip holds a number that is not finite");
+        if (!spsi_bad_coordinate(view->world_to_clip, 16)) return SPS_OK;
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip holds a number that is not within 1e15");
     }
-    for (int i = 0; i < 3; ++i)
-        if (!spsi_finite(&view->position[i], 1) || !spsi_finite(&view->target[i], 1) || !spsi_finite(&view->up[i], 1))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "position, target or up", view->position[i],
-                                   "they must be finite");
+    bad = spsi_bad_coordinate(view->position, 3);
+    if (bad)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "position", *bad, "it must be within 1e15");
+    bad = spsi_bad_coordinate(view->target, 3);
+    if (bad) return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "target", *bad, "it must be within 1e15");
+    bad = spsi_bad_coordinate(view->up, 3);
+    if (bad) return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "up", *bad, "it must be within 1e15");
     if (!(view->field_of_view >= 0 && view->field_of_view <= 3.1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "field_of_view", view->field_of_view,
                                "it must be 0..3.1 radians");
@@ -1670,13 +1692,14 @@ typedef struct spsi_block {
 #define SPSI_BLOCK_BYTES                                                                                               \
     (3 * SPSI_BLOCK_VOXELS * sizeof(float) + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * sizeof(double))
 
-static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material, int index) {
+static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
+                             int64_t index) {
     const int margin = material->table ? SPSI_MARGIN : 0;
     block->medium = medium;
     block->material = material;
     for (int i = 0; i < 3; ++i) {
         const int size = medium->volume->size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
-        block->core_low[i] = index % count * SPSI_BLOCK;
+        block->core_low[i] = (int)(index % count) * SPSI_BLOCK;
         block->core_high[i] = spsi_least(size, block->core_low[i] + SPSI_BLOCK);
         block->low[i] = spsi_most(0, block->core_low[i] - margin);
         block->size[i] = spsi_least(size, block->core_high[i] + margin) - block->low[i];
@@ -1684,8 +1707,8 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
     }
 }
 
-static int spsi_block_count(const spsi_medium *medium) {
-    int count = 1;
+static int64_t spsi_block_count(const spsi_medium *medium) {
+    int64_t count = 1;
     for (int i = 0; i < 3; ++i) count *= (medium->volume->size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
     return count;
 }
@@ -1932,15 +1955,16 @@ static void spsi_block_buffers(spsi_block *block, void *memory) {
 }
 
 static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
-    const int count = spsi_block_count(&frame->media[medium]);
+    const int64_t count = spsi_block_count(&frame->media[medium]);
     void *memory = spsi_reserve(context, SPSI_BUFFER_BLOCK, 1, SPSI_BLOCK_BYTES);
     spsi_block block;
     if (!memory) return context->result;
     spsi_block_buffers(&block, memory);
-    for (int i = 0; i < count; ++i) {
+    for (int64_t i = 0; i < count; ++i) {
         int empty;
         spsi_block_place(&block, &frame->media[medium], &frame->materials[frame->media[medium].channel], i);
-        if (spsi_progress(context, 0.2 * (medium + (double)i / count) / frame->medium_count)) return context->result;
+        if (spsi_progress(context, 0.2 * (medium + (double)i / (double)count) / frame->medium_count))
+            return context->result;
         if (spsi_block_range(context, &block, &empty)) return context->result;
         context->stats.blocks_skipped += (uint64_t)empty;
         if (empty) continue;
@@ -1995,6 +2019,15 @@ static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
         }
 }
 
+/* Tells the caller of values that were no densities. */
+static void spsi_tell_replaced(const sps_context *context) {
+    char text[96];
+    if (!context->stats.values_replaced || !context->config.message_fn) return;
+    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were no densities and count as 0",
+                 (double)context->stats.values_replaced);
+    context->config.message_fn(context->config.message_user, text);
+}
+
 /* Holds the relevant voxels of all volumes, reading them unless they are still held from the last call. */
 static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
     const uint64_t fingerprint = spsi_volumes_fingerprint(frame);
@@ -2006,6 +2039,7 @@ static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
         for (int i = 0; i < frame->medium_count; ++i)
             if (spsi_gather_medium(context, frame, i, &current)) return context->result;
         context->gathered = fingerprint;
+        spsi_tell_replaced(context);
     }
     context->stats.bricks = (uint64_t)context->brick_count;
     context->stats.voxels_relevant = context->voxel_count;
@@ -2043,7 +2077,7 @@ static int spsi_triangle_finite(const sps_triangle *t, const sps_mesh *mesh) {
         if (mesh->has_normals && !(fabsf(t->normal[i / 3][i % 3]) <= FLT_MAX)) return 0;
     }
     for (int i = 0; i < 3 && mesh->has_colors; ++i)
-        if (!spsi_colour_valid(t->color[i], 1)) return 0;
+        if (spsi_bad_colour(t->color[i], 1)) return 0;
     return 1;
 }
 
@@ -2392,7 +2426,7 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
         high = fmax(high, spsi_dot(point, sweep->normal));
     }
     sweep->start = low;
-    sweep->thickness = frame->view.slab * extent;
+    sweep->thickness = fmin(frame->view.slab * extent, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / sweep->thickness);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "slab", frame->view.slab,
@@ -3032,13 +3066,18 @@ typedef struct spsi_light_shader {
     spsi_planes *planes;
 } spsi_light_shader;
 
+/* What a sheet holds for a vector of pixels. Rounding in the kernel's share can take sums a little below 0. */
+static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
+    return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
+}
+
 /* Optical depth of one slab for a vector of texels. */
 static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
                                       spsi_v per_slab) {
     spsi_v depth = spsi_set(0);
     for (int c = 0; c < shader->frame->light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
-        const spsi_v sum = spsi_load(tile->sheets + (size_t)c * tile->channel_size + at);
+        const spsi_v sum = spsi_sheet_sum(tile, c, at);
         spsi_v looks[4];
         if (material < 0) {
             depth = spsi_fma(sum, length, depth);
@@ -3245,8 +3284,7 @@ static inline spsi_v spsi_polygons_around(const spsi_shader *shader, int x, int 
 static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel, int x, int y, int k,
                                      spsi_v *value, spsi_v *middle) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const size_t at = (size_t)channel * tile->channel_size + (size_t)(k + margin) * tile->sheet_size +
-                      (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    const size_t at = (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     spsi_pixels p;
     spsi_v enter, leave, way;
     spsi_pixels_build(shader, x, y, 0, &p);
@@ -3254,7 +3292,7 @@ static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile 
     spsi_slab_range(shader, &p, k, &enter, &leave);
     way = spsi_sub(leave, enter);
     *middle = spsi_mul(spsi_set(0.5f), spsi_add(enter, leave));
-    *value = spsi_div(spsi_load(tile->sheets + at), spsi_max(way, spsi_set(FLT_MIN * 16)));
+    *value = spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_set(FLT_MIN * 16)));
     return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(p.slab_scale)), way);
 }
 
@@ -3295,6 +3333,7 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
     const spsi_material *material = &shader->frame->materials[channel];
     static const int around[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     spsi_v way[3][3], difference[3], g[3], cofactor[3][3], own[3], determinant, size;
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
     spsi_position_at(shader, p->at, (float)p->y, slab->middle, own);
     for (int i = 0; i < 3; ++i) {
         spsi_v value[2], end[2][3];
@@ -3308,7 +3347,7 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
             value[side] = spsi_select(good, value[side], here);
             for (int c = 0; c < 3; ++c) end[side][c] = spsi_select(good, end[side][c], own[c]);
         }
-        difference[i] = spsi_sub(value[1], value[0]);
+        difference[i] = spsi_mul(spsi_sub(value[1], value[0]), spsi_set(unit));
         for (int c = 0; c < 3; ++c) way[i][c] = spsi_sub(end[1][c], end[0][c]);
     }
     for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], cofactor[i]);
@@ -3324,7 +3363,7 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
     for (int c = 0; c < 3; ++c)
         sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
     sample->surface =
-        spsi_min(spsi_set(1), spsi_mul(size, spsi_set(material->voxel_length * material->gradient_scale)));
+        spsi_min(spsi_set(1), spsi_mul(size, spsi_set(material->voxel_length * material->gradient_scale / unit)));
     sample->has_normal = 1;
 }
 
@@ -3332,13 +3371,13 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
 static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
                                      const spsi_slab *slab, int channel, size_t at, spsi_sample *sample) {
     const spsi_material *material = &shader->frame->materials[channel];
-    const spsi_v sum = spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at),
-                 way = spsi_sub(slab->leave, slab->enter);
+    const spsi_v sum = spsi_sheet_sum(tile, channel, at), way = spsi_sub(slab->leave, slab->enter);
+    const spsi_v most = spsi_set(SPSI_DEPTH_MAX);
     sample->has_normal = 0;
     sample->surface = spsi_set(0);
     sample->value_length = spsi_mul(sum, p->length);
     if (!material->table) {
-        sample->depth = spsi_mul(sample->value_length, spsi_set(material->extinction));
+        sample->depth = spsi_min(spsi_mul(sample->value_length, spsi_set(material->extinction)), most);
         for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->albedo[c]);
         return;
     }
@@ -3346,7 +3385,7 @@ static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile 
         const spsi_v mean = spsi_div(sum, spsi_max(way, spsi_set(FLT_MIN * 16)));
         spsi_v looks[4];
         spsi_classify(material, mean, looks);
-        sample->depth = spsi_mul(looks[3], spsi_mul(way, p->length));
+        sample->depth = spsi_min(spsi_mul(looks[3], spsi_mul(way, p->length)), most);
         for (int c = 0; c < 3; ++c) sample->colour[c] = looks[c];
         if (material->shading != SPS_SHADING_SURFACE || !shader->frame->has_gradient) return;
         if (spsi_bits(spsi_less(spsi_set(0), sample->depth)))
@@ -3428,20 +3467,20 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
 /* The share of a ray's way through a slab that polygons leave in the light. The way is looked at in four parts, since a
    shadow's edge may cross it sideways. */
 static spsi_v spsi_lit_share(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab) {
-    enum { PARTS = 4 };
+    const int parts = 4;
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / PARTS));
+    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / (float)parts));
     spsi_v sum = spsi_set(0);
     if (shader->map->face_count == 0) return spsi_set(1);
-    for (int i = 0; i < PARTS; ++i) {
+    for (int i = 0; i < parts; ++i) {
         const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
         spsi_v share = spsi_set(1);
         for (int face = 0; face < shader->map->face_count; ++face)
             share = spsi_min(share, spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
         sum = spsi_add(sum, share);
     }
-    return spsi_mul(sum, spsi_set(1.0f / PARTS));
+    return spsi_mul(sum, spsi_set(1.0f / (float)parts));
 }
 
 /* Light of the sweep's own light: through its planes, ended by polygons. */
@@ -3471,7 +3510,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             if (material->scatters && shader->frame->has_ambient)
                 sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(scene->ambient[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
-            radiance[c] = spsi_fma(sent, mean, radiance[c]);
+            radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
         }
     }
     for (int i = 0; i < scene->light_count && shader->frame->lit_count > shader->frame->shadow_count; ++i)
@@ -4218,11 +4257,15 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     if (frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb))
         return spsi_fail(context, SPS_ERROR_CALLBACK, "scene.background_fn failed");
     for (int i = 0; i < region[2]; ++i)
-        if (!spsi_colour_valid(rgb + 3 * i, SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour", (double)rgb[3 * i],
+        if (spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour",
+                                   (double)*spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX),
                                    "red, green and blue must be 0..1e18");
     return SPS_OK;
 }
+
+/* No denormal number reaches a caller, whose arithmetic it could slow down. */
+static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
 /* Adds a sweep's radiance to the total; the first sweep also brings background, coverage and distance. */
 static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
@@ -4237,9 +4280,10 @@ static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, floa
             const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
                               (size_t)(region[0] + x - shader->x_origin);
             float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
-            const float depth = shader->depth[at], coverage = depth < 86 ? -expm1f(-depth) : 1;
+            const float depth = shader->depth[at], coverage = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
             for (int c = 0; c < 3; ++c)
-                pixel[c] = (run->sweep->first ? rgb[3 * x + c] * (1 - coverage) : pixel[c]) + shader->radiance[c][at];
+                pixel[c] = spsi_flush((run->sweep->first ? rgb[3 * x + c] * (1 - coverage) : pixel[c]) +
+                                      shader->radiance[c][at]);
             if (!run->sweep->first) continue;
             pixel[3] = coverage;
             if (frame->wants_depth) pixel[4] = coverage > 0 ? shader->distance[at] / coverage : SPSI_INFINITY;
@@ -4395,8 +4439,8 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
     reading->held = context->gathered != 0 && context->gathered == spsi_volumes_fingerprint(frame);
     if (reading->held) return SPS_OK;
     for (int medium = 0; medium < frame->medium_count; ++medium) {
-        const int count = spsi_block_count(&frame->media[medium]);
-        for (int i = 0; i < count; ++i) {
+        const int64_t count = spsi_block_count(&frame->media[medium]);
+        for (int64_t i = 0; i < count; ++i) {
             uint64_t bricks = 1, voxels = 1, kept = 1;
             spsi_block block;
             int empty;
@@ -4994,14 +5038,14 @@ static void spsi_march_row_task(void *data, int index, int worker) {
 static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
                                  spsi_grid *grid) {
     const spsi_medium *m = &frame->media[medium];
-    const int count = spsi_block_count(m);
+    const int64_t count = spsi_block_count(m);
     spsi_material plain;
     spsi_block block;
     void *memory = spsi_reserve(context, SPSI_BUFFER_BLOCK, 1, SPSI_BLOCK_BYTES);
     if (!memory) return context->result;
     memset(&plain, 0, sizeof plain); /* a gas: blocks without margins */
     spsi_block_buffers(&block, memory);
-    for (int i = 0; i < count; ++i) {
+    for (int64_t i = 0; i < count; ++i) {
         spsi_block_place(&block, m, &plain, i);
         if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
         for (int z = block.core_low[2]; z < block.core_high[2]; ++z)
@@ -5078,6 +5122,7 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
         for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].step[k]));
     marcher->step = step * extent;
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
+    spsi_tell_replaced(context);
     spsi_eye_reference(frame);
     marcher->total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));

@@ -1,0 +1,411 @@
+/* Checks that count, and the small scenes that several tests build on. Includes the library's implementation, so that
+   tests can call what is private. A test is a program: CHECK things in main, end with `return check_report();`. */
+
+#ifndef CHECK_H
+#define CHECK_H
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "splatshadow.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* ------------------------------------------------------------------------------------------------- counting */
+
+static int check_passed, check_failed;
+
+static inline int check_count(int good) {
+    if (good)
+        ++check_passed;
+    else
+        ++check_failed;
+    return good;
+}
+
+static inline int check_true(int good, const char *text, const char *file, int line) {
+    if (!check_count(good)) printf("%s:%d: failed: %s\n", file, line, text);
+    return good;
+}
+
+/* NaN is never near. Infinity is near itself. */
+static inline int check_near(double value, double exact, double tolerance, const char *text, const char *file,
+                             int line) {
+    const int good = value == exact || fabs(value - exact) <= tolerance;
+    if (!check_count(good))
+        printf("%s:%d: failed: %s is %.9g, exact %.9g, off by %.3g, allowed %.3g\n", file, line, text, value, exact,
+               value - exact, tolerance);
+    return good;
+}
+
+/* Each gives whether it held, so that a loop can name its case: if (!CHECK(x)) printf("    at angle %d\n", i); */
+#define CHECK(condition)                    check_true((condition) ? 1 : 0, #condition, __FILE__, __LINE__)
+#define CHECK_NEAR(value, exact, tolerance) check_near((value), (exact), (tolerance), #value, __FILE__, __LINE__)
+/* The call gives SPS_OK; prints the context's sentence otherwise. */
+#define CHECK_OK(context, call) check_result((context), (call), #call, __FILE__, __LINE__)
+
+static inline int check_result(const sps_context *context, sps_result result, const char *text, const char *file,
+                               int line) {
+    if (!check_count(result == SPS_OK))
+        printf("%s:%d: failed: %s gives %d: %s\n", file, line, text, (int)result, sps_error(context));
+    return result == SPS_OK;
+}
+
+/* Runs one test; names it if it failed, and says how long it took where the environment has CHECK_TIMES. */
+static inline void check_run(const char *name, void (*test)(void)) {
+    const int failed = check_failed;
+    const clock_t start = clock();
+    test();
+    if (check_failed > failed) printf("%s: %d failed\n", name, check_failed - failed);
+    if (getenv("CHECK_TIMES")) printf("%s: %.2f s\n", name, (double)(clock() - start) / CLOCKS_PER_SEC);
+    fflush(stdout);
+}
+
+#define RUN(test) check_run(#test, test)
+
+/* The last line of a test program, and its exit status. */
+static inline int check_report(void) {
+    printf("%d passed, %d failed\n", check_passed, check_failed);
+    return check_failed != 0;
+}
+
+/* ----------------------------------------------------------------------------------- numbers that look random */
+
+typedef struct check_random {
+    uint64_t state;
+} check_random;
+
+/* 0 <= x < 1, the same on every machine. [L'Ecuyer 1999, multiplier for 2^64] */
+static inline double check_next(check_random *random) {
+    random->state = random->state * 2862933555777941757u + 3037000493u;
+    return (double)(random->state >> 11) / 9007199254740992.0;
+}
+
+/* ------------------------------------------------------------------------------------------- context and hooks */
+
+/* An allocator that counts, and that can refuse; a loop that runs its indices out of order on worker ids in turn. */
+typedef struct check_hooks {
+    int worker_count;    /* 0: no parallel_for_fn */
+    uint64_t order;      /* changes the order in which indices run */
+    size_t memory_limit; /* 0: none */
+    long fail_at;        /* the allocation, counted from 1, that is refused; 0: none */
+    long allocations;    /* asked for so far */
+    size_t live, peak;   /* bytes */
+    long live_blocks;
+    long loops; /* calls of parallel_for */
+} check_hooks;
+
+static inline void *check_alloc(void *user, size_t size) {
+    check_hooks *hooks = (check_hooks *)user;
+    void *pointer;
+    if (++hooks->allocations == hooks->fail_at) return NULL;
+    pointer = malloc(size ? size : 1);
+    if (!pointer) return NULL;
+    memset(pointer, 0xcd, size); /* whoever reads what it has not written gets odd numbers, the same ones each time */
+    hooks->live += size;
+    hooks->live_blocks += 1;
+    if (hooks->live > hooks->peak) hooks->peak = hooks->live;
+    return pointer;
+}
+
+static inline void check_free(void *user, void *pointer, size_t size) {
+    check_hooks *hooks = (check_hooks *)user;
+    hooks->live -= size;
+    hooks->live_blocks -= 1;
+    free(pointer);
+}
+
+/* Runs 0..count-1 in a shuffled order; the worker ids follow another sequence, so that who does what changes too. */
+static inline void check_parallel_for(void *user, int count, sps_task_fn task, void *task_data) {
+    check_hooks *hooks = (check_hooks *)user;
+    check_random random;
+    int *order = (int *)malloc(sizeof(int) * (size_t)(count > 0 ? count : 1));
+    random.state = hooks->order + 1;
+    hooks->loops += 1;
+    if (!order) abort();
+    for (int i = 0; i < count; ++i) order[i] = i;
+    for (int i = count - 1; i > 0; --i) {
+        const int other = (int)(check_next(&random) * (i + 1)), kept = order[i];
+        order[i] = order[other];
+        order[other] = kept;
+    }
+    for (int i = 0; i < count; ++i) task(task_data, order[i], (int)(check_next(&random) * hooks->worker_count));
+    free(order);
+}
+
+/* A config that calls the hooks. */
+static inline sps_config check_config(check_hooks *hooks) {
+    sps_config config;
+    memset(&config, 0, sizeof config);
+    config.alloc_fn = check_alloc;
+    config.free_fn = check_free;
+    config.alloc_user = hooks;
+    config.memory_limit = hooks->memory_limit;
+    if (hooks->worker_count > 0) {
+        config.parallel_for_fn = check_parallel_for;
+        config.parallel_user = hooks;
+        config.worker_count = hooks->worker_count;
+    }
+    return config;
+}
+
+/* hooks may be NULL: a context with all defaults. NULL if sps_create gave NULL. */
+static inline sps_context *check_context(check_hooks *hooks) {
+    sps_config config;
+    if (!hooks) return sps_create(NULL);
+    config = check_config(hooks);
+    return sps_create(&config);
+}
+
+/* ------------------------------------------------------------------------------------------ where voxels come from */
+
+/* read_fn: every voxel has the value *(float *)user. */
+static inline int check_read_constant(void *user, const int lo[3], const int size[3], float *out) {
+    const size_t count = (size_t)size[0] * (size_t)size[1] * (size_t)size[2];
+    (void)lo;
+    for (size_t i = 0; i < count; ++i) out[i] = *(const float *)user;
+    return 0;
+}
+
+/* eval_fn: the value *(float *)user everywhere. */
+static inline int check_eval_constant(void *user, size_t count, const double *positions, float *out) {
+    (void)positions;
+    for (size_t i = 0; i < count; ++i) out[i] = *(const float *)user;
+    return 0;
+}
+
+/* A formula; serves as read_fn (through the placement it holds, which must be the volume's) and as eval_fn. */
+typedef struct check_field {
+    double (*value_fn)(const void *user, const double position[3]);
+    const void *user;
+    int size[3];
+    sps_placement placement;
+} check_field;
+
+static inline int check_eval_field(void *user, size_t count, const double *positions, float *out) {
+    const check_field *field = (const check_field *)user;
+    for (size_t i = 0; i < count; ++i) out[i] = (float)field->value_fn(field->user, positions + 3 * i);
+    return 0;
+}
+
+static inline int check_read_field(void *user, const int lo[3], const int size[3], float *out) {
+    const check_field *field = (const check_field *)user;
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i) {
+                const int voxel[3] = {lo[0] + i, lo[1] + j, lo[2] + k};
+                double position[3];
+                for (int c = 0; c < 3; ++c) {
+                    position[c] = field->placement.origin[c];
+                    for (int a = 0; a < 3; ++a)
+                        position[c] += (voxel[a] + 0.5) / field->size[a] * field->placement.axis[a][c];
+                }
+                *out++ = (float)field->value_fn(field->user, position);
+            }
+    return 0;
+}
+
+/* read_fn over an array, x fastest. `limit_calls` > 0: that call and the later ones fail. */
+typedef struct check_array {
+    const float *values;
+    int size[3];
+    long calls, limit_calls;
+} check_array;
+
+static inline int check_read_array(void *user, const int lo[3], const int size[3], float *out) {
+    check_array *array = (check_array *)user;
+    array->calls += 1;
+    if (array->limit_calls > 0 && array->calls >= array->limit_calls) return 1;
+    for (int k = lo[2]; k < lo[2] + size[2]; ++k)
+        for (int j = lo[1]; j < lo[1] + size[1]; ++j, out += size[0]) {
+            const size_t row = ((size_t)k * (size_t)array->size[1] + (size_t)j) * (size_t)array->size[0];
+            memcpy(out, array->values + row + (size_t)lo[0], (size_t)size[0] * sizeof(float));
+        }
+    return 0;
+}
+
+/* ------------------------------------------------------------------------------------------ where triangles come from
+ */
+
+typedef struct check_triangles {
+    sps_triangle *list;
+    size_t count, room;
+    long calls, limit_calls; /* as in check_array */
+} check_triangles;
+
+/* sps_mesh.read_fn. */
+static inline int check_read_triangles(void *user, size_t first, size_t count, sps_triangle *out) {
+    check_triangles *triangles = (check_triangles *)user;
+    triangles->calls += 1;
+    if (triangles->limit_calls > 0 && triangles->calls >= triangles->limit_calls) return 1;
+    memcpy(out, triangles->list + first, count * sizeof *out);
+    return 0;
+}
+
+/* Appends an all-zero triangle and gives it. */
+static inline sps_triangle *check_add_triangle(check_triangles *triangles) {
+    if (triangles->count == triangles->room) {
+        triangles->room = triangles->room ? 2 * triangles->room : 16;
+        triangles->list = (sps_triangle *)realloc(triangles->list, triangles->room * sizeof *triangles->list);
+        if (!triangles->list) abort();
+    }
+    memset(&triangles->list[triangles->count], 0, sizeof *triangles->list);
+    return &triangles->list[triangles->count++];
+}
+
+static inline void check_add_corners(check_triangles *triangles, const double a[3], const double b[3],
+                                     const double c[3]) {
+    sps_triangle *triangle = check_add_triangle(triangles);
+    for (int i = 0; i < 3; ++i) {
+        triangle->position[0][i] = (float)a[i];
+        triangle->position[1][i] = (float)b[i];
+        triangle->position[2][i] = (float)c[i];
+    }
+}
+
+/* The parallelogram origin, origin + u, origin + u + v, origin + v. */
+static inline void check_add_quad(check_triangles *triangles, const double origin[3], const double u[3],
+                                  const double v[3]) {
+    double a[3], b[3], c[3];
+    for (int i = 0; i < 3; ++i) {
+        a[i] = origin[i] + u[i];
+        b[i] = a[i] + v[i];
+        c[i] = origin[i] + v[i];
+    }
+    check_add_corners(triangles, origin, a, b);
+    check_add_corners(triangles, origin, b, c);
+}
+
+static inline void check_free_triangles(check_triangles *triangles) {
+    free(triangles->list);
+    memset(triangles, 0, sizeof *triangles);
+}
+
+/* ------------------------------------------------------------------------------------------------------- scenes */
+
+/* A scene with room for what a test adds. The pointers inside refer to the struct itself: fill it where it stays. */
+typedef struct check_scene {
+    sps_volume volume[4];
+    sps_mesh mesh[4];
+    sps_light light[8];
+    sps_scene scene;
+    sps_view view;
+} check_scene;
+
+/* No volume, no mesh, no light; an orthographic camera at (0,0,10) that looks down -z at 1 world unit of height. */
+static inline void check_clear(check_scene *s, int width, int height) {
+    memset(s, 0, sizeof *s);
+    s->scene.volumes = s->volume;
+    s->scene.meshes = s->mesh;
+    s->scene.lights = s->light;
+    s->view.width = width;
+    s->view.height = height;
+    s->view.position[2] = 10;
+    s->view.up[1] = 1;
+}
+
+static inline void check_set3(double out[3], double x, double y, double z) {
+    out[0] = x;
+    out[1] = y;
+    out[2] = z;
+}
+
+static inline void check_color(float out[3], double r, double g, double b) {
+    out[0] = (float)r;
+    out[1] = (float)g;
+    out[2] = (float)b;
+}
+
+/* The axis-aligned box from low to high. */
+static inline sps_placement check_box(double x0, double y0, double z0, double x1, double y1, double z1) {
+    sps_placement placement;
+    memset(&placement, 0, sizeof placement);
+    check_set3(placement.origin, x0, y0, z0);
+    check_set3(placement.axis[0], x1 - x0, 0, 0);
+    check_set3(placement.axis[1], 0, y1 - y0, 0);
+    check_set3(placement.axis[2], 0, 0, z1 - z0);
+    return placement;
+}
+
+/* The next volume of the scene, without a provider: set read_fn or eval_fn, user and the looks. */
+static inline sps_volume *check_add_volume(check_scene *s, int nx, int ny, int nz, sps_placement placement) {
+    sps_volume *volume = &s->volume[s->scene.volume_count++];
+    volume->size[0] = nx;
+    volume->size[1] = ny;
+    volume->size[2] = nz;
+    volume->placement = placement;
+    return volume;
+}
+
+static inline sps_light *check_add_directional(check_scene *s, double x, double y, double z, double irradiance) {
+    sps_light *light = &s->light[s->scene.light_count++];
+    light->kind = SPS_LIGHT_DIRECTIONAL;
+    check_set3(light->direction, x, y, z);
+    check_color(light->color, irradiance, irradiance, irradiance);
+    return light;
+}
+
+static inline sps_light *check_add_point(check_scene *s, double x, double y, double z, double intensity) {
+    sps_light *light = &s->light[s->scene.light_count++];
+    light->kind = SPS_LIGHT_POINT;
+    check_set3(light->position, x, y, z);
+    check_color(light->color, intensity, intensity, intensity);
+    return light;
+}
+
+/* Call when the triangles are complete: their number is copied. */
+static inline sps_mesh *check_add_mesh(check_scene *s, check_triangles *triangles, double reflectance) {
+    sps_mesh *mesh = &s->mesh[s->scene.mesh_count++];
+    mesh->read_fn = check_read_triangles;
+    mesh->user = triangles;
+    mesh->triangle_count = triangles->count;
+    check_color(mesh->color, reflectance, reflectance, reflectance);
+    return mesh;
+}
+
+/* ------------------------------------------------------------------------------------------------------- images */
+
+/* Renders into rgba (4 floats a pixel of the view's region) and depth (or NULL); a failure is counted and printed. */
+static inline int check_render_depth(sps_context *context, const check_scene *s, float *rgba, float *depth) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    image.depth = depth;
+    return CHECK_OK(context, sps_render(context, &s->scene, &s->view, &image));
+}
+
+static inline int check_render(sps_context *context, const check_scene *s, float *rgba) {
+    return check_render_depth(context, s, rgba, NULL);
+}
+
+static inline int check_march(sps_context *context, const check_scene *s, double step, float *rgba, float *depth) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    image.depth = depth;
+    return CHECK_OK(context, sps_reference(context, &s->scene, &s->view, step, &image));
+}
+
+/* Root of the mean square of a - b. */
+static inline double check_rms(const float *a, const float *b, size_t count) {
+    double sum = 0;
+    for (size_t i = 0; i < count; ++i) {
+        const double difference = (double)a[i] - (double)b[i];
+        sum += difference * difference;
+    }
+    return count ? sqrt(sum / (double)count) : 0;
+}
+
+/* The largest |a - b|; NaN if there is one. */
+static inline double check_largest(const float *a, const float *b, size_t count) {
+    double largest = 0;
+    for (size_t i = 0; i < count; ++i) {
+        const double difference = fabs((double)a[i] - (double)b[i]);
+        if (!(difference <= largest)) largest = difference;
+        if (difference != difference) return difference;
+    }
+    return largest;
+}
+
+#endif /* CHECK_H */

@@ -1,0 +1,429 @@
+/* Random scenes: fuzz SEED COUNT renders COUNT of them, the same ones for the same SEED on every machine. Whatever the
+   scene, SPS_OK means an image of finite numbers, not negative, coverage 0..1, in memory within the plan and the same
+   bits whatever the workers; any other result means an image left alone and a sentence. Under sanitizers, also no
+   access out of bounds and no undefined arithmetic. Prints the scene's number and result where something is wrong. */
+
+#include "check.h"
+
+static check_random numbers;
+
+static double unit(void) { return check_next(&numbers); }
+static double between(double low, double high) { return low + (high - low) * unit(); }
+static int below(int count) { return (int)(unit() * count); }
+static int one_in(int count) { return below(count) == 0; }
+
+/* Mostly a moderate number, now and then one of the ends of what a double or a float can be. */
+static double strange(double low, double high) {
+    static const double ends[] = {0, -0.0, 1e-300, 1e-40, 1e-20, 1e20, 1e30, 1e300, -1, -1e20};
+    if (!one_in(60)) return between(low, high);
+    if (one_in(5)) return HUGE_VAL;
+    if (one_in(5)) return HUGE_VAL - HUGE_VAL;
+    return ends[below((int)(sizeof ends / sizeof *ends))];
+}
+
+/* --------------------------------------------------------------------------------------------------- providers */
+
+typedef struct provider {
+    int kind, fails; /* fails: 1 in so many calls; 0: none */
+    double scale;
+    uint64_t seed;
+    check_random coin; /* for failures, apart from the scene's own numbers */
+} provider;
+
+static int fails_now(provider *p) { return p->fails > 0 && check_next(&p->coin) * p->fails < 1; }
+
+static double field_value(const provider *p, double x, double y, double z) {
+    const uint64_t hash = (uint64_t)(int64_t)floor(x * 7919 + y * 104729 + z * 1299709) * 0x9e3779b97f4a7c15u + p->seed;
+    switch (p->kind) {
+    case 0: return p->scale;
+    case 1: return p->scale * (double)(hash >> 40) / 16777216.0;
+    case 2: return (hash >> 32) % 50 == 0 ? p->scale : 0;
+    case 3: return p->scale * exp(-x * x - y * y - z * z);
+    case 4: return x < y ? p->scale : 0;
+    default: return (hash >> 32) % 4000 == 0 ? HUGE_VAL - HUGE_VAL : p->scale * fabs(sin(x) * cos(y + z));
+    }
+}
+
+static int read_voxels(void *user, const int lo[3], const int size[3], float *out) {
+    provider *p = (provider *)user;
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i)
+                *out++ = (float)field_value(p, 0.3 * (lo[0] + i), 0.3 * (lo[1] + j), 0.3 * (lo[2] + k));
+    return fails_now(p);
+}
+
+static int eval_voxels(void *user, size_t count, const double *xyz, float *out) {
+    provider *p = (provider *)user;
+    for (size_t i = 0; i < count; ++i, xyz += 3) {
+        const int sane = fabs(xyz[0]) < 1e6 && fabs(xyz[1]) < 1e6 && fabs(xyz[2]) < 1e6;
+        out[i] = sane ? (float)field_value(p, xyz[0], xyz[1], xyz[2]) : 0;
+    }
+    return fails_now(p);
+}
+
+/* As wide as may be, or empty where the field is empty throughout. */
+static int range_voxels(void *user, const int lo[3], const int size[3], float out[2]) {
+    provider *p = (provider *)user;
+    (void)lo;
+    (void)size;
+    out[0] = 0;
+    out[1] = p->scale > 0 && p->scale < 1e18 ? (float)(p->kind == 5 ? HUGE_VAL : p->scale) : (float)(p->scale);
+    return fails_now(p);
+}
+
+static int transfer_curve(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    provider *p = (provider *)user;
+    for (size_t i = 0; i < count; ++i) {
+        const double t = (double)values[i] / (p->scale > 0 ? p->scale : 1);
+        check_color(out[i].color, fmin(1, fabs(t)), 0.5, 0.2);
+        out[i].extinction = t > 0.3 ? (float)(5 * t) : 0;
+    }
+    return fails_now(p);
+}
+
+static int background_sky(void *user, size_t count, const float *directions, float *rgb) {
+    for (size_t i = 0; i < 3 * count; ++i) rgb[i] = 0.5f + 0.5f * directions[i];
+    return fails_now((provider *)user);
+}
+
+/* ------------------------------------------------------------------------------------------------------ scenes */
+
+/* Gives an enumeration any number, also one that it does not have. */
+static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
+
+enum { VOLUMES = 3, MESHES = 2, LIGHTS = 3, PIXELS_MAX = 90 * 90 };
+
+typedef struct scenery {
+    check_scene s;
+    provider providers[VOLUMES], sky;
+    sps_transfer transfers[VOLUMES];
+    sps_transfer_point points[VOLUMES][4];
+    sps_lobe lobes[VOLUMES][2];
+    check_triangles triangles[MESHES];
+    double matrix[16];
+} scenery;
+
+static void random_color(float color[3], double most) {
+    const int grey = one_in(3);
+    for (int c = 0; c < 3; ++c) color[c] = c && grey ? color[0] : (float)strange(0, most);
+    if (one_in(4)) memset(color, 0, 3 * sizeof *color);
+}
+
+static void random_placement(sps_placement *placement) {
+    for (int i = 0; i < 3; ++i) {
+        placement->origin[i] = strange(-1.5, 0.5);
+        for (int k = 0; k < 3; ++k)
+            placement->axis[i][k] = i == k ? strange(0.05, 2) : one_in(3) ? strange(-0.7, 0.7) : 0;
+    }
+    if (one_in(30)) memset(placement->axis, 0, sizeof placement->axis);
+    if (one_in(60)) memcpy(placement->axis[1], placement->axis[0], sizeof placement->axis[0]);
+}
+
+static void random_provider(provider *p) {
+    static const double scales[] = {1, 1, 1, 1, 0.01, 100, 0, 1e-35, 1e17};
+    memset(p, 0, sizeof *p);
+    p->kind = one_in(30) ? 5 : below(5);
+    p->scale = scales[below((int)(sizeof scales / sizeof *scales))];
+    p->fails = one_in(40) ? 4 : 0;
+    p->seed = numbers.state;
+    p->coin.state = numbers.state;
+}
+
+static void random_transfer(scenery *x, int n, sps_volume *volume) {
+    sps_transfer *transfer = &x->transfers[n];
+    volume->transfer = transfer;
+    transfer->user = &x->providers[n];
+    volume->shading = one_in(2) ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
+    volume->specular = (float)strange(0, 1);
+    volume->shininess = (float)strange(0, 100);
+    if (one_in(2)) volume->gradient_full = (float)strange(0, 0.5);
+    if (one_in(3)) {
+        transfer->eval_fn = transfer_curve;
+        transfer->value_max = (float)x->providers[n].scale;
+        return;
+    }
+    transfer->points = x->points[n];
+    transfer->point_count = 1 + below(4);
+    for (int i = 0; i < 4; ++i) {
+        x->points[n][i].value = (float)((i + 0.9 * unit()) * 0.3 * x->providers[n].scale);
+        random_color(x->points[n][i].color, 1);
+        x->points[n][i].extinction = one_in(3) ? 0 : (float)strange(0, 20);
+    }
+}
+
+static void random_volume(scenery *x, int n) {
+    static const int sizes[] = {1, 2, 3, 7, 8, 9, 15, 20, 33, 5, 5, 12};
+    sps_volume *volume = &x->s.volume[n];
+    for (int i = 0; i < 3; ++i) volume->size[i] = one_in(40) ? below(3) - 1 : sizes[below(12)];
+    random_placement(&volume->placement);
+    random_provider(&x->providers[n]);
+    volume->user = &x->providers[n];
+    if (one_in(3))
+        volume->eval_fn = eval_voxels;
+    else
+        volume->read_fn = read_voxels;
+    if (one_in(4) && x->providers[n].kind < 5) volume->range_fn = range_voxels;
+    volume->extinction = (float)(one_in(8) ? 0 : one_in(12) ? 1e8 : strange(0, 6));
+    random_color(volume->albedo, 1);
+    if (one_in(3)) random_color(volume->emission, 2);
+    if (one_in(3)) {
+        volume->lobes = x->lobes[n];
+        volume->lobe_count = 1 + below(2);
+        for (int i = 0; i < 2; ++i) {
+            x->lobes[n][i].asymmetry = (float)strange(-0.99, 0.99);
+            x->lobes[n][i].weight = (float)strange(0.1, 1);
+        }
+    }
+    if (one_in(3)) random_transfer(x, n, volume);
+    if (one_in(3)) volume->revision = 1 + (uint64_t)below(3);
+}
+
+static void random_mesh(scenery *x, int n) {
+    const int count = one_in(8) ? 300 : below(12);
+    sps_mesh *mesh = &x->s.mesh[n];
+    for (int i = 0; i < count; ++i) {
+        sps_triangle *t = check_add_triangle(&x->triangles[n]);
+        const double size = one_in(20) ? 50 : one_in(10) ? 0 : 1;
+        for (int corner = 0; corner < 3; ++corner)
+            for (int k = 0; k < 3; ++k) {
+                t->position[corner][k] = (float)(between(-1, 1) * size);
+                t->normal[corner][k] = (float)between(-1, 1);
+                t->color[corner][k] = (float)unit();
+            }
+        if (one_in(400)) t->position[1][1] = (float)(HUGE_VAL - HUGE_VAL);
+    }
+    mesh->triangle_count = x->triangles[n].count;
+    mesh->read_fn = check_read_triangles;
+    mesh->user = &x->triangles[n];
+    mesh->has_normals = one_in(2);
+    mesh->has_colors = one_in(2);
+    random_color(mesh->color, 1);
+    if (one_in(2)) random_placement(&mesh->placement);
+}
+
+static void random_light(sps_light *light) {
+    light->kind = one_in(2) ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
+    for (int i = 0; i < 3; ++i) {
+        light->direction[i] = one_in(4) ? below(3) - 1 : strange(-1, 1);
+        light->position[i] = one_in(6) ? strange(-1, 1) : strange(-9, 9);
+    }
+    random_color(light->color, 5);
+    light->no_shadow = one_in(5);
+}
+
+/* A perspective matrix that is as often as not of no use. */
+static void random_matrix(scenery *x) {
+    for (int i = 0; i < 16; ++i) x->matrix[i] = one_in(3) ? 0 : strange(-2, 2);
+    if (one_in(2)) {
+        const double look[16] = {2, 0, 0, 0.1, 0, 2, 0, 0.2, 0, 0, 1, 3, 0, 0, -1, 5};
+        memcpy(x->matrix, look, sizeof look);
+    }
+    x->s.view.world_to_clip = x->matrix;
+}
+
+static void random_view(scenery *x) {
+    sps_view *view = &x->s.view;
+    view->width = one_in(30) ? below(3) - 1 : 1 + below(one_in(4) ? 90 : 24);
+    view->height = one_in(30) ? below(3) - 1 : 1 + below(one_in(4) ? 90 : 24);
+    for (int i = 0; i < 3; ++i) {
+        view->position[i] = one_in(5) ? strange(-1, 1) : strange(-6, 6);
+        view->target[i] = strange(-0.5, 0.5);
+        view->up[i] = one_in(3) ? 0 : strange(-1, 1);
+    }
+    view->field_of_view = one_in(3) ? 0 : one_in(5) ? strange(0, 3.1) : strange(0.1, 0.8);
+    view->ortho_height = strange(0.5, 4);
+    if (one_in(6)) view->near_distance = strange(0, 6);
+    if (one_in(8)) random_matrix(x);
+    if (one_in(4) && view->width > 0 && view->height > 0) {
+        view->region[0] = below(view->width);
+        view->region[1] = below(view->height);
+        view->region[2] = 1 + below(view->width - view->region[0] + one_in(20));
+        view->region[3] = 1 + below(view->height - view->region[1] + one_in(20));
+    }
+    put_int(&view->quality, one_in(100) ? 7 : below(4));
+    if (one_in(4)) view->slab = one_in(6) ? 1e6 : strange(0.2, 5);
+    view->shadow_size = one_in(10) ? 0 : 1 + below(100);
+    view->no_shadows = one_in(8);
+}
+
+/* Something a caller might get wrong. */
+static void spoil(scenery *x) {
+    sps_scene *scene = &x->s.scene;
+    switch (below(14)) {
+    case 0: x->s.volume[0].start_canary = 1; break;
+    case 1: x->s.light[0].end_canary = 1; break;
+    case 2: scene->volumes = NULL; break;
+    case 3: scene->mesh_count = -1; break;
+    case 4: x->s.volume[0].lobe_count = below(20) - 3; break;
+    case 5: x->s.volume[0].eval_fn = NULL; break;
+    case 6: x->s.mesh[0].read_fn = NULL; break;
+    case 7: put_int(&x->s.light[0].kind, -1); break;
+    case 8: put_int(&x->s.volume[0].shading, 9); break;
+    case 9: x->s.view.region[2] = 2147483647; break;
+    case 10: x->s.view.width = 20000; break;
+    case 11: x->s.volume[0].transfer = &x->transfers[VOLUMES - 1]; break;
+    case 12: scene->ambient[1] = -1; break;
+    default: memcpy(x->s.view.target, x->s.view.position, sizeof x->s.view.target); break;
+    }
+}
+
+static void random_scenery(scenery *x) {
+    memset(x, 0, sizeof *x);
+    check_clear(&x->s, 0, 0);
+    x->s.scene.volume_count = below(VOLUMES + 1);
+    x->s.scene.mesh_count = below(MESHES + 1);
+    x->s.scene.light_count = below(LIGHTS + 1);
+    for (int i = 0; i < x->s.scene.volume_count; ++i) random_volume(x, i);
+    if (x->s.scene.volume_count > 1 && one_in(3)) x->s.volume[1] = x->s.volume[0]; /* shares a channel */
+    for (int i = 0; i < x->s.scene.mesh_count; ++i) random_mesh(x, i);
+    for (int i = 0; i < x->s.scene.light_count; ++i) random_light(&x->s.light[i]);
+    random_color(x->s.scene.ambient, 1);
+    random_color(x->s.scene.background, 1);
+    random_provider(&x->sky);
+    if (one_in(5)) x->s.scene.background_fn = background_sky, x->s.scene.background_user = &x->sky;
+    x->s.scene.replace_invalid = one_in(3);
+    random_view(x);
+    if (one_in(12)) spoil(x);
+}
+
+static void free_scenery(scenery *x) {
+    for (int i = 0; i < MESHES; ++i) check_free_triangles(&x->triangles[i]);
+}
+
+/* ------------------------------------------------------------------------------------------------------- calls */
+
+static float rgba[4 * PIXELS_MAX], distance[PIXELS_MAX], again[4 * PIXELS_MAX];
+
+static int image_sane(const scenery *x) {
+    const sps_view *view = &x->s.view;
+    const int width = view->region[2] ? view->region[2] : view->width;
+    const int height = view->region[2] ? view->region[3] : view->height;
+    if (view->width == 0 || view->height == 0) return 1;
+    for (int i = 0; i < 4 * width * height; ++i)
+        if (!(rgba[i] >= 0 && (double)rgba[i] <= (i % 4 == 3 ? 1 : (double)FLT_MAX))) {
+            printf("    number %d of pixel %d,%d: %g\n", i % 4, i / 4 % width, i / 4 / width, (double)rgba[i]);
+            return 0;
+        }
+    for (int i = 0; i < width * height; ++i)
+        if (!((double)distance[i] >= -1e30)) {
+            printf("    distance of pixel %d,%d: %g\n", i % width, i / width, (double)distance[i]);
+            return 0;
+        }
+    return 1;
+}
+
+static int image_untouched(void) {
+    for (int i = 0; i < 4 * PIXELS_MAX; ++i)
+        if (!(rgba[i] == -7)) return 0;
+    for (int i = 0; i < PIXELS_MAX; ++i)
+        if (!(distance[i] == -7)) return 0;
+    return 1;
+}
+
+static void clear_image(void) {
+    for (int i = 0; i < 4 * PIXELS_MAX; ++i) rgba[i] = -7;
+    for (int i = 0; i < PIXELS_MAX; ++i) distance[i] = -7;
+}
+
+static sps_result render(sps_context *context, const scenery *x, int reference) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    image.depth = distance;
+    clear_image();
+    if (reference) return sps_reference(context, &x->s.scene, &x->s.view, 2, &image);
+    return sps_render(context, &x->s.scene, &x->s.view, &image);
+}
+
+static void report(long number, const char *what, sps_result result, const sps_context *context) {
+    printf("    scene %ld, %s: %d: %s\n", number, what, (int)result, sps_error(context));
+}
+
+/* What holds after any call. */
+static void check_outcome(const scenery *x, long number, const char *what, sps_result result,
+                          const sps_context *context) {
+    const int good =
+        result == SPS_OK ? image_sane(x) && !sps_error(context)[0] : image_untouched() && sps_error(context)[0];
+    if (!CHECK(good)) report(number, what, result, context);
+}
+
+/* Whether every call gives the same, so that two of them may be compared. */
+static int steady(const scenery *x) {
+    int fails = x->sky.fails;
+    for (int i = 0; i < VOLUMES; ++i) fails |= x->providers[i].fails;
+    return !fails;
+}
+
+/* The same scene by seven workers in a shuffled order, in a context that is used for everything. */
+static void check_workers(const scenery *x, long number, sps_context *used) {
+    sps_result result;
+    memcpy(again, rgba, sizeof again);
+    result = render(used, x, 0);
+    if (!CHECK(result == SPS_OK) || !CHECK(memcmp(again, rgba, sizeof again) == 0))
+        report(number, "seven workers", result, used);
+}
+
+static int small_enough_to_march(const scenery *x) {
+    const sps_view *view = &x->s.view;
+    double extent = 0;
+    for (int i = 0; i < x->s.scene.volume_count; ++i)
+        for (int k = 0; k < 9; ++k) extent = fmax(extent, fabs(x->s.volume[i].placement.axis[k / 3][k % 3]));
+    return view->width * view->height < 200 && extent < 3;
+}
+
+/* One scene, through plan, render in a fresh context, render in the used one, and march. */
+static void fuzz(long number, sps_context *used) {
+    check_hooks hooks;
+    sps_plan_report plan;
+    sps_context *context;
+    sps_result planned, result;
+    char sentence[256];
+    scenery x;
+    random_scenery(&x);
+    memset(&hooks, 0, sizeof hooks);
+    context = check_context(&hooks);
+    planned = sps_plan(context, &x.s.scene, &x.s.view, &plan);
+    snprintf(sentence, sizeof sentence, "%s", sps_error(context));
+    result = render(context, &x, 0);
+    check_outcome(&x, number, "render", result, context);
+    /* the plan knows the volumes' boxes only, and those may take more slabs than the voxels in them */
+    if (planned == SPS_ERROR_ARGUMENT && !strstr(sentence, "view.slab") && !CHECK(result != SPS_OK))
+        printf("    scene %ld renders, but its plan fails: %s\n", number, sentence);
+    if (planned == SPS_OK && result == SPS_OK && !CHECK(hooks.peak <= plan.bytes)) {
+        report(number, "memory", result, context);
+        printf("    peak %.0f, planned %.0f\n", (double)hooks.peak, (double)plan.bytes);
+    }
+    if (result == SPS_OK && steady(&x) && x.s.view.width > 0 && x.s.view.height > 0) {
+        for (int i = 0; i < VOLUMES; ++i) x.s.volume[i].revision = 0; /* the used context knows other voxels */
+        check_workers(&x, number, used);
+    }
+    if (one_in(6) && small_enough_to_march(&x)) {
+        result = render(context, &x, 1);
+        check_outcome(&x, number, "reference", result, context);
+    }
+    sps_destroy(context);
+    if (!CHECK(hooks.live == 0 && hooks.live_blocks == 0)) printf("    scene %ld leaks\n", number);
+    free_scenery(&x);
+}
+
+/* A third argument is the number of the first scene: each has numbers of its own, so that one can be had alone. */
+int main(int count, char **arguments) {
+    const uint64_t seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;
+    const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : 300;
+    const long first = count > 3 ? strtol(arguments[3], NULL, 10) : 0;
+    check_hooks hooks;
+    sps_context *used;
+    memset(&hooks, 0, sizeof hooks);
+    hooks.worker_count = 7;
+    used = check_context(&hooks);
+    for (long i = first; i < first + scenes; ++i) {
+        numbers.state = (seed * 1000003u + (uint64_t)i) * 0x9e3779b97f4a7c15u;
+        hooks.order = numbers.state;
+        check_next(&numbers);
+        fuzz(i, used);
+    }
+    sps_destroy(used);
+    CHECK(hooks.live == 0);
+    return check_report();
+}

@@ -1,0 +1,978 @@
+/* What holds whatever the picture: failures of every hook leave nothing behind, memory stays within the plan, and the
+   same scene gives the same bits for any number of workers, any region, any context and any order of calls. */
+
+#include "check.h"
+#include "splatshadow.h" /* once more, below its own implementation */
+#include <pthread.h>
+
+/* ------------------------------------------------------------------------------------ a scene that uses everything */
+
+enum { WIDTH = 75, HEIGHT = 71, PIXELS = WIDTH * HEIGHT, FLOATS = 5 * PIXELS }; /* odd, and 2 x 2 tiles */
+enum { SMALL_WIDTH = 21, SMALL_HEIGHT = 13 }; /* where a scene is rendered hundreds of times */
+
+typedef enum called { RANGE, READ, EVAL, TRIANGLES, BACKGROUND, TRANSFER, CALLED_COUNT } called;
+
+/* A gas by read_fn and range_fn, a classified volume by eval_fn and a transfer callback, a mesh, a background callback,
+   a light with the eye and one against it, so that both compositing orders run. Counts its callbacks, and fails one. */
+typedef struct mixed {
+    check_scene s;
+    sps_transfer transfer;
+    check_triangles triangles;
+    long calls, fail_at; /* of all callbacks together, counted from 1 */
+    long of[CALLED_COUNT];
+    double threshold; /* below which the transfer function shows nothing */
+} mixed;
+
+static int called_now(mixed *m, called which) {
+    m->of[which] += 1;
+    return ++m->calls == m->fail_at;
+}
+
+static int mixed_range(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)lo;
+    (void)size;
+    out[0] = 0;
+    out[1] = 1;
+    return called_now((mixed *)user, RANGE);
+}
+
+static int mixed_read(void *user, const int lo[3], const int size[3], float *out) {
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i) {
+                const int x = lo[0] + i, y = lo[1] + j, z = lo[2] + k;
+                *out++ = (float)((x * 7 + y * 3 + z * 5) % 11) / 11;
+            }
+    return called_now((mixed *)user, READ);
+}
+
+/* A blob off the middle. */
+static int mixed_eval(void *user, size_t count, const double *p, float *out) {
+    for (size_t i = 0; i < count; ++i, p += 3)
+        out[i] = (float)exp(-6 * ((p[0] - 0.2) * (p[0] - 0.2) + p[1] * p[1] + (p[2] + 0.1) * (p[2] + 0.1)));
+    return called_now((mixed *)user, EVAL);
+}
+
+static int mixed_transfer(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    mixed *m = (mixed *)user;
+    for (size_t i = 0; i < count; ++i) {
+        check_color(out[i].color, 0.9, 0.5 * (double)values[i], 0.3);
+        out[i].extinction = (double)values[i] > m->threshold ? 9 : 0;
+    }
+    return called_now(m, TRANSFER);
+}
+
+static int mixed_triangles(void *user, size_t first, size_t count, sps_triangle *out) {
+    mixed *m = (mixed *)user;
+    memcpy(out, m->triangles.list + first, count * sizeof *out);
+    return called_now(m, TRIANGLES);
+}
+
+static int mixed_background(void *user, size_t count, const float *directions, float *rgb) {
+    for (size_t i = 0; i < count; ++i)
+        check_color(rgb + 3 * i, 0.2, 0.3, 0.4 + 0.1 * fabs((double)directions[3 * i + 1]));
+    return called_now((mixed *)user, BACKGROUND);
+}
+
+static void mixed_add_volumes(mixed *m) {
+    sps_volume *gas = check_add_volume(&m->s, 11, 9, 13, check_box(-0.9, -0.6, -0.8, 0.5, 0.5, 0.7));
+    sps_volume *solid = check_add_volume(&m->s, 9, 10, 8, check_box(-0.6, -0.7, -0.7, 0.9, 0.6, 0.6));
+    gas->read_fn = mixed_read;
+    gas->range_fn = mixed_range;
+    gas->extinction = 0.8f;
+    gas->placement.axis[0][1] = 0.2; /* sheared */
+    check_color(gas->albedo, 0.6, 0.8, 0.9);
+    check_color(gas->emission, 0.1, 0, 0.05);
+    solid->eval_fn = mixed_eval;
+    solid->transfer = &m->transfer;
+    solid->shading = SPS_SHADING_SURFACE;
+    solid->specular = 0.4f;
+    gas->user = solid->user = m;
+}
+
+static void mixed_add_mesh(mixed *m) {
+    const double origin[3] = {-1, -0.5, 0.1}, u[3] = {1.9, 0.1, 0}, v[3] = {0.2, 0.7, -0.6};
+    const double u_small[3] = {0.1, 0, 0}, v_small[3] = {0, 0.07, 0.03};
+    sps_mesh *mesh;
+    check_add_quad(&m->triangles, origin, u, v);
+    for (int i = 0; i < 149; ++i) { /* two batches of triangles */
+        const double at[3] = {-0.9 + 0.15 * (i % 13), -0.8 + 0.12 * (i / 13), 0.02 * (i % 7)};
+        check_add_quad(&m->triangles, at, u_small, v_small);
+    }
+    mesh = check_add_mesh(&m->s, &m->triangles, 0.7);
+    mesh->read_fn = mixed_triangles;
+    mesh->user = m;
+}
+
+static void mixed_build(mixed *m) {
+    memset(m, 0, sizeof *m);
+    check_clear(&m->s, WIDTH, HEIGHT);
+    check_set3(m->s.view.position, 0.4, 0.5, 4);
+    m->s.view.field_of_view = 0.6;
+    m->s.view.shadow_size = 60;
+    m->threshold = 0.3;
+    m->transfer.eval_fn = mixed_transfer;
+    m->transfer.user = m;
+    mixed_add_volumes(m);
+    mixed_add_mesh(m);
+    check_add_directional(&m->s, 0.5, -0.6, -1, 2);
+    check_add_point(&m->s, -1, 3, -5, 30);
+    check_color(m->s.scene.ambient, 0.1, 0.12, 0.15);
+    m->s.scene.background_fn = mixed_background;
+    m->s.scene.background_user = m;
+}
+
+static void mixed_build_small(mixed *m) {
+    mixed_build(m);
+    m->s.view.width = SMALL_WIDTH;
+    m->s.view.height = SMALL_HEIGHT;
+    m->s.view.quality = SPS_QUALITY_DRAFT;
+}
+
+static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
+
+/* The calls that tests repeat. A plan has no image; its report's bytes stand for it. */
+typedef enum kind { RENDER, REFERENCE, PLAN, KINDS } kind;
+static const char *const kind_names[KINDS] = {"render", "reference", "plan"};
+
+static sps_result run(sps_context *context, const mixed *m, kind which, float *pixels) {
+    sps_plan_report report;
+    sps_image image;
+    sps_result result;
+    memset(&image, 0, sizeof image);
+    image.rgba = pixels;
+    image.depth = pixels + 4 * PIXELS;
+    if (which == RENDER) return sps_render(context, &m->s.scene, &m->s.view, &image);
+    if (which == REFERENCE) return sps_reference(context, &m->s.scene, &m->s.view, 4, &image);
+    result = sps_plan(context, &m->s.scene, &m->s.view, &report);
+    if (result == SPS_OK) pixels[0] = (float)report.read_calls + 100 * (float)report.slab_count;
+    return result;
+}
+
+static void fill(float *pixels) {
+    for (int i = 0; i < FLOATS; ++i) pixels[i] = (float)(-1 - i);
+}
+
+static int untouched(const float *pixels) {
+    for (int i = 0; i < FLOATS; ++i)
+        if (!(pixels[i] == (float)(-1 - i))) return 0;
+    return 1;
+}
+
+static int same(const float *a, const float *b) { return memcmp(a, b, FLOATS * sizeof(float)) == 0; }
+
+/* What a fresh context with no hooks gives. */
+static void run_fresh(const mixed *m, kind which, float *pixels) {
+    sps_context *context = check_context(NULL);
+    fill(pixels);
+    CHECK_OK(context, run(context, m, which, pixels));
+    sps_destroy(context);
+}
+
+static size_t bytes_held(const sps_context *context) {
+    sps_stats_report stats;
+    sps_stats(context, &stats);
+    return stats.bytes;
+}
+
+/* ---------------------------------------------------------------------------------------------- failures */
+
+/* The one case of all failure tests: the call gives `expected`, the image stays, and with the cause gone (by `mend`)
+   the next call gives the fresh bits; the hooks then hold nothing. Gives 0 where the call did not fail. */
+typedef struct failure {
+    mixed *m;
+    kind which;
+    sps_result expected;
+    check_hooks *hooks;
+    const float *fresh;
+} failure;
+
+static float pixels_after[FLOATS], pixels_fresh[FLOATS];
+
+static int fails_cleanly(const failure *f, sps_context *context, long *cause) {
+    sps_result result;
+    fill(pixels_after);
+    result = run(context, f->m, f->which, pixels_after);
+    if (result == SPS_OK) {
+        CHECK(same(pixels_after, f->fresh));
+        sps_destroy(context);
+        return 0;
+    }
+    CHECK(result == f->expected);
+    CHECK(untouched(pixels_after));
+    CHECK(sps_error(context)[0] != 0);
+    CHECK(bytes_held(context) == f->hooks->live);
+    *cause = 0;
+    fill(pixels_after);
+    CHECK_OK(context, run(context, f->m, f->which, pixels_after));
+    CHECK(same(pixels_after, f->fresh));
+    CHECK(sps_error(context)[0] == 0);
+    sps_destroy(context);
+    CHECK(f->hooks->live == 0 && f->hooks->live_blocks == 0);
+    return 1;
+}
+
+static void test_every_allocation(mixed *m, kind which, long least) {
+    long n;
+    run_fresh(m, which, pixels_fresh);
+    for (n = 1; n < 1000; ++n) {
+        check_hooks hooks;
+        failure f = {m, which, SPS_ERROR_MEMORY, &hooks, pixels_fresh};
+        sps_context *context;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.fail_at = n;
+        context = check_context(&hooks);
+        if (n == 1) {
+            CHECK(context == NULL && hooks.live == 0);
+            continue;
+        }
+        if (!fails_cleanly(&f, context, &hooks.fail_at)) break;
+    }
+    if (!CHECK(n - 1 >= least)) printf("    %s allocates %ld times only\n", kind_names[which], n - 1);
+}
+
+/* The same once the context has rendered something smaller, so that buffers grow and the list of bricks moves. */
+static void test_growing_allocations(mixed *m) {
+    long n;
+    run_fresh(m, RENDER, pixels_fresh);
+    for (n = 1; n < 1000; ++n) {
+        check_hooks hooks;
+        failure f = {m, RENDER, SPS_ERROR_MEMORY, &hooks, pixels_fresh};
+        sps_context *context;
+        const int whole = m->s.view.region[2];
+        memset(&hooks, 0, sizeof hooks);
+        context = check_context(&hooks);
+        m->s.scene.volume_count = 1;
+        m->s.scene.light_count = m->s.scene.mesh_count = 0;
+        m->s.view.region[2] = m->s.view.region[3] = 8;
+        CHECK_OK(context, run(context, m, RENDER, pixels_after));
+        m->s.scene.volume_count = m->s.scene.light_count = 2;
+        m->s.scene.mesh_count = 1;
+        m->s.view.region[2] = m->s.view.region[3] = whole;
+        hooks.fail_at = hooks.allocations + n;
+        if (!fails_cleanly(&f, context, &hooks.fail_at)) break;
+    }
+    CHECK(n > 8);
+}
+
+static void test_every_callback(mixed *m, kind which, long least) {
+    long n;
+    run_fresh(m, which, pixels_fresh);
+    for (n = 1; n < 2000; ++n) {
+        check_hooks hooks;
+        failure f = {m, which, SPS_ERROR_CALLBACK, &hooks, pixels_fresh};
+        memset(&hooks, 0, sizeof hooks);
+        m->calls = 0;
+        m->fail_at = n;
+        if (!fails_cleanly(&f, check_context(&hooks), &m->fail_at)) break;
+    }
+    m->fail_at = 0;
+    if (!CHECK(n - 1 >= least)) printf("    %s calls back %ld times only\n", kind_names[which], n - 1);
+}
+
+typedef struct progress {
+    long calls, cancel_at;
+    float last;
+    int fell, outside;
+} progress;
+
+static int progress_cancel(void *user, float fraction) {
+    progress *p = (progress *)user;
+    if (p->calls > 0 && fraction < p->last) p->fell = 1;
+    if (!(fraction >= 0 && fraction <= 1)) p->outside = 1;
+    p->last = fraction;
+    return ++p->calls == p->cancel_at;
+}
+
+static sps_context *progress_context(check_hooks *hooks, progress *p) {
+    sps_config config;
+    memset(hooks, 0, sizeof *hooks);
+    config = check_config(hooks);
+    config.progress_fn = progress_cancel;
+    config.progress_user = p;
+    return sps_create(&config);
+}
+
+static void test_every_cancellation(mixed *m, kind which, long least) {
+    long n;
+    run_fresh(m, which, pixels_fresh);
+    for (n = 1; n < 2000; ++n) {
+        check_hooks hooks;
+        failure f = {m, which, SPS_ERROR_CANCELLED, &hooks, pixels_fresh};
+        progress p;
+        memset(&p, 0, sizeof p);
+        p.cancel_at = n;
+        if (!fails_cleanly(&f, progress_context(&hooks, &p), &p.cancel_at)) break;
+    }
+    if (!CHECK(n - 1 >= least)) printf("    %s tells its progress %ld times only\n", kind_names[which], n - 1);
+}
+
+static void test_progress(mixed *m, kind which) {
+    check_hooks hooks;
+    progress p;
+    sps_context *context;
+    memset(&p, 0, sizeof p);
+    context = progress_context(&hooks, &p);
+    for (int again = 0; again < 2; ++again) { /* the second call begins at 0 again */
+        p.calls = 0;
+        p.last = -1;
+        CHECK_OK(context, run(context, m, which, pixels_after));
+        CHECK(p.calls >= 2 && !p.fell && !p.outside);
+        CHECK(p.last == 1);
+    }
+    sps_destroy(context);
+}
+
+/* A failure of each kind, one after the other in one context, each told by one message. */
+static void count_messages(void *user, const char *text) {
+    *(long *)user += text[0] != 0 && strchr(text, '\n') == NULL;
+}
+
+static void test_messages(mixed *m) {
+    long messages = 0;
+    sps_config config;
+    sps_context *context;
+    memset(&config, 0, sizeof config);
+    config.message_fn = count_messages;
+    config.message_user = &messages;
+    context = sps_create(&config);
+    for (int i = 1; i <= 4; ++i) {
+        m->calls = 0;
+        m->fail_at = i;
+        CHECK(run(context, m, RENDER, pixels_after) == SPS_ERROR_CALLBACK);
+        CHECK(messages == i);
+    }
+    m->fail_at = 0;
+    CHECK_OK(context, run(context, m, RENDER, pixels_after));
+    CHECK(messages == 4);
+    sps_destroy(context);
+}
+
+/* ------------------------------------------------------------------------------------------------ memory */
+
+/* Allocator's peak and planned bytes for one scene in a fresh context. */
+static void measure(const mixed *m, int workers, size_t *planned, size_t *peak) {
+    sps_plan_report report;
+    sps_stats_report stats;
+    check_hooks hooks;
+    sps_context *context;
+    memset(&hooks, 0, sizeof hooks);
+    hooks.worker_count = workers;
+    context = check_context(&hooks);
+    *planned = 0;
+    if (CHECK_OK(context, sps_plan(context, &m->s.scene, &m->s.view, &report))) *planned = report.bytes;
+    CHECK_OK(context, run(context, m, RENDER, pixels_after));
+    sps_stats(context, &stats);
+    CHECK(stats.bytes == hooks.live && stats.bytes_peak == hooks.peak);
+    *peak = hooks.peak;
+    sps_destroy(context);
+}
+
+static void test_memory_limit(const mixed *m) {
+    size_t planned, peak, limit;
+    sps_result last = SPS_ERROR_MEMORY;
+    measure(m, 0, &planned, &peak);
+    run_fresh(m, RENDER, pixels_fresh);
+    for (limit = peak / 20; limit <= planned + peak; limit += peak / 20) {
+        check_hooks hooks;
+        sps_context *context;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.memory_limit = limit;
+        context = check_context(&hooks);
+        fill(pixels_after);
+        last = run(context, m, RENDER, pixels_after);
+        CHECK(hooks.peak <= limit);
+        if (last == SPS_OK)
+            CHECK(same(pixels_after, pixels_fresh));
+        else
+            CHECK(last == SPS_ERROR_MEMORY && untouched(pixels_after) && strstr(sps_error(context), "memory_limit"));
+        if (limit >= planned || limit >= peak)
+            CHECK(last == SPS_OK);
+        else if (limit < peak / 2)
+            CHECK(last == SPS_ERROR_MEMORY);
+        sps_destroy(context);
+        CHECK(hooks.live == 0);
+    }
+}
+
+/* At exactly the planned bytes, and with less than the context itself takes. */
+static void test_memory_exact(const mixed *m) {
+    size_t planned, peak;
+    check_hooks hooks;
+    sps_context *context;
+    measure(m, 0, &planned, &peak);
+    memset(&hooks, 0, sizeof hooks);
+    hooks.memory_limit = planned;
+    context = check_context(&hooks);
+    CHECK_OK(context, run(context, m, RENDER, pixels_after));
+    sps_destroy(context);
+    hooks.memory_limit = 10;
+    context = check_context(&hooks);
+    CHECK(context == NULL && hooks.live == 0);
+    sps_destroy(context);
+}
+
+/* One change to the scene each; returns 0 when there are no more. */
+static int vary(mixed *m, int variant) {
+    sps_view *view = &m->s.view;
+    switch (variant) {
+    case 0: return 1;
+    case 1: m->s.scene.mesh_count = 0; return 1;
+    case 2: m->s.scene.volume_count = 0; return 1;
+    case 3: m->s.scene.light_count = 0; return 1;
+    case 4: m->s.scene.volume_count = 1; return 1;
+    case 5: view->quality = SPS_QUALITY_ULTRA; return 1;
+    case 6: view->quality = SPS_QUALITY_DRAFT; return 1;
+    case 7: view->shadow_size = 0; return 1;
+    case 8: view->shadow_size = 1; return 1;
+    case 9: view->field_of_view = 0, view->ortho_height = 3; return 1;
+    case 10: view->region[0] = 9, view->region[1] = 5, view->region[2] = 7, view->region[3] = 5; return 1;
+    case 11: view->no_shadows = 1; return 1;
+    case 12: m->s.volume[0].size[0] = 70, m->s.volume[0].size[1] = 37; return 1;
+    case 13: m->s.volume[1].size[0] = 33, m->s.volume[1].size[1] = 33, m->s.volume[1].size[2] = 33; return 1;
+    case 14:
+        m->s.volume[0].size[0] = m->s.volume[0].size[1] = m->s.volume[0].size[2] = 1, m->s.scene.light_count = 1;
+        return 1;
+    case 15: check_set3(m->s.light[1].position, 3, 0.2, 1.5); return 1;
+    case 16: m->s.light[0].no_shadow = 1; return 1;
+    case 17: view->slab = 0.1; return 1;
+    case 18: m->s.volume[1].shading = SPS_SHADING_GAS; return 1;
+    case 19: m->s.scene.light_count = 1, m->s.scene.volume_count = 0, view->shadow_size = 9; return 1;
+    case 20: view->slab = 50; return 1;
+    case 21: m->s.scene.volume_count = 0, m->s.light[1].position[2] = 0; return 1; /* six depth maps */
+    case 22: view->width = WIDTH, view->height = HEIGHT; return 1;
+    default: return 0;
+    }
+}
+
+static void test_planned_bytes(void) {
+    for (int variant = 0, more = 1; more; ++variant)
+        for (int workers = 0; workers <= (variant % 3 ? 0 : 7); workers += 7) {
+            mixed m;
+            size_t planned, peak;
+            mixed_build_small(&m);
+            more = vary(&m, variant);
+            measure(&m, workers, &planned, &peak);
+            if (!CHECK(peak <= planned))
+                printf("    variant %d, %d workers: peak %.0f, planned %.0f\n", variant, workers, (double)peak,
+                       (double)planned);
+            if (!CHECK(planned < 6 * peak + 200000)) /* and the bound is of use */
+                printf("    variant %d, %d workers: peak %.0f, planned %.0f\n", variant, workers, (double)peak,
+                       (double)planned);
+            mixed_free(&m);
+        }
+}
+
+/* One context through all scenes in turn: each call's plan bounds what is held, and the images are the fresh ones. */
+static void test_context_reused(void) {
+    sps_context *context = check_context(NULL);
+    for (int variant = 0;; ++variant) {
+        sps_plan_report report;
+        sps_stats_report stats;
+        mixed m;
+        mixed_build_small(&m);
+        if (!vary(&m, variant)) {
+            mixed_free(&m);
+            break;
+        }
+        CHECK_OK(context, sps_plan(context, &m.s.scene, &m.s.view, &report));
+        fill(pixels_after);
+        CHECK_OK(context, run(context, &m, RENDER, pixels_after));
+        sps_stats(context, &stats);
+        if (!CHECK(stats.bytes <= report.bytes)) printf("    variant %d\n", variant);
+        run_fresh(&m, RENDER, pixels_fresh);
+        if (!CHECK(same(pixels_after, pixels_fresh))) printf("    variant %d\n", variant);
+        mixed_free(&m);
+    }
+    sps_destroy(context);
+}
+
+/* --------------------------------------------------------------------------------------------- same bits */
+
+typedef struct thread_job {
+    sps_task_fn task;
+    void *task_data;
+    int count, worker, workers;
+} thread_job;
+
+static void *thread_main(void *user) {
+    const thread_job *job = (const thread_job *)user;
+    for (int i = job->worker; i < job->count; i += job->workers) job->task(job->task_data, i, job->worker);
+    return NULL;
+}
+
+/* Threads that really run at once, made for each loop. */
+static void thread_parallel_for(void *user, int count, sps_task_fn task, void *task_data) {
+    const int workers = *(const int *)user;
+    pthread_t threads[16];
+    thread_job jobs[16];
+    for (int w = 0; w < workers; ++w) {
+        const thread_job job = {task, task_data, count, w, workers};
+        jobs[w] = job;
+        if (pthread_create(&threads[w], NULL, thread_main, &jobs[w])) abort();
+    }
+    for (int w = 0; w < workers; ++w) pthread_join(threads[w], NULL);
+}
+
+static void test_shuffled_workers(const mixed *m, kind which) {
+    run_fresh(m, which, pixels_fresh);
+    for (int workers = 1; workers <= 7; workers += workers == 1 ? 1 : 5)
+        for (uint64_t order = 0; order < (workers == 7 && which == RENDER ? 6u : 1u);
+             ++order) { /* each tile by several workers */
+            check_hooks hooks;
+            sps_context *context;
+            memset(&hooks, 0, sizeof hooks);
+            hooks.worker_count = workers;
+            hooks.order = order;
+            context = check_context(&hooks);
+            fill(pixels_after);
+            CHECK_OK(context, run(context, m, which, pixels_after));
+            if (!CHECK(same(pixels_after, pixels_fresh))) printf("    %s, %d workers\n", kind_names[which], workers);
+            CHECK(hooks.loops > 0);
+            CHECK_OK(context, run(context, m, which, pixels_after));
+            CHECK(same(pixels_after, pixels_fresh));
+            sps_destroy(context);
+        }
+}
+
+static void test_real_threads(const mixed *m) {
+    run_fresh(m, RENDER, pixels_fresh);
+    for (int workers = 2; workers <= 7; workers += 5) {
+        sps_config config;
+        sps_context *context;
+        memset(&config, 0, sizeof config);
+        config.parallel_for_fn = thread_parallel_for;
+        config.parallel_user = &workers;
+        config.worker_count = workers;
+        context = sps_create(&config);
+        fill(pixels_after);
+        CHECK_OK(context, run(context, m, RENDER, pixels_after));
+        CHECK(same(pixels_after, pixels_fresh));
+        sps_destroy(context);
+    }
+}
+
+/* Counts do not depend on workers either. */
+static void test_same_counts(const mixed *m) {
+    sps_stats_report one, seven;
+    for (int pass = 0; pass < 2; ++pass) {
+        check_hooks hooks;
+        sps_context *context;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.worker_count = pass ? 7 : 0;
+        context = check_context(&hooks);
+        CHECK_OK(context, run(context, m, RENDER, pixels_after));
+        sps_stats(context, pass ? &seven : &one);
+        sps_destroy(context);
+    }
+    CHECK(one.eye_fragments == seven.eye_fragments && one.eye_fragments > 0);
+    CHECK(one.light_fragments == seven.light_fragments && one.light_fragments > 0);
+    CHECK(one.light_footprints == seven.light_footprints && one.light_footprints > 0);
+    CHECK(one.eye_footprints == seven.eye_footprints && one.eye_footprints > 0);
+    CHECK(one.eye_footprints == seven.eye_footprints && one.light_footprints == seven.light_footprints);
+    CHECK(one.pixels_shaded == seven.pixels_shaded && one.pixels_shaded > 0);
+    CHECK(one.tiles_finished == seven.tiles_finished);
+}
+
+/* A region, written into its place in a buffer of the whole image's width, equals the whole there and leaves the rest
+   of the buffer alone. */
+static void check_region(const mixed *m, const int region[4], const float *whole, const char *what) {
+    const int at = region[1] * WIDTH + region[0];
+    sps_context *context = check_context(NULL);
+    sps_view view = m->s.view;
+    sps_image image;
+    int wrong = 0, strayed = 0;
+    memcpy(view.region, region, sizeof view.region);
+    image.rgba = pixels_after + 4 * at;
+    image.depth = pixels_after + 4 * PIXELS + at;
+    image.row_pixels = WIDTH;
+    fill(pixels_after);
+    if (CHECK_OK(context, sps_render(context, &m->s.scene, &view, &image)))
+        for (int i = 0; i < FLOATS; ++i) {
+            const int pixel = i < 4 * PIXELS ? i / 4 : i - 4 * PIXELS, x = pixel % WIDTH, y = pixel / WIDTH;
+            const int in = x >= region[0] && y >= region[1] && x < region[0] + region[2] && y < region[1] + region[3];
+            if (in)
+                wrong += memcmp(&pixels_after[i], &whole[i], sizeof(float)) != 0;
+            else
+                strayed += !(pixels_after[i] == (float)(-1 - i));
+        }
+    if (!CHECK(wrong == 0) || !CHECK(strayed == 0))
+        printf("    %s, region %d,%d,%d,%d: %d numbers differ, %d strayed\n", what, region[0], region[1], region[2],
+               region[3], wrong, strayed);
+    sps_destroy(context);
+}
+
+static void check_regions(const mixed *m, const char *what) {
+    static const int regions[][4] = {{0, 0, WIDTH, HEIGHT}, {0, 0, 1, 1},   {WIDTH - 1, HEIGHT - 1, 1, 1},
+                                     {13, 7, 40, 11},       {63, 63, 2, 2}, {0, 64, WIDTH, 1},
+                                     {64, 0, 1, HEIGHT}};
+    run_fresh(m, RENDER, pixels_fresh);
+    for (size_t i = 0; i < sizeof regions / sizeof *regions; ++i) check_region(m, regions[i], pixels_fresh, what);
+}
+
+static void test_regions(void) {
+    for (int variant = 0; variant < 5; ++variant) {
+        static const char *const names[] = {"all", "with the eye", "against the eye", "orthographic", "dense, fine"};
+        mixed m;
+        mixed_build(&m);
+        if (variant == 1 || variant == 2) m.s.scene.light_count = 1;
+        if (variant == 2) check_set3(m.s.light[0].direction, 0.3, -0.8, 1);
+        if (variant == 3) m.s.view.field_of_view = 0, m.s.view.ortho_height = 2.1;
+        if (variant == 4) m.s.volume[0].extinction = 60, m.s.view.slab = 0.5; /* tiles finish early */
+        check_regions(&m, names[variant]);
+        mixed_free(&m);
+    }
+}
+
+/* Two contexts in turn, and in two threads. */
+typedef struct twin {
+    mixed m;
+    sps_context *context;
+    float pixels[FLOATS], fresh[FLOATS];
+    int failed;
+} twin;
+
+static void *twin_main(void *user) {
+    twin *t = (twin *)user;
+    for (int i = 0; i < 3; ++i)
+        t->failed |= run(t->context, &t->m, RENDER, t->pixels) != SPS_OK || !same(t->pixels, t->fresh);
+    return NULL;
+}
+
+static void test_two_contexts(void) {
+    static twin twins[2];
+    pthread_t threads[2];
+    for (int i = 0; i < 2; ++i) {
+        mixed_build_small(&twins[i].m);
+        vary(&twins[i].m, i == 0 ? 9 : 12);
+        run_fresh(&twins[i].m, RENDER, twins[i].fresh);
+        fill(twins[i].pixels);
+        twins[i].context = check_context(NULL);
+    }
+    for (int i = 0; i < 4; ++i) {
+        twin *t = &twins[i % 2];
+        CHECK_OK(t->context, run(t->context, &t->m, RENDER, t->pixels));
+        CHECK(same(t->pixels, t->fresh));
+    }
+    for (int i = 0; i < 2; ++i) CHECK(pthread_create(&threads[i], NULL, twin_main, &twins[i]) == 0);
+    for (int i = 0; i < 2; ++i) pthread_join(threads[i], NULL);
+    for (int i = 0; i < 2; ++i) {
+        CHECK(!twins[i].failed);
+        sps_destroy(twins[i].context);
+        mixed_free(&twins[i].m);
+    }
+}
+
+/* ---------------------------------------------------------------------------------------- voxels that are kept */
+
+/* Renders in the shared context, and says whether voxels were read; the image must be that of a fresh context. */
+static int renders_reading(sps_context *context, const mixed *m, int line) {
+    sps_stats_report stats;
+    fill(pixels_after);
+    CHECK_OK(context, run(context, m, RENDER, pixels_after));
+    sps_stats(context, &stats);
+    run_fresh(m, RENDER, pixels_fresh);
+    if (!CHECK(same(pixels_after, pixels_fresh))) printf("    in the call at line %d\n", line);
+    CHECK((stats.voxels_read > 0) == (stats.read_calls + stats.eval_calls > 0));
+    return stats.voxels_read > 0;
+}
+
+#define RENDERS_READING(context, m) renders_reading((context), (m), __LINE__)
+
+static void test_revision(void) {
+    sps_context *context = check_context(NULL);
+    sps_plan_report report;
+    mixed m;
+    mixed_build_small(&m);
+    CHECK(RENDERS_READING(context, &m));
+    CHECK(RENDERS_READING(context, &m)); /* revision 0: never kept */
+    m.s.volume[0].revision = m.s.volume[1].revision = 5;
+    CHECK(RENDERS_READING(context, &m));
+    CHECK(!RENDERS_READING(context, &m));
+    CHECK_OK(context, sps_plan(context, &m.s.scene, &m.s.view, &report));
+    CHECK(report.voxels_read == 0 && report.read_calls == 0 && report.eval_calls == 0 && report.range_calls == 0);
+    CHECK(report.pass[SPS_PASS_GATHER].runs == 0);
+    CHECK(!RENDERS_READING(context, &m));
+    m.s.volume[0].revision = 6;
+    CHECK(RENDERS_READING(context, &m));
+    CHECK(!RENDERS_READING(context, &m));
+    m.s.volume[0].size[0] = 10;
+    CHECK(RENDERS_READING(context, &m));
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+/* What may change without reading again, and what may not: in either case the image is the fresh one. */
+static void test_revision_and_looks(void) {
+    sps_context *context = check_context(NULL);
+    mixed m;
+    mixed_build_small(&m);
+    m.s.volume[0].revision = m.s.volume[1].revision = 1;
+    CHECK(RENDERS_READING(context, &m));
+    m.s.view.position[0] = -0.7;
+    m.s.volume[0].extinction = 0.3f;
+    m.s.volume[0].placement.origin[1] = -0.7; /* read_fn knows nothing of placement */
+    m.s.light[0].direction[0] = 0.1;
+    CHECK(!RENDERS_READING(context, &m));
+    m.s.volume[1].placement.origin[1] = -0.9; /* eval_fn does */
+    CHECK(RENDERS_READING(context, &m));
+    m.threshold = 0.6;
+    RENDERS_READING(context, &m);
+    m.threshold = 0.1;
+    CHECK(RENDERS_READING(context, &m)); /* more of the values show */
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+/* Transfer functions given by points: the same shape stretched over twice the values shows fewer voxels or more,
+   although the share of the table that shows is the same. */
+static void test_revision_and_points(void) {
+    static const sps_transfer_point narrow[] = {{0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 9}};
+    static const sps_transfer_point wide[] = {{0.4f, {1, 1, 1}, 0}, {0.8f, {1, 1, 1}, 9}};
+    sps_context *context = check_context(NULL);
+    mixed m;
+    mixed_build_small(&m);
+    m.s.volume[0] = m.s.volume[1];
+    m.s.scene.volume_count = 1;
+    m.s.volume[0].revision = 1;
+    m.s.volume[0].size[0] = m.s.volume[0].size[1] = m.s.volume[0].size[2] = 24;
+    m.transfer.eval_fn = NULL;
+    m.transfer.point_count = 2;
+    m.transfer.points = wide;
+    CHECK(RENDERS_READING(context, &m));
+    m.transfer.points = narrow;
+    RENDERS_READING(context, &m);
+    m.transfer.points = wide;
+    RENDERS_READING(context, &m);
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+/* A gas in place of a classified volume with the same provider, size and revision, and back. */
+static void test_revision_and_kind(void) {
+    sps_context *context = check_context(NULL);
+    mixed m;
+    mixed_build_small(&m);
+    m.s.volume[0].revision = m.s.volume[1].revision = 1;
+    RENDERS_READING(context, &m);
+    m.s.volume[1].transfer = NULL;
+    m.s.volume[1].extinction = 2;
+    RENDERS_READING(context, &m);
+    m.s.volume[1].transfer = &m.transfer;
+    RENDERS_READING(context, &m);
+    m.s.scene.volume_count = 1;
+    RENDERS_READING(context, &m);
+    m.s.scene.volume_count = 2;
+    RENDERS_READING(context, &m);
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+/* A call that fails half-way through the voxels leaves none behind that would be taken for good. */
+static void test_revision_and_failure(void) {
+    sps_context *context = check_context(NULL);
+    mixed m;
+    mixed_build_small(&m);
+    m.s.volume[0].revision = m.s.volume[1].revision = 1;
+    CHECK(RENDERS_READING(context, &m));
+    m.s.volume[0].revision = 2;
+    m.calls = 0;
+    m.fail_at = 36; /* past the transfer function's table: among the layers of the second volume */
+    CHECK(run(context, &m, RENDER, pixels_after) == SPS_ERROR_CALLBACK);
+    m.fail_at = 0;
+    m.s.volume[0].revision = 1;
+    CHECK(RENDERS_READING(context, &m));
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+/* ------------------------------------------------------------------------------------------------ the interface */
+
+static void test_null_arguments(const mixed *m) {
+    sps_context *context = check_context(NULL);
+    sps_plan_report report, zero;
+    sps_stats_report stats;
+    sps_image image, no_pixels;
+    memset(&image, 0, sizeof image);
+    memset(&no_pixels, 0, sizeof no_pixels);
+    memset(&zero, 0, sizeof zero);
+    image.rgba = pixels_after;
+    fill(pixels_after);
+    sps_destroy(NULL);
+    sps_stats(context, NULL);
+    memset(&stats, 1, sizeof stats);
+    sps_stats(NULL, &stats);
+    CHECK(stats.bytes == 0 && stats.slabs == 0);
+    CHECK(sps_error(NULL)[0] != 0);
+    CHECK(sps_render(NULL, &m->s.scene, &m->s.view, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_reference(NULL, &m->s.scene, &m->s.view, 1, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_plan(NULL, &m->s.scene, &m->s.view, &report) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_render(context, NULL, &m->s.view, &image) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    CHECK(sps_render(context, &m->s.scene, NULL, &image) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    CHECK(sps_render(context, &m->s.scene, &m->s.view, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    CHECK(sps_render(context, &m->s.scene, &m->s.view, &no_pixels) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    CHECK(sps_reference(context, NULL, NULL, 1, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    CHECK(sps_plan(context, &m->s.scene, &m->s.view, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    memset(&report, 1, sizeof report);
+    CHECK(sps_plan(context, NULL, &m->s.view, &report) == SPS_ERROR_ARGUMENT);
+    CHECK(memcmp(&report, &zero, sizeof zero) == 0); /* zeroed unless SPS_OK */
+    CHECK(untouched(pixels_after));
+    sps_destroy(context);
+}
+
+static int refused(const sps_config *config) {
+    sps_context *context = sps_create(config);
+    sps_destroy(context);
+    return context == NULL;
+}
+
+static void test_configs(void) {
+    check_hooks hooks;
+    sps_config config;
+    memset(&hooks, 0, sizeof hooks);
+    memset(&config, 0, sizeof config);
+    CHECK(!refused(&config) && !refused(NULL));
+    config.start_canary = 1;
+    CHECK(refused(&config));
+    config.start_canary = 0, config.end_canary = 1;
+    CHECK(refused(&config));
+    config.end_canary = 0, config.alloc_fn = check_alloc;
+    CHECK(refused(&config));
+    config.alloc_fn = NULL, config.free_fn = check_free;
+    CHECK(refused(&config));
+    config.free_fn = NULL, config.worker_count = -1;
+    CHECK(refused(&config));
+    config.worker_count = 1025;
+    CHECK(refused(&config));
+    config.worker_count = 1024; /* without parallel_for_fn it means nothing */
+    CHECK(!refused(&config));
+}
+
+static void test_version_and_names(void) {
+    CHECK(sps_version() == SPS_VERSION);
+    for (int i = 0; i < SPS_PASS_COUNT; ++i) {
+        CHECK(sps_pass_name((sps_pass)i)[0] != 0);
+        for (int j = 0; j < i; ++j) CHECK(strcmp(sps_pass_name((sps_pass)i), sps_pass_name((sps_pass)j)) != 0);
+    }
+    CHECK(sps_pass_name(SPS_PASS_COUNT) != NULL);
+}
+
+static double ticking_clock(void *user) { return *(double *)user += 0.25; }
+
+static void test_clock(const mixed *m) {
+    sps_stats_report stats;
+    sps_config config;
+    sps_context *context = check_context(NULL);
+    double now = 0;
+    CHECK_OK(context, run(context, m, RENDER, pixels_after));
+    sps_stats(context, &stats);
+    CHECK(stats.seconds_total == 0 && stats.seconds_eye == 0);
+    sps_destroy(context);
+    memset(&config, 0, sizeof config);
+    config.clock_fn = ticking_clock;
+    config.clock_user = &now;
+    context = sps_create(&config);
+    CHECK_OK(context, run(context, m, RENDER, pixels_after));
+    sps_stats(context, &stats);
+    CHECK(stats.seconds_total > 0 && stats.seconds_total <= now);
+    CHECK(stats.seconds_gather + stats.seconds_polygons + stats.seconds_bin + stats.seconds_light + stats.seconds_eye <=
+          stats.seconds_total);
+    sps_destroy(context);
+}
+
+/* The file's text from here or up to four folders above; NULL if it is not found. */
+static char *read_text(const char *path) {
+    char at[256];
+    for (int up = 0; up < 5; ++up) {
+        FILE *file;
+        char *text;
+        long size;
+        at[0] = 0;
+        for (int i = 0; i < up; ++i) strcat(at, "../");
+        strcat(at, path);
+        file = fopen(at, "rb");
+        if (!file) continue;
+        fseek(file, 0, SEEK_END);
+        size = ftell(file);
+        fseek(file, 0, SEEK_SET);
+        text = (char *)calloc((size_t)size + 1, 1);
+        if (text && fread(text, 1, (size_t)size, file) != (size_t)size) text[0] = 0;
+        fclose(file);
+        return text;
+    }
+    return NULL;
+}
+
+/* The quick start in the header, without its indentation, is examples/hello.c. */
+static void test_quick_start(void) {
+    char *header = read_text("splatshadow.h"), *hello = read_text("examples/hello.c");
+    const char *line = header ? strstr(header, "QUICK START") : NULL;
+    const char *rest = hello;
+    int lines = 0;
+    if (!header || !hello) {
+        printf("skipped: quick start: run this in the top folder\n");
+    } else if (CHECK(line != NULL)) {
+        line = strstr(line, "\n\n") + 2;
+        while (strncmp(line, "    ", 4) == 0 || *line == '\n') {
+            const size_t length = (size_t)(strchr(line, '\n') - line) + 1, indent = *line == '\n' ? 0 : 4;
+            if (*rest == 0) break; /* the blank line before the next section */
+            if (!CHECK(strncmp(line + indent, rest, length - indent) == 0)) break;
+            rest += length - indent;
+            line += length;
+            ++lines;
+        }
+        CHECK(*rest == 0);
+        CHECK(lines > 10 && lines <= 25);
+    }
+    free(header);
+    free(hello);
+}
+
+static void test_failures(mixed *m) {
+    test_every_allocation(m, RENDER, 15);
+    test_every_allocation(m, REFERENCE, 8);
+    test_every_allocation(m, PLAN, 2);
+    test_growing_allocations(m);
+    test_every_callback(m, RENDER, 33 + 1 + 1 + 8 + 2 + SMALL_HEIGHT);
+    test_every_callback(m, REFERENCE, 33 + 1 + 8 + 2 + SMALL_HEIGHT);
+    test_every_callback(m, PLAN, 33 + 1);
+    test_every_cancellation(m, RENDER, 5);
+    test_every_cancellation(m, REFERENCE, 2);
+    test_progress(m, RENDER);
+    test_progress(m, REFERENCE);
+    test_messages(m);
+    test_memory_limit(m);
+    test_memory_exact(m);
+}
+
+static void test_revisions(void) {
+    test_revision();
+    test_revision_and_looks();
+    test_revision_and_points();
+    test_revision_and_kind();
+    test_revision_and_failure();
+}
+
+int main(void) {
+    mixed m, small;
+    mixed_build(&m);
+    mixed_build_small(&small);
+    test_failures(&small);
+    test_planned_bytes();
+    test_context_reused();
+    test_shuffled_workers(&m, RENDER);
+    test_shuffled_workers(&small, REFERENCE);
+    test_real_threads(&m);
+    test_same_counts(&m);
+    test_regions();
+    test_two_contexts();
+    test_revisions();
+    test_null_arguments(&m);
+    test_configs();
+    test_version_and_names();
+    test_clock(&m);
+    test_quick_start();
+    mixed_free(&m);
+    mixed_free(&small);
+    return check_report();
+}

@@ -1,0 +1,1047 @@
+/* Hard cases, each with the outcome it must have: the error that names what is wrong, the closed form, the march by
+   brute force, or the same picture as something simpler. */
+
+#include "check.h"
+#include <float.h>
+
+enum { SIDE = 17, PIXELS = SIDE * SIDE };
+
+static float rgba[4 * PIXELS], depth[PIXELS], other[4 * PIXELS];
+static const double infinite = HUGE_VAL;
+
+static double not_a_number(void) { return infinite - infinite; }
+
+/* -------------------------------------------------------------------------------------------------- helpers */
+
+/* Every pixel finite, not negative, not above `most`, coverage 0..1, no denormal number; distances above 0. */
+static int sane(const float *pixels, int count, double most) {
+    for (int i = 0; i < 4 * count; ++i) {
+        const double value = (double)pixels[i];
+        if (!(value >= 0) || !(value <= (i % 4 == 3 ? 1 : most)) || (value > 0 && value < (double)FLT_MIN)) {
+            printf("    pixel %d, channel %d: %g\n", i / 4, i % 4, value);
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Renders in a fresh context, with distances; the result and the sentence are kept. */
+static char sentence[256];
+
+static sps_result render_fresh(const check_scene *s, float *pixels) {
+    sps_context *context = check_context(NULL);
+    sps_image image;
+    sps_result result;
+    memset(&image, 0, sizeof image);
+    image.rgba = pixels;
+    image.depth = depth;
+    result = sps_render(context, &s->scene, &s->view, &image);
+    snprintf(sentence, sizeof sentence, "%s", sps_error(context));
+    sps_destroy(context);
+    return result;
+}
+
+#define RENDERS(s, pixels)                                                                                             \
+    do {                                                                                                               \
+        if (!CHECK(render_fresh((s), (pixels)) == SPS_OK)) printf("    %s\n", sentence);                               \
+    } while (0)
+
+static const float *middle(const float *pixels) { return pixels + 4 * (SIDE / 2 * SIDE + SIDE / 2); }
+static double optical_depth(const float *pixel) { return -log1p(-(double)pixel[3]); }
+
+/* The largest difference from the march by brute force, divided by its largest radiance. */
+static double error_of(const check_scene *s, const float *pixels) {
+    sps_context *context = check_context(NULL);
+    double most = 0;
+    check_march(context, s, 0.5, other, NULL);
+    sps_destroy(context);
+    for (int i = 0; i < 4 * PIXELS; ++i) most = fmax(most, (double)other[i]);
+    return check_largest(pixels, other, 4 * PIXELS) / most;
+}
+
+static float one_value = 1;
+
+/* The cube -1..1 of n^3 voxels of value 1, seen along -z: the image covers its middle half. Constant grids are constant
+   to 0.2 % at HIGH, so that every optical depth below has that error, and for mediums' depths of 1 so has alpha. */
+static sps_volume *uniform_build(check_scene *s, int n, double extinction) {
+    sps_volume *volume;
+    check_clear(s, SIDE, SIDE);
+    s->view.quality = SPS_QUALITY_HIGH;
+    volume = check_add_volume(s, n, n, n, check_box(-1, -1, -1, 1, 1, 1));
+    volume->read_fn = check_read_constant;
+    volume->user = &one_value;
+    volume->extinction = (float)extinction;
+    return volume;
+}
+
+/* Values that have no symmetry. */
+static int read_bumps(void *user, const int lo[3], const int size[3], float *out) {
+    const double scale = *(const double *)user;
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i)
+                *out++ = (float)(scale * ((lo[0] + i) * 7 + (lo[1] + j) * 3 + (lo[2] + k) * 5 + (lo[0] + i) % 4));
+    return 0;
+}
+
+/* A scene of everything, small: a gas of bumps, a floor, a directional and a point light, perspective. */
+typedef struct mixed {
+    check_scene s;
+    check_triangles triangles;
+    sps_transfer transfer;
+    sps_transfer_point points[2];
+    sps_lobe lobe;
+    double bumps;
+} mixed;
+
+static void mixed_build(mixed *m) {
+    const double origin[3] = {-9, -1.3, -9}, u[3] = {18, 0, 0}, v[3] = {0, 0.5, 15};
+    sps_volume *volume;
+    memset(m, 0, sizeof *m);
+    check_clear(&m->s, SIDE, SIDE);
+    check_set3(m->s.view.position, 0.5, 1.1, 5);
+    m->s.view.field_of_view = 0.45;
+    m->s.view.shadow_size = 60;
+    m->bumps = 0.01;
+    m->lobe.asymmetry = 0.5f, m->lobe.weight = 1;
+    volume = check_add_volume(&m->s, 9, 8, 7, check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));
+    volume->read_fn = read_bumps;
+    volume->user = &m->bumps;
+    volume->extinction = 1;
+    volume->lobes = &m->lobe;
+    volume->lobe_count = 1;
+    check_color(volume->albedo, 0.6, 0.8, 0.9);
+    check_color(volume->emission, 0.1, 0.05, 0);
+    check_add_quad(&m->triangles, origin, u, v);
+    check_add_mesh(&m->s, &m->triangles, 0.7);
+    check_add_directional(&m->s, 0.4, -1, -0.5, 2);
+    check_add_point(&m->s, 1, 4, 3, 20);
+    check_color(m->s.scene.ambient, 0.1, 0.1, 0.2);
+    m->points[0].value = 0.2f, m->points[1].value = 0.9f, m->points[1].extinction = 4;
+    check_color(m->points[1].color, 0.9, 0.6, 0.3);
+    m->transfer.points = m->points;
+    m->transfer.point_count = 2;
+}
+
+static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
+
+/* ------------------------------------------------------------------------------------------ arguments out of range */
+
+/* Gives an enumeration a number that it does not have. */
+static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
+
+/* The n-th field out of range: what its sentence must hold, "FIELD is VALUE"; gives NULL after the last one. */
+static const char *spoil(mixed *m, int n) {
+    const double nan = not_a_number();
+    const float inf_f = (float)infinite, nan_f = (float)nan;
+    sps_volume *v = m->s.volume;
+    sps_light *sun = m->s.light, *lamp = m->s.light + 1;
+    sps_scene *scene = &m->s.scene;
+    sps_view *view = &m->s.view;
+    sps_mesh *mesh = m->s.mesh;
+#define SPOIL(statement, text)                                                                                         \
+    if (n-- == 0) {                                                                                                    \
+        statement;                                                                                                     \
+        return text;                                                                                                   \
+    }
+    SPOIL(v->start_canary = 1, "volume[0].canary")
+    SPOIL(v->end_canary = 1, "volume[0].canary")
+    SPOIL(v->size[0] = -1, "volume[0].size is -1;")
+    SPOIL(v->size[2] = 65537, "volume[0].size is 65537;")
+    SPOIL(v->placement.origin[1] = nan, "volume[0].placement")
+    SPOIL(v->placement.axis[1][2] = infinite, "volume[0].placement")
+    SPOIL(memcpy(v->placement.axis[1], v->placement.axis[0], 24), "volume[0].placement")
+    SPOIL(v->eval_fn = check_eval_constant, "volume[0].read_fn")
+    SPOIL(v->read_fn = NULL, "volume[0].read_fn")
+    SPOIL(v->extinction = -1, "volume[0].extinction is -1;")
+    SPOIL(v->extinction = 2e18f, "volume[0].extinction is 2e+18;")
+    SPOIL(v->extinction = nan_f, "volume[0].extinction is")
+    SPOIL(v->albedo[0] = 1.5f, "volume[0].albedo is 1.5;")
+    SPOIL(v->albedo[1] = -0.5f, "volume[0].albedo is -0.5;")
+    SPOIL(v->albedo[2] = 2, "volume[0].albedo is 2;")
+    SPOIL(v->albedo[2] = nan_f, "volume[0].albedo is")
+    SPOIL(v->emission[0] = -1, "volume[0].emission is -1;")
+    SPOIL(v->emission[1] = inf_f, "volume[0].emission is inf;")
+    SPOIL(v->lobe_count = -1, "volume[0].lobe_count is -1;")
+    SPOIL(v->lobe_count = 9, "volume[0].lobe_count is 9;")
+    SPOIL(v->lobes = NULL, "volume[0].lobe_count is 1;")
+    SPOIL(m->lobe.asymmetry = 1, "volume[0].lobes.asymmetry is 1;")
+    SPOIL(m->lobe.asymmetry = nan_f, "volume[0].lobes.asymmetry is")
+    SPOIL(m->lobe.weight = 0, "volume[0].lobes.weight is 0;")
+    SPOIL(m->lobe.weight = inf_f, "volume[0].lobes.weight is inf;")
+    SPOIL(put_int(&v->shading, 2), "volume[0].shading is 2;")
+    SPOIL(v->gradient_full = -0.5f, "volume[0].gradient_full is -0.5;")
+    SPOIL(v->specular = 1.5f, "volume[0].specular is 1.5;")
+    SPOIL(v->shininess = nan_f, "volume[0].shininess is")
+    SPOIL(v->shininess = 2e4f, "volume[0].shininess is 20000;")
+    SPOIL((v->transfer = &m->transfer, m->transfer.points = NULL), "volume[0].transfer")
+    SPOIL((v->transfer = &m->transfer, m->transfer.point_count = 0), "volume[0].transfer.point_count is 0;")
+    SPOIL((v->transfer = &m->transfer, m->points[0].value = 0.9f), "volume[0].transfer.points.value is 0.9;")
+    SPOIL((v->transfer = &m->transfer, m->points[0].value = -1), "volume[0].transfer.points.value is -1;")
+    SPOIL((v->transfer = &m->transfer, m->points[1].value = nan_f), "volume[0].transfer.points.value is")
+    SPOIL((v->transfer = &m->transfer, m->points[1].color[1] = 2), "volume[0].transfer")
+    SPOIL((v->transfer = &m->transfer, m->points[1].extinction = -2), "volume[0].transfer")
+    SPOIL((v->transfer = &m->transfer, m->points[1].extinction = inf_f), "volume[0].transfer")
+    SPOIL((v->transfer = &m->transfer, m->transfer.value_max = -1), "volume[0].transfer.value_max is -1;")
+    SPOIL(mesh->start_canary = 7, "mesh[0].canary")
+    SPOIL(mesh->end_canary = 7, "mesh[0].canary")
+    SPOIL(mesh->triangle_count = (size_t)1 << 31, "mesh[0].triangle_count is 2.14748e+09;")
+    SPOIL(mesh->read_fn = NULL, "mesh[0].read_fn")
+    SPOIL(mesh->color[0] = 2, "mesh[0].color is 2;")
+    SPOIL(mesh->color[2] = -1, "mesh[0].color is -1;")
+    SPOIL(mesh->placement.origin[0] = infinite, "mesh[0].placement")
+    SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement") /* one axis alone: flat */
+    SPOIL(lamp->start_canary = 7, "light[1].canary")
+    SPOIL(lamp->end_canary = 7, "light[1].canary")
+    SPOIL(put_int(&lamp->kind, 2), "light[1].kind is 2;")
+    SPOIL(lamp->position[0] = nan, "light[1].position is")
+    SPOIL(lamp->position[2] = infinite, "light[1].position is inf;")
+    SPOIL(lamp->color[0] = -1, "light[1].color is -1;")
+    SPOIL(lamp->color[1] = -1, "light[1].color is -1;")
+    SPOIL(lamp->color[2] = inf_f, "light[1].color is inf;")
+    SPOIL(memset(sun->direction, 0, sizeof sun->direction), "light[0].direction is 0;")
+    SPOIL(sun->direction[1] = nan, "light[0].direction is")
+    SPOIL(sun->direction[1] = infinite, "light[0].direction is inf;")
+    SPOIL(scene->start_canary = 7, "scene.canary")
+    SPOIL(scene->end_canary = 7, "scene.canary")
+    SPOIL(scene->volume_count = -1, "scene.volume_count is -1;")
+    SPOIL(scene->volumes = NULL, "scene.volume_count is 1;")
+    SPOIL(scene->mesh_count = -1, "scene.mesh_count is -1;")
+    SPOIL(scene->meshes = NULL, "scene.mesh_count is 1;")
+    SPOIL(scene->light_count = -1, "scene.light_count is -1;")
+    SPOIL(scene->lights = NULL, "scene.light_count is 2;")
+    SPOIL(scene->ambient[0] = -1, "scene.ambient is -1;")
+    SPOIL(scene->ambient[2] = 2e18f, "scene.ambient is 2e+18;")
+    SPOIL(scene->background[0] = nan_f, "scene.background is")
+    SPOIL(scene->background[1] = -1, "scene.background is -1;")
+    SPOIL(view->start_canary = 7, "view.canary")
+    SPOIL(view->end_canary = 7, "view.canary")
+    SPOIL(view->width = -1, "view.width is -1;")
+    SPOIL(view->height = 16385, "view.height is 16385;")
+    SPOIL(view->position[1] = infinite, "position")
+    SPOIL(view->target[1] = infinite, "target")
+    SPOIL(view->target[1] = infinite, "is inf;")
+    SPOIL(view->up[2] = nan, "up")
+    SPOIL(memcpy(view->target, view->position, sizeof view->target), "view.position and view.target")
+    SPOIL(view->field_of_view = -0.1, "view.field_of_view is -0.1;")
+    SPOIL(view->field_of_view = 3.2, "view.field_of_view is 3.2;")
+    SPOIL(view->ortho_height = -1, "view.ortho_height is -1;")
+    SPOIL(view->near_distance = -1, "view.near_distance is -1;")
+    SPOIL(view->near_distance = infinite, "view.near_distance is inf;")
+    SPOIL((view->region[2] = 1, view->region[3] = 0), "view.region")
+    SPOIL((view->region[2] = 1, view->region[3] = SIDE + 1), "view.region")
+    SPOIL((view->region[0] = -1, view->region[2] = view->region[3] = 1), "view.region")
+    SPOIL((view->region[0] = SIDE, view->region[2] = view->region[3] = 1), "view.region")
+    SPOIL((view->region[1] = 2147483647, view->region[2] = view->region[3] = 2147483647), "view.region")
+    SPOIL(view->region[2] = -1, "view.region")
+    SPOIL(put_int(&view->quality, 5), "view.quality is 5;")
+    SPOIL(view->slab = -1, "view.slab is -1;")
+    SPOIL(view->slab = nan, "view.slab is")
+    SPOIL(view->slab = 1e-9, "view.slab is 1e-09;") /* more than 2^20 slabs */
+    SPOIL(view->shadow_size = -1, "view.shadow_size is -1;")
+    SPOIL(view->shadow_size = 16385, "view.shadow_size is 16385;")
+#undef SPOIL
+    return NULL;
+}
+
+/* The reference has no slabs; all else is as in sps_render. */
+static void check_refused(mixed *m, const char *text) {
+    sps_context *context = check_context(NULL);
+    sps_plan_report report;
+    sps_image image;
+    sps_result results[3];
+    int changed = 0;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    for (int i = 0; i < 4 * PIXELS; ++i) rgba[i] = (float)-i;
+    for (int call = 0; call < 3; ++call) {
+        if (call == 1 && (strstr(text, "slab is 1e-09") || results[0] != SPS_ERROR_ARGUMENT))
+            continue; /* no march to NaN */
+        if (call == 0) results[call] = sps_render(context, &m->s.scene, &m->s.view, &image);
+        if (call == 1) results[call] = sps_reference(context, &m->s.scene, &m->s.view, 1, &image);
+        if (call == 2) results[call] = sps_plan(context, &m->s.scene, &m->s.view, &report);
+        if (!CHECK(results[call] == SPS_ERROR_ARGUMENT) ||
+            (call == 0 && !CHECK(strstr(sps_error(context), text) != NULL)))
+            printf("    call %d: wanted \"%s\", got %d: %s\n", call, text, (int)results[call], sps_error(context));
+    }
+    for (int i = 0; i < 4 * PIXELS; ++i) changed += !(rgba[i] == (float)-i);
+    if (!CHECK(changed == 0)) printf("    the image was written with a wrong %s\n", text);
+    sps_destroy(context);
+}
+
+static void test_arguments(void) {
+    int n = 0;
+    for (;; ++n) {
+        mixed m;
+        const char *text;
+        mixed_build(&m);
+        text = spoil(&m, n);
+        if (text) check_refused(&m, text);
+        mixed_free(&m);
+        if (!text) break;
+    }
+    CHECK(n > 80);
+}
+
+static void test_image_argument(void) {
+    sps_context *context = check_context(NULL);
+    sps_image image;
+    mixed m;
+    mixed_build(&m);
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    image.row_pixels = SIDE - 1;
+    CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(strstr(sps_error(context), "image.row_pixels is 16;") != NULL);
+    image.row_pixels = 0;
+    CHECK(sps_reference(context, &m.s.scene, &m.s.view, 0, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(strstr(sps_error(context), "step is 0;") != NULL);
+    CHECK(sps_reference(context, &m.s.scene, &m.s.view, not_a_number(), &image) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_reference(context, &m.s.scene, &m.s.view, infinite, &image) == SPS_ERROR_ARGUMENT);
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+static void test_matrix_arguments(void) {
+    for (int n = 0; n < 3; ++n) {
+        double matrix[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+        mixed m;
+        mixed_build(&m);
+        m.s.view.world_to_clip = matrix;
+        if (n == 0) matrix[7] = not_a_number();
+        if (n == 1) matrix[0] = 0;  /* flat */
+        if (n == 2) matrix[15] = 0; /* orthographic, at infinity */
+        check_refused(&m, "view.world_to_clip");
+        mixed_free(&m);
+    }
+}
+
+/* 65 volumes are too many if they hold voxels, and fine if they do not. */
+static void test_too_many_volumes(void) {
+    static sps_volume volumes[65];
+    check_scene s;
+    for (int i = 0; i < 65; ++i) volumes[i] = *uniform_build(&s, 4, 1);
+    s.scene.volumes = volumes;
+    s.scene.volume_count = 65;
+    CHECK(render_fresh(&s, rgba) == SPS_ERROR_ARGUMENT && strstr(sentence, "scene.volume_count is 65;"));
+    volumes[7].size[1] = 0;
+    RENDERS(&s, rgba);
+}
+
+static int range_fails(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)user;
+    (void)lo;
+    (void)size;
+    out[0] = out[1] = 0;
+    return 1;
+}
+
+/* The largest size there may be has 2^33 blocks: the first is asked about, and its failure is reported. */
+static void test_largest_volume(void) {
+    check_scene s;
+    sps_volume *volume = uniform_build(&s, 65536, 1);
+    volume->range_fn = range_fails;
+    CHECK(render_fresh(&s, rgba) == SPS_ERROR_CALLBACK);
+}
+
+/* ----------------------------------------------------------------------------------------------------- bad data */
+
+/* A value of `bad` at voxels (37,5,2) and, if `twice`, (3,33,1); 0.5 elsewhere, or what is 0 there. */
+typedef struct spoilt {
+    double bad;
+    int twice;
+} spoilt;
+
+static float spoilt_value(const spoilt *s, int x, int y, int z) {
+    if ((x == 37 && y == 5 && z == 2) || (s->twice && x == 3 && y == 33 && z == 1)) return (float)s->bad;
+    return 0.5f;
+}
+
+static int read_spoilt(void *user, const int lo[3], const int size[3], float *out) {
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i)
+                *out++ = spoilt_value((const spoilt *)user, lo[0] + i, lo[1] + j, lo[2] + k);
+    return 0;
+}
+
+/* The box is 40 by 35 by 3 units, one per voxel. */
+static int eval_spoilt(void *user, size_t count, const double *p, float *out) {
+    for (size_t i = 0; i < count; ++i, p += 3)
+        out[i] = spoilt_value((const spoilt *)user, (int)floor(p[0]), (int)floor(p[1]), (int)floor(p[2]));
+    return 0;
+}
+
+static void spoilt_build(check_scene *s, spoilt *user, int procedural) {
+    sps_volume *volume;
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.position, 20, 17, 50);
+    check_set3(s->view.target, 20, 17, 0);
+    s->view.ortho_height = 40;
+    volume = check_add_volume(s, 40, 35, 3, check_box(0, 0, 0, 40, 35, 3));
+    if (procedural)
+        volume->eval_fn = eval_spoilt;
+    else
+        volume->read_fn = read_spoilt;
+    volume->user = user;
+    volume->extinction = 0.5f;
+    check_color(volume->albedo, 0.8, 0.8, 0.8);
+    check_add_directional(s, 0.2, 0.1, -1, 2);
+}
+
+static void count_messages(void *user, const char *text) { *(long *)user += text[0] != 0; }
+
+/* Replaced: the picture of 0 in those places, and a count, and one message. */
+static void check_replaced(check_scene *s, spoilt *user) {
+    sps_stats_report stats;
+    sps_config config;
+    sps_context *context;
+    sps_image image;
+    const double bad = user->bad;
+    long messages = 0;
+    memset(&config, 0, sizeof config);
+    memset(&image, 0, sizeof image);
+    config.message_fn = count_messages;
+    config.message_user = &messages;
+    context = sps_create(&config);
+    image.rgba = rgba;
+    s->scene.replace_invalid = 1;
+    user->twice = 1;
+    CHECK_OK(context, sps_render(context, &s->scene, &s->view, &image));
+    sps_stats(context, &stats);
+    CHECK(stats.values_replaced == 2);
+    CHECK(messages == 1); /* sps_config: "one line: errors, replaced data" */
+    user->bad = 0;
+    s->scene.replace_invalid = 0;
+    RENDERS(s, other);
+    CHECK(memcmp(rgba, other, sizeof rgba) == 0);
+    user->bad = bad;
+    sps_destroy(context);
+}
+
+static void test_bad_values(void) {
+    const double bad[] = {not_a_number(), infinite, -infinite, -1, -1e-20, 1e30, 1.1e18};
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; ++i)
+        for (int procedural = 0; procedural < 2; ++procedural) {
+            spoilt user = {bad[i], 0};
+            check_scene s;
+            spoilt_build(&s, &user, procedural);
+            for (int n = 0; n < 4 * PIXELS; ++n) rgba[n] = -1;
+            CHECK(render_fresh(&s, rgba) == SPS_ERROR_DATA);
+            CHECK(strstr(sentence, "volume[0].value is") && strstr(sentence, "voxel 37,5,2"));
+            CHECK(rgba[0] == -1 && rgba[4 * PIXELS - 1] == -1);
+            check_replaced(&s, &user);
+        }
+}
+
+/* A range callback that gives no range leaves it to the values themselves to be found wrong. */
+static int range_of_nothing(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)lo;
+    (void)size;
+    out[0] = out[1] = (float)*(const double *)user;
+    return 0;
+}
+
+static void test_bad_range(void) {
+    double bad = not_a_number();
+    check_scene s;
+    for (int i = 0; i < 2; ++i) {
+        sps_volume *volume = uniform_build(&s, 16, 0.5);
+        double saved = bad;
+        volume->range_fn = range_of_nothing;
+        volume->user = &bad;
+        volume->read_fn = read_bumps;
+        if (i == 0) CHECK(render_fresh(&s, rgba) == SPS_ERROR_DATA); /* NaN * bumps */
+        bad = infinite;
+        if (i == 1) CHECK(render_fresh(&s, rgba) == SPS_ERROR_DATA);
+        bad = saved;
+    }
+}
+
+static void test_bad_triangles(void) {
+    const float bad[] = {(float)not_a_number(), (float)infinite, -(float)infinite};
+    for (int i = 0; i < 9; ++i) {
+        mixed m;
+        sps_triangle *t;
+        mixed_build(&m);
+        t = &m.triangles.list[1];
+        m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 1;
+        if (i / 3 == 0) t->position[2][1] = bad[i % 3];
+        if (i / 3 == 1) t->normal[1][0] = bad[i % 3];
+        if (i / 3 == 2) t->color[1][0] = i % 3 == 1 ? 1.5f : bad[i % 3];
+        for (int n = 0; n < 4 * PIXELS; ++n) rgba[n] = -1;
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "mesh[0].triangle is 1;"));
+        CHECK(rgba[0] == -1);
+        m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 0; /* then nobody reads those */
+        if (i / 3 > 0) RENDERS(&m.s, rgba);
+        mixed_free(&m);
+    }
+}
+
+/* Triangles without area are left out and counted; one that comes twice is seen once. */
+static void test_degenerate_triangles(void) {
+    const double a[3] = {0, 0, 2}, b[3] = {0.5, 0.1, 2}, c[3] = {1, 0.2, 2};
+    mixed m;
+    sps_stats_report stats;
+    sps_context *context = check_context(NULL);
+    mixed_build(&m);
+    RENDERS(&m.s, other);
+    check_add_corners(&m.triangles, a, a, a);
+    check_add_corners(&m.triangles, a, b, b);
+    check_add_corners(&m.triangles, a, b, c); /* a line; a float's rounding may leave it a sliver */
+    *check_add_triangle(&m.triangles) = m.triangles.list[0];
+    m.s.mesh[0].triangle_count = m.triangles.count;
+    check_render(context, &m.s, rgba);
+    sps_stats(context, &stats);
+    CHECK(stats.triangles_degenerate >= 2 && stats.triangles + stats.triangles_degenerate == 6);
+    CHECK(memcmp(rgba, other, sizeof rgba) == 0);
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+static int background_bad(void *user, size_t count, const float *directions, float *rgb) {
+    (void)directions;
+    for (size_t i = 0; i < 3 * count; ++i) rgb[i] = i == 4 ? (float)*(const double *)user : 0.5f;
+    return 0;
+}
+
+static int transfer_bad(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    (void)values;
+    for (size_t i = 0; i < count; ++i) out[i].extinction = (float)*(const double *)user;
+    return 0;
+}
+
+static void test_bad_callbacks(void) {
+    double bad[] = {not_a_number(), infinite, -1};
+    for (int i = 0; i < 3; ++i) {
+        mixed m;
+        mixed_build(&m);
+        m.s.scene.background_fn = background_bad;
+        m.s.scene.background_user = &bad[i];
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "background_fn"));
+        m.s.scene.background_fn = NULL;
+        m.s.volume[0].transfer = &m.transfer;
+        m.transfer.points = NULL;
+        m.transfer.point_count = 0;
+        m.transfer.eval_fn = transfer_bad;
+        m.transfer.user = &bad[i];
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_ARGUMENT && strstr(sentence, "volume[0].transfer"));
+        mixed_free(&m);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------- values and extinctions */
+
+/* Nothing is seen of values that make denormal numbers; large ones differ from small ones by nothing but a factor. */
+static void test_large_and_small_values(void) {
+    const double values[] = {1e-29, 1e-10, 1e10, 1e18};
+    check_scene s;
+    sps_volume *volume = uniform_build(&s, 16, 0.5);
+    float value = 1e-40f;
+    int seen = 0;
+    RENDERS(&s, other);
+    volume->user = &value;
+    volume->extinction = 1e18f;
+    volume->emission[0] = 1;
+    RENDERS(&s, rgba);
+    for (int i = 0; i < 4 * PIXELS; ++i) seen += !(rgba[i] == 0);
+    CHECK(seen == 0); /* a denormal value is no value */
+    volume->emission[0] = 0;
+    for (size_t i = 0; i < sizeof values / sizeof *values; ++i) {
+        value = (float)values[i];
+        volume->extinction = (float)(0.5 / values[i]);
+        if (!(volume->extinction <= 1e18f)) volume->extinction = 1e18f;
+        RENDERS(&s, rgba);
+        if (!CHECK(sane(rgba, PIXELS, 1))) printf("    value %g\n", values[i]);
+        /* a float's rounding in value, extinction and their products: a few times 1e-7 */
+        if (volume->extinction < 1e18f) CHECK(check_largest(rgba, other, 4 * PIXELS) < 2e-6);
+    }
+}
+
+/* A constant grid's ripple at each quality, as the header's table has it, for optical depths. */
+static void test_optical_depths(void) {
+    static const double depths[] = {1e-8, 1e-3, 1, 20, 80, 1e3, 2e8, 1e18}, ripple[] = {0, 0.015, 0.004, 0.002, 0.002};
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality)
+        for (size_t i = 0; i < sizeof depths / sizeof *depths; ++i) {
+            check_scene s;
+            sps_volume *volume = uniform_build(&s, 16, depths[i] / 2);
+            const double exact = -expm1(-depths[i]);
+            s.view.quality = (sps_quality)quality;
+            s.view.ortho_height = 1;
+            check_color(volume->albedo, 0.5, 0.6, 0.7);
+            check_add_directional(&s, 0.3, 0.2, -1, 3);
+            RENDERS(&s, rgba);
+            /* scattered once, so at most irradiance * albedo / 4 pi */
+            if (!CHECK(sane(rgba, PIXELS, 3 * 0.7 / (4 * 3.14159))) ||
+                !CHECK_NEAR((double)middle(rgba)[3], exact,
+                            ripple[quality] * fmin(exact, depths[i] * exp(-depths[i])) + 5e-7 * exact))
+                printf("    depth %g, quality %d\n", depths[i], quality);
+            CHECK(middle(rgba)[2] > middle(rgba)[0] && middle(rgba)[0] > 0);
+        }
+}
+
+/* The largest of everything that is allowed, together. */
+static void test_largest_allowed(void) {
+    check_scene s;
+    float value = 1e18f;
+    sps_volume *volume = uniform_build(&s, 16, 1e18);
+    volume->user = &value;
+    check_color(volume->albedo, 1, 1, 1);
+    check_add_directional(&s, 0.3, 0.2, -1, 1e18);
+    RENDERS(&s, rgba);
+    CHECK(sane(rgba, PIXELS, 1e18));
+    CHECK(middle(rgba)[3] == 1);
+    volume->extinction = 0;
+    value = 1;
+    check_color(volume->emission, 1e18, 1e18, 1e18);
+    RENDERS(&s, rgba);
+    CHECK_NEAR((double)middle(rgba)[0], 2e18, 0.003 * 2e18);
+    CHECK(middle(rgba)[3] == 0);
+}
+
+/* Two thousand slabs of nearly nothing add up to what one slab holds. */
+static void test_many_thin_slabs(void) {
+    check_scene s;
+    uniform_build(&s, 16, 0.5);
+    s.view.slab = 16.0 / 2000;
+    RENDERS(&s, rgba);
+    CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.003);
+    s.view.slab = 1e3;
+    RENDERS(&s, other);
+    CHECK_NEAR(optical_depth(middle(other)), 1, 0.003);
+    CHECK_NEAR(optical_depth(middle(other)), optical_depth(middle(rgba)), 0.001);
+}
+
+/* ------------------------------------------------------------------------------------------- next to nothing there */
+
+static int all_background(const float *pixels, float background) {
+    for (int i = 0; i < 4 * PIXELS; ++i)
+        if (!(pixels[i] == (i % 4 == 3 ? 0 : background))) return 0;
+    return 1;
+}
+
+static void test_empty_scenes(void) {
+    for (int i = 0; i < 6; ++i) {
+        check_triangles none;
+        check_scene s;
+        sps_volume *volume = uniform_build(&s, 8, 1);
+        float zero = 0;
+        memset(&none, 0, sizeof none);
+        check_color(s.scene.background, 0.3, 0.3, 0.3);
+        if (i != 1) check_add_directional(&s, 0, 0.1, -1, 2);
+        if (i == 0 || i == 1) s.scene.volume_count = 0, s.scene.volumes = NULL, s.scene.meshes = NULL;
+        if (i == 1) s.scene.lights = NULL;
+        if (i == 2) volume->size[2] = 0;
+        if (i == 3) volume->user = &zero;
+        if (i == 4) volume->extinction = 0;
+        if (i == 5) s.scene.volume_count = 0, check_add_mesh(&s, &none, 0.5);
+        for (int n = 0; n < PIXELS; ++n) depth[n] = -1;
+        RENDERS(&s, rgba);
+        if (!CHECK(all_background(rgba, 0.3f)) || !CHECK(depth[0] > FLT_MAX && depth[PIXELS - 1] > FLT_MAX))
+            printf("    empty scene %d\n", i);
+    }
+}
+
+static void test_no_image(void) {
+    check_scene s;
+    uniform_build(&s, 8, 1);
+    for (int i = 0; i < 3; ++i) {
+        s.view.width = i == 0 ? 0 : SIDE;
+        s.view.height = i == 1 ? 0 : SIDE;
+        if (i == 2) s.view.width = s.view.height = 0;
+        for (int n = 0; n < 4 * PIXELS; ++n) rgba[n] = -1;
+        RENDERS(&s, rgba);
+        CHECK(rgba[0] == -1);
+        RENDERS(&s, NULL);
+    }
+}
+
+/* One pixel is the middle one of nine of its size. */
+static void test_one_pixel(void) {
+    mixed m;
+    float one[4];
+    mixed_build(&m);
+    m.s.view.field_of_view = 0;
+    m.s.view.width = m.s.view.height = 3;
+    m.s.view.ortho_height = 0.9;
+    RENDERS(&m.s, rgba);
+    m.s.view.width = m.s.view.height = 1;
+    m.s.view.ortho_height = 0.3;
+    RENDERS(&m.s, one);
+    CHECK(check_largest(one, rgba + 4 * 4, 4) < 1e-5); /* positions differ by a float's rounding */
+    mixed_free(&m);
+}
+
+/* One voxel, as the march by brute force sees it. Kernels cut at 2.5 voxels leave 5 % of their peak's 6e-4 out. */
+static void test_one_voxel(void) {
+    check_scene s;
+    sps_volume *volume = uniform_build(&s, 1, 0.7);
+    s.view.quality = SPS_QUALITY_ULTRA;
+    s.view.ortho_height = 9;
+    check_color(volume->albedo, 0.9, 0.9, 0.9);
+    check_add_directional(&s, 0.5, 0.3, -1, 3);
+    RENDERS(&s, rgba);
+    CHECK(error_of(&s, rgba) < 0.01);
+    CHECK(middle(rgba)[3] > 0.3f);
+}
+
+static void test_no_lights(void) {
+    mixed m;
+    mixed_build(&m);
+    m.s.scene.light_count = 0;
+    RENDERS(&m.s, rgba);
+    CHECK(sane(rgba, PIXELS, 1));
+    CHECK(middle(rgba)[0] > 0); /* ambience and emission */
+    m.s.light[0].color[0] = m.s.light[0].color[1] = m.s.light[0].color[2] = 0;
+    m.s.scene.light_count = 1;
+    RENDERS(&m.s, other);
+    CHECK(memcmp(rgba, other, sizeof rgba) == 0);
+    mixed_free(&m);
+}
+
+/* ---------------------------------------------------------------------------------------- shapes, sizes, places */
+
+/* Voxels of edges 1:1:50, long across the view, where the middle of the one layer is the kernel's peak; long along the
+   view; and sheared ones. */
+static void test_uneven_voxels(void) {
+    const double peak = 1 / (sqrt(2 * 3.14159265358979) * 0.65);
+    for (int i = 0; i < 4; ++i) {
+        check_scene s;
+        sps_volume *volume = uniform_build(&s, 16, 0.5);
+        const double exact = i < 2 ? peak : 1;
+        if (i < 3) volume->size[0] = volume->size[1] = volume->size[2] = 50, volume->size[i] = 1;
+        if (i < 2) volume->placement.axis[i][i] = 2, volume->placement.origin[i] = -1;
+        if (i == 3) volume->placement.axis[2][0] = 0.8, volume->placement.origin[0] -= 0.4;
+        RENDERS(&s, rgba);
+        if (!CHECK_NEAR(optical_depth(middle(rgba)), exact, 0.005)) printf("    case %d\n", i);
+    }
+}
+
+/* The whole scene `scale` times as large and moved by `shift`, with extinction and intensities to suit. */
+static void mixed_transform(mixed *m, double scale, double shift) {
+    sps_volume *volume = m->s.volume;
+    sps_mesh *mesh = m->s.mesh;
+    for (int i = 0; i < 3; ++i) {
+        volume->placement.origin[i] = volume->placement.origin[i] * scale + shift;
+        mesh->placement.origin[i] = shift;
+        mesh->placement.axis[i][i] = scale;
+        m->s.view.position[i] = m->s.view.position[i] * scale + shift;
+        m->s.view.target[i] = m->s.view.target[i] * scale + shift;
+        m->s.light[1].position[i] = m->s.light[1].position[i] * scale + shift;
+        m->s.light[1].color[i] *= (float)(scale * scale);
+        volume->emission[i] /= (float)scale;
+        for (int k = 0; k < 3; ++k) volume->placement.axis[i][k] *= scale;
+    }
+    volume->extinction /= (float)scale;
+}
+
+static void test_scales_and_origins(void) {
+    const double cases[][2] = {{1024, 0}, {1.0 / 1024, 0}, {1e3, 0}, {1e-3, 0},
+                               {1e6, 0},  {1e-6, 0},       {1, 1e6}, {1, 1e7}};
+    mixed m;
+    mixed_build(&m);
+    RENDERS(&m.s, other);
+    mixed_free(&m);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        mixed_build(&m);
+        mixed_transform(&m, cases[i][0], cases[i][1]);
+        RENDERS(&m.s, rgba);
+        /* at 1e7, positions in double precision are good to 1e-9 of a voxel; then it is floats as anywhere */
+        if (!CHECK(check_largest(rgba, other, 4 * PIXELS) < 1e-4))
+            printf("    scale %g, origin %g: off by %g\n", cases[i][0], cases[i][1],
+                   check_largest(rgba, other, 4 * PIXELS));
+        mixed_free(&m);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------- the camera */
+
+/* Of a uniform cube of depth 2 in 16 voxels: from the middle half is seen; from a face, all but the half kernel that
+   spills over it, which holds sigma / sqrt(2 pi) voxels; along a face, half the value. */
+static void test_camera_inside(void) {
+    const double spill = 0.65 / sqrt(2 * 3.14159265358979) * 2 / 16;
+    for (int i = 0; i < 6; ++i) {
+        const double z[] = {0, 1, 10}, length[] = {1, 2 - spill, 2};
+        check_scene s;
+        double exact = length[i % 3];
+        uniform_build(&s, 16, 1);
+        check_set3(s.view.position, i % 3 == 2 ? 1 : 0, 0, z[i % 3]);
+        check_set3(s.view.target, i % 3 == 2 ? 1 : 0, 0, z[i % 3] - 1);
+        s.view.field_of_view = i < 2 ? 0.3 : i == 2 ? 0.05 : 0; /* pixels smaller than voxels */
+        s.view.ortho_height = 0.1;
+        s.view.quality = SPS_QUALITY_ULTRA;
+        if (i % 3 == 2) exact *= 0.5;
+        RENDERS(&s, rgba);
+        CHECK(sane(rgba, PIXELS, 0));
+        if (!CHECK_NEAR(optical_depth(middle(rgba)), exact, 0.01 * exact))
+            printf("    camera %d, %s\n", i % 3, i < 3 ? "perspective" : "orthographic");
+        check_add_directional(&s, 0.1, 0.2, -1, 2);
+        check_color(s.volume[0].albedo, 1, 1, 1);
+        RENDERS(&s, rgba);
+        if (!CHECK(error_of(&s, rgba) < 0.02)) printf("    camera %d, lit, error %g\n", i, error_of(&s, rgba));
+    }
+}
+
+static void test_wide_camera(void) {
+    check_scene s;
+    uniform_build(&s, 16, 0.5);
+    check_set3(s.view.position, 0, 0, 1.5);
+    s.view.field_of_view = 120 * 3.14159265 / 180;
+    RENDERS(&s, rgba);
+    CHECK(sane(rgba, PIXELS, 0));
+    CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.01);
+    CHECK(error_of(&s, rgba) < 0.02);
+    check_color(s.volume[0].albedo, 1, 1, 1);
+    check_add_directional(&s, 1, 0, 0.2, 2)->no_shadow = 1;
+    RENDERS(&s, rgba);
+    CHECK(error_of(&s, rgba) < 0.02);
+    s.light[0].no_shadow = 0;
+    CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
+    CHECK(strstr(sentence, "field_of_view") != NULL);
+}
+
+/* Up along the view, or zero: some axis is chosen, the same for both; the middle pixel's ray is what it was. */
+static void test_up(void) {
+    mixed m;
+    float kept[4];
+    mixed_build(&m);
+    RENDERS(&m.s, rgba);
+    memcpy(kept, middle(rgba), sizeof kept);
+    check_set3(m.s.view.up, 0, 0, 0);
+    RENDERS(&m.s, rgba);
+    for (int i = 0; i < 3; ++i) m.s.view.up[i] = 3 * (m.s.view.position[i] - m.s.view.target[i]);
+    RENDERS(&m.s, other);
+    CHECK(memcmp(rgba, other, sizeof rgba) == 0);
+    CHECK(sane(rgba, PIXELS, 20));
+    CHECK(check_largest(kept, middle(rgba), 4) < 0.01); /* slabs and texels lie otherwise, the footprints too */
+    mixed_free(&m);
+}
+
+/* ------------------------------------------------------------------------------------------------- the lights */
+
+static void test_light_inside(void) {
+    mixed m;
+    sps_context *context = check_context(NULL);
+    sps_plan_report report;
+    mixed_build(&m);
+    check_set3(m.s.light[1].position, 0.1, 0.2, 0.1);
+    CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_UNSUPPORTED && strstr(sentence, "light[1]"));
+    CHECK(sps_plan(context, &m.s.scene, &m.s.view, &report) == SPS_ERROR_UNSUPPORTED);
+    CHECK(strstr(sps_error(context), "light[1]") != NULL);
+    CHECK(report.bytes == 0 && report.sweep_count == 0);
+    m.s.light[1].no_shadow = 1;
+    RENDERS(&m.s, rgba);
+    CHECK(sane(rgba, PIXELS, 1e6));
+    CHECK_OK(context, sps_plan(context, &m.s.scene, &m.s.view, &report));
+    m.s.light[1].no_shadow = 0;
+    m.s.scene.volume_count = 0; /* polygons have no such limit */
+    RENDERS(&m.s, rgba);
+    CHECK(sane(rgba, PIXELS, 1e6));
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
+/* The light where the eye is, behind the cube right opposite, and both at a slant, against brute force. */
+static void test_light_and_eye(void) {
+    static const double places[][3] = {{0, 0, 10}, {0, 0, -10}, {3, 4, 10}, {-10, 0, -1}};
+    for (int i = 0; i < 8; ++i) {
+        check_scene s;
+        const double *p = places[i % 4];
+        uniform_build(&s, 12, 0.4);
+        s.view.quality = SPS_QUALITY_ULTRA;
+        s.view.field_of_view = 0.25;
+        s.volume[0].read_fn = read_bumps;
+        one_value = 1;
+        {
+            static double bumps = 0.01;
+            s.volume[0].user = &bumps;
+        }
+        check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
+        if (i < 4)
+            check_add_point(&s, p[0], p[1], p[2], 100);
+        else
+            check_add_directional(&s, -p[0], -p[1], -p[2], 2);
+        RENDERS(&s, rgba);
+        if (!CHECK(error_of(&s, rgba) < 0.01)) printf("    light %d: error %g\n", i, error_of(&s, rgba));
+    }
+}
+
+/* A light square to the view: with its cosine +0 or -0 the same bits, 1e-7 to either side the two compositing orders.
+   Each is within 1 % of brute force at ULTRA, so they agree to 2 %. */
+static void test_square_light(void) {
+    static const double cosines[] = {0.0, -0.0, 1e-7, -1e-7};
+    static float images[4][4 * PIXELS];
+    static double bumps = 0.01;
+    for (int i = 0; i < 4; ++i) {
+        check_scene s;
+        uniform_build(&s, 12, 0.4);
+        s.view.quality = SPS_QUALITY_ULTRA;
+        s.volume[0].read_fn = read_bumps;
+        s.volume[0].user = &bumps;
+        check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
+        check_add_directional(&s, -1, -0.5, -cosines[i], 2); /* the eye's rays travel along -z */
+        RENDERS(&s, images[i]);
+        if (!CHECK(error_of(&s, images[i]) < 0.01)) printf("    cosine %g: %g\n", cosines[i], error_of(&s, images[i]));
+    }
+    CHECK(memcmp(images[0], images[1], sizeof images[0]) == 0);
+    CHECK(check_largest(images[0], images[2], 4 * PIXELS) < 1e-5);
+    CHECK(check_largest(images[2], images[3], 4 * PIXELS) < 0.02);
+    CHECK(check_largest(images[2], images[3], 4 * PIXELS) > 0); /* two orders indeed */
+}
+
+/* ----------------------------------------------------------------------------------------------------- slabs */
+
+/* 1e5 slabs through three voxels: every sum of that many floats is good to 1e5 half-units in the last place, 0.6 %.
+   The other end is one sheet, however thick. */
+static void test_slab_counts(void) {
+    const double slabs[] = {7e-5, 1, 1e3, 1e9, 1e30, DBL_MAX};
+    for (size_t i = 0; i < sizeof slabs / sizeof *slabs; ++i) {
+        sps_context *context = check_context(NULL);
+        sps_stats_report stats;
+        check_scene s;
+        sps_volume *volume = uniform_build(&s, 3, 0.5);
+        volume->placement = check_box(-3.5, -3.5, -1, 3.5, 3.5, 1); /* the rim is far off */
+        volume->size[0] = volume->size[1] = 7;
+        check_color(volume->albedo, 0.5, 0.5, 0.5);
+        check_add_directional(&s, 0.2, 0.1, -1, 2);
+        s.view.width = s.view.height = 3;
+        s.view.ortho_height = 0.3;
+        s.view.slab = slabs[i];
+        check_render(context, &s, rgba);
+        sps_stats(context, &stats);
+        if (i == 0) CHECK(stats.slabs >= 100000 && stats.slabs < (1 << 20));
+        if (i > 1) CHECK(stats.slabs == 1);
+        if (!CHECK_NEAR(optical_depth(rgba + 4 * 4), 1, 0.01) || !CHECK(sane(rgba, 9, 0.2)))
+            printf("    slabs of %g voxels\n", slabs[i]);
+        sps_destroy(context);
+    }
+}
+
+/* A dense sheet, one voxel thick, between slab planes wherever they fall and however it is turned. */
+static void test_dense_sheet(void) {
+    for (int i = 0; i < 8; ++i) {
+        const double angle = i % 4 * 0.25, slab = i < 4 ? 0.5 : 3;
+        check_scene s;
+        sps_volume *volume = uniform_build(&s, 64, 5 * 64 / 2.0 * cos(angle));
+        volume->size[2] = 1;
+        volume->placement = check_box(-1, -1, 0, 1, 1, 2 / 64.0);
+        volume->placement.origin[2] = 0.0123 * i;
+        s.view.ortho_height = 0.3;
+        s.view.slab = slab;
+        check_set3(s.view.position, 10 * sin(angle), 0, 10 * cos(angle));
+        RENDERS(&s, rgba);
+        if (!CHECK_NEAR(1 - (double)middle(rgba)[3], exp(-5.0), 0.02 * exp(-5.0)))
+            printf("    angle %g, slab %g\n", angle, slab);
+    }
+}
+
+/* A wire of single voxels along the diagonal: the sum of its kernels' line integrals, at every pixel. */
+static int read_wire(void *user, const int lo[3], const int size[3], float *out) {
+    (void)user;
+    for (int j = 0; j < size[1]; ++j)
+        for (int i = 0; i < size[0]; ++i) *out++ = (float)(lo[0] + i == lo[1] + j);
+    return 0;
+}
+
+static double wire_depth(double x, double y) {
+    double sum = 0;
+    for (int i = 0; i < 20; ++i) {
+        const double dx = (x - i - 0.5) / 0.65, dy = (y - i - 0.5) / 0.65;
+        sum += exp(-0.5 * (dx * dx + dy * dy));
+    }
+    return sum / (2 * 3.14159265358979 * 0.65 * 0.65);
+}
+
+static void test_wire(void) {
+    check_scene s;
+    sps_volume *volume;
+    double worst = 0;
+    check_clear(&s, SIDE, SIDE);
+    volume = check_add_volume(&s, 20, 20, 1, check_box(0, 0, 0, 20, 20, 1));
+    volume->read_fn = read_wire;
+    volume->user = &s;
+    volume->extinction = 1;
+    check_set3(s.view.position, 10.2, 9.9, 30);
+    check_set3(s.view.target, 10.2, 9.9, 0);
+    s.view.ortho_height = 5;
+    s.view.quality = SPS_QUALITY_ULTRA;
+    RENDERS(&s, rgba);
+    for (int y = 0; y < SIDE; ++y)
+        for (int x = 0; x < SIDE; ++x) {
+            const double pixel = 5.0 / (double)SIDE, wx = 10.2 + (x - SIDE / 2) * pixel,
+                         wy = 9.9 - (y - SIDE / 2) * pixel;
+            worst = fmax(worst, fabs(optical_depth(rgba + 4 * (y * SIDE + x)) - wire_depth(wx, wy)));
+        }
+    CHECK_NEAR(worst, 0, 0.005 * 0.38); /* kernels end at 6e-4 of their peak, 0.38, and are scaled to make up for it */
+}
+
+/* ---------------------------------------------------------------------------------------------------- everything */
+
+/* Products of what is nearly nothing are nothing, not denormal. */
+static void test_denormal_results(void) {
+    const double extinctions[] = {1e-10, 30, 40, 44, 60};
+    for (size_t i = 0; i < sizeof extinctions / sizeof *extinctions; ++i) {
+        check_scene s;
+        float value = i == 0 ? 1e-29f : 1;
+        sps_volume *volume = uniform_build(&s, 16, extinctions[i]);
+        volume->user = &value;
+        s.view.ortho_height = 3; /* past the rims */
+        check_color(volume->albedo, 1e-6, 1e-3, 1);
+        check_color(s.scene.background, 1e-6, 1e-3, 1);
+        check_add_directional(&s, 0.3, 0.4, 1, 1e-3);
+        check_add_directional(&s, 0.3, 0.4, -1, 1e-3);
+        RENDERS(&s, rgba);
+        if (!CHECK(sane(rgba, PIXELS, 2))) printf("    extinction %g\n", extinctions[i]);
+    }
+}
+
+static void test_everything_is_sane(void) {
+    for (int i = 0; i < 6; ++i) {
+        mixed m;
+        mixed_build(&m);
+        if (i == 1) m.s.volume[0].extinction = 1e8f;
+        if (i == 2) m.lobe.asymmetry = 0.99f;
+        if (i == 3) m.lobe.asymmetry = -0.99f;
+        if (i == 4) m.s.volume[0].transfer = &m.transfer, m.s.volume[0].shading = SPS_SHADING_SURFACE;
+        if (i == 5) m.s.view.near_distance = 4.9;
+        RENDERS(&m.s, rgba);
+        if (!CHECK(sane(rgba, PIXELS, 5e4))) printf("    scene %d\n", i);
+        mixed_free(&m);
+    }
+}
+
+int main(void) {
+    test_arguments();
+    test_image_argument();
+    test_matrix_arguments();
+    test_too_many_volumes();
+    test_largest_volume();
+    test_bad_values();
+    test_bad_range();
+    test_bad_triangles();
+    test_degenerate_triangles();
+    test_bad_callbacks();
+    test_large_and_small_values();
+    test_optical_depths();
+    test_largest_allowed();
+    test_many_thin_slabs();
+    test_empty_scenes();
+    test_no_image();
+    test_one_pixel();
+    test_one_voxel();
+    test_no_lights();
+    test_uneven_voxels();
+    test_scales_and_origins();
+    test_camera_inside();
+    test_wide_camera();
+    test_up();
+    test_light_inside();
+    test_light_and_eye();
+    test_square_light();
+    test_slab_counts();
+    test_dense_sheet();
+    test_wire();
+    test_denormal_results();
+    test_everything_is_sane();
+    return check_report();
+}

@@ -1,0 +1,567 @@
+/* Only what the scene calls for: what sps_plan announces, what sps_stats has counted, and what the callbacks have seen
+   must agree, and whatever a scene does not use must not run, must not be called and must not be held. */
+
+#include "check.h"
+
+enum { WIDTH = 43, HEIGHT = 37, BLOCK = 32 };
+
+/* ------------------------------------------------------------------------------------- providers that keep count */
+
+/* A ball of value 1 about `centre` (world) in the box -1..1 cubed, of `size` voxels on a side. */
+typedef struct ball {
+    int size;
+    double centre[3], radius;
+    long range_calls, read_calls, eval_calls;
+    long voxels;      /* asked for, all together */
+    long empty_reads; /* blocks that were read although their range said that nothing is there */
+} ball;
+
+static int ball_holds(const ball *b, const double p[3]) {
+    double square = 0;
+    for (int i = 0; i < 3; ++i) square += (p[i] - b->centre[i]) * (p[i] - b->centre[i]);
+    return square < b->radius * b->radius;
+}
+
+static int ball_in_block(const ball *b, const int lo[3], const int size[3], float *out) {
+    int found = 0;
+    for (int k = 0; k < size[2]; ++k)
+        for (int j = 0; j < size[1]; ++j)
+            for (int i = 0; i < size[0]; ++i) {
+                const double p[3] = {2 * (lo[0] + i + 0.5) / b->size - 1, 2 * (lo[1] + j + 0.5) / b->size - 1,
+                                     2 * (lo[2] + k + 0.5) / b->size - 1};
+                const int inside = ball_holds(b, p);
+                if (out) *out++ = (float)inside;
+                found |= inside;
+            }
+    return found;
+}
+
+static int ball_read(void *user, const int lo[3], const int size[3], float *out) {
+    ball *b = (ball *)user;
+    b->read_calls += 1;
+    b->voxels += (long)size[0] * size[1] * size[2];
+    b->empty_reads += !ball_in_block(b, lo, size, out);
+    return 0;
+}
+
+static int ball_range(void *user, const int lo[3], const int size[3], float out[2]) {
+    ball *b = (ball *)user;
+    b->range_calls += 1;
+    out[0] = 0;
+    out[1] = (float)ball_in_block(b, lo, size, NULL);
+    return 0;
+}
+
+static int ball_eval(void *user, size_t count, const double *p, float *out) {
+    ball *b = (ball *)user;
+    b->eval_calls += 1;
+    b->voxels += (long)count;
+    for (size_t i = 0; i < count; ++i) out[i] = (float)ball_holds(b, p + 3 * i);
+    return 0;
+}
+
+static void ball_clear_counts(ball *b) {
+    b->range_calls = b->read_calls = b->eval_calls = b->voxels = b->empty_reads = 0;
+}
+
+/* ------------------------------------------------------------------------------------------------- the scene */
+
+static const sps_transfer_point points[] = {
+    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.5f, 0.5f, 0.5f}, 0}, {1, {0.5f, 0.5f, 0.5f}, 9}};
+static const sps_transfer grey_transfer = {points, 3, NULL, NULL, 0};
+
+typedef struct setup {
+    check_scene s;
+    ball disc;
+    check_triangles triangles;
+    long background_calls;
+} setup;
+
+static int count_background(void *user, size_t count, const float *directions, float *rgb) {
+    (void)directions;
+    *(long *)user += 1;
+    for (size_t i = 0; i < 3 * count; ++i) rgb[i] = 0.5f;
+    return 0;
+}
+
+/* A grey ball of gas before a grey floor, one light that casts shadows; everything the tests then take away. */
+static void setup_build(setup *t) {
+    const double origin[3] = {-2, -1.2, -2}, u[3] = {4, 0, 0}, v[3] = {0, 0.1, 4};
+    sps_volume *volume;
+    memset(t, 0, sizeof *t);
+    check_clear(&t->s, WIDTH, HEIGHT);
+    check_set3(t->s.view.position, 1, 0.7, 5);
+    t->s.view.field_of_view = 0.7;
+    t->s.view.quality = SPS_QUALITY_DRAFT;
+    t->s.view.shadow_size = 50;
+    t->disc.size = 21;
+    t->disc.radius = 0.5;
+    t->disc.centre[0] = 0.1;
+    volume = check_add_volume(&t->s, 21, 21, 21, check_box(-1, -1, -1, 1, 1, 1));
+    volume->read_fn = ball_read;
+    volume->user = &t->disc;
+    volume->extinction = 3;
+    check_color(volume->albedo, 0.8, 0.8, 0.8);
+    check_color(volume->emission, 0.1, 0.1, 0.1);
+    check_add_quad(&t->triangles, origin, u, v);
+    check_add_mesh(&t->s, &t->triangles, 0.5);
+    check_add_directional(&t->s, 0.3, -1, -0.6, 2);
+    check_color(t->s.scene.ambient, 0.1, 0.1, 0.1);
+}
+
+static void setup_resize(setup *t, int size) {
+    t->disc.size = size;
+    t->s.volume[0].size[0] = t->s.volume[0].size[1] = t->s.volume[0].size[2] = size;
+}
+
+/* What one scene was planned to take and took. */
+typedef struct outcome {
+    sps_plan_report plan;
+    sps_stats_report stats;
+    size_t peak, peak_without_depth; /* bytes */
+    ball seen;                       /* what the provider saw during the render */
+    long triangle_calls, background_calls;
+    float pixel[4]; /* in the middle */
+} outcome;
+
+static size_t peak_of_render(const setup *t, float *depth, outcome *out) {
+    static float rgba[4 * WIDTH * HEIGHT];
+    check_hooks hooks;
+    sps_context *context;
+    memset(&hooks, 0, sizeof hooks);
+    context = check_context(&hooks);
+    check_render_depth(context, &t->s, rgba, depth);
+    sps_stats(context, &out->stats);
+    memcpy(out->pixel, rgba + 4 * (HEIGHT / 2 * WIDTH + WIDTH / 2), sizeof out->pixel);
+    sps_destroy(context);
+    return hooks.peak;
+}
+
+static void check_reasons(const sps_plan_report *plan) {
+    for (int i = 0; i < SPS_PASS_COUNT; ++i)
+        if (!CHECK(plan->pass[i].reason && plan->pass[i].reason[0] && plan->pass[i].runs >= 0))
+            printf("    pass %s\n", sps_pass_name((sps_pass)i));
+}
+
+/* Plans and renders, and checks what must hold in every scene: the plan reads nothing and is exact about calls. */
+static outcome measure(setup *t) {
+    static float depth[WIDTH * HEIGHT];
+    sps_context *context = check_context(NULL);
+    outcome out;
+    memset(&out, 0, sizeof out);
+    ball_clear_counts(&t->disc);
+    t->triangles.calls = t->background_calls = 0;
+    CHECK_OK(context, sps_plan(context, &t->s.scene, &t->s.view, &out.plan));
+    CHECK(t->disc.read_calls == 0 && t->disc.eval_calls == 0 && t->triangles.calls == 0 && t->background_calls == 0);
+    sps_destroy(context);
+    check_reasons(&out.plan);
+    out.peak = peak_of_render(t, depth, &out);
+    CHECK(out.peak <= out.plan.bytes);
+    ball_clear_counts(&t->disc);
+    t->triangles.calls = t->background_calls = 0;
+    out.peak_without_depth = peak_of_render(t, NULL, &out);
+    out.seen = t->disc;
+    out.triangle_calls = t->triangles.calls;
+    out.background_calls = t->background_calls;
+    CHECK(out.plan.range_calls == (uint64_t)out.seen.range_calls && out.stats.range_calls == out.plan.range_calls);
+    CHECK(out.plan.read_calls == (uint64_t)out.seen.read_calls && out.stats.read_calls == out.plan.read_calls);
+    CHECK(out.plan.eval_calls == (uint64_t)out.seen.eval_calls && out.stats.eval_calls == out.plan.eval_calls);
+    CHECK(out.plan.triangle_calls == (uint64_t)out.triangle_calls);
+    CHECK(out.stats.triangle_calls == out.plan.triangle_calls);
+    CHECK(out.plan.voxels_read == (uint64_t)out.seen.voxels && out.stats.voxels_read == out.plan.voxels_read);
+    CHECK(out.stats.background_calls == (uint64_t)out.background_calls);
+    return out;
+}
+
+static int runs(const outcome *o, sps_pass pass) { return o->plan.pass[pass].runs; }
+
+/* The pass is left out and holds nothing; its reason differs from the one it has where it runs. */
+static void check_left_out(const outcome *o, const outcome *full, sps_pass pass) {
+    const sps_pass_report *here = &o->plan.pass[pass], *there = &full->plan.pass[pass];
+    if (!CHECK(here->runs == 0) || !CHECK(here->bytes == 0) || !CHECK(there->runs > 0) ||
+        !CHECK(strcmp(here->reason, there->reason) != 0))
+        printf("    pass %s: runs %d, %.0f bytes, \"%s\"\n", sps_pass_name(pass), here->runs, (double)here->bytes,
+               here->reason);
+}
+
+/* ----------------------------------------------------------------------------------------------------- tests */
+
+static void test_everything_runs(const outcome *full) {
+    for (int i = 0; i < SPS_PASS_COUNT; ++i)
+        if (i != SPS_PASS_GRADIENT) CHECK(runs(full, (sps_pass)i) == 1);
+    CHECK(runs(full, SPS_PASS_GRADIENT) == 0);
+    CHECK(full->plan.sweep_count == 1 && full->plan.sheet_channels == 1 && full->plan.color_channels == 1);
+    CHECK(full->plan.slab_count > 4 && full->plan.shadow_width > 4 && full->plan.shadow_height > 4);
+    CHECK(full->stats.eye_fragments > 0 && full->stats.light_fragments > 0 && full->stats.pixels_of_polygons > 0);
+    CHECK(full->stats.eye_footprints > 0 && full->stats.light_footprints > 0);
+    CHECK(full->stats.slabs > 0 && full->stats.slabs <= (uint64_t)full->plan.slab_count);
+    CHECK(full->seen.read_calls == 1 && full->triangle_calls == 1 && full->background_calls == 0);
+}
+
+static void check_unlit(const outcome *o, const outcome *full) {
+    check_left_out(o, full, SPS_PASS_LIGHT_SHEETS);
+    check_left_out(o, full, SPS_PASS_LIGHT_POLYGONS);
+    check_left_out(o, full, SPS_PASS_SCATTERING);
+    check_left_out(o, full, SPS_PASS_SURFACE_LIGHT);
+    CHECK(o->stats.light_fragments == 0 && o->stats.light_footprints == 0);
+    CHECK(o->plan.shadow_width == 0 && o->plan.shadow_height == 0);
+    CHECK(o->plan.sweep_count == 1);
+    CHECK(o->peak_without_depth < full->peak_without_depth);
+}
+
+static void test_no_light(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.scene.light_count = 0;
+    o = measure(&t);
+    check_unlit(&o, full);
+    CHECK(o.pixel[0] > 0); /* ambience and emission are left */
+    t.s.scene.light_count = 1;
+    check_color(t.s.light[0].color, 0, 0, 0);
+    o = measure(&t);
+    check_unlit(&o, full);
+    check_free_triangles(&t.triangles);
+}
+
+/* Lights that shine through everything: lit, without shadow buffers. */
+static void test_no_shadows(const outcome *full) {
+    for (int on_light = 0; on_light < 2; ++on_light) {
+        setup t;
+        outcome o;
+        setup_build(&t);
+        if (on_light)
+            t.s.light[0].no_shadow = 1;
+        else
+            t.s.view.no_shadows = 1;
+        o = measure(&t);
+        check_left_out(&o, full, SPS_PASS_LIGHT_SHEETS);
+        check_left_out(&o, full, SPS_PASS_LIGHT_POLYGONS);
+        CHECK(runs(&o, SPS_PASS_SCATTERING) == 1 && runs(&o, SPS_PASS_SURFACE_LIGHT) == 1);
+        CHECK(o.stats.light_fragments == 0 && o.stats.light_footprints == 0);
+        CHECK(o.plan.shadow_width == 0 && o.peak_without_depth < full->peak_without_depth);
+        check_free_triangles(&t.triangles);
+    }
+}
+
+static void test_no_polygons(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.scene.mesh_count = 0;
+    o = measure(&t);
+    check_left_out(&o, full, SPS_PASS_EYE_POLYGONS);
+    check_left_out(&o, full, SPS_PASS_LIGHT_POLYGONS);
+    check_left_out(&o, full, SPS_PASS_SURFACE_LIGHT);
+    CHECK(o.triangle_calls == 0 && o.stats.triangles == 0 && o.stats.pixels_of_polygons == 0);
+    CHECK(o.stats.light_fragments > 0 && o.peak_without_depth < full->peak_without_depth);
+    t.s.scene.mesh_count = 1;
+    t.s.mesh[0].triangle_count = 0; /* a mesh of nothing is no mesh */
+    o = measure(&t);
+    check_left_out(&o, full, SPS_PASS_EYE_POLYGONS);
+    CHECK(o.triangle_calls == 0);
+    check_free_triangles(&t.triangles);
+}
+
+static void check_no_volume(const outcome *o, const outcome *full) {
+    check_left_out(o, full, SPS_PASS_GATHER);
+    check_left_out(o, full, SPS_PASS_EYE_SHEETS);
+    check_left_out(o, full, SPS_PASS_LIGHT_SHEETS);
+    check_left_out(o, full, SPS_PASS_SCATTERING);
+    check_left_out(o, full, SPS_PASS_EMISSION);
+    CHECK(runs(o, SPS_PASS_EYE_POLYGONS) == 1 && runs(o, SPS_PASS_LIGHT_POLYGONS) == 1);
+    CHECK(o->seen.read_calls == 0 && o->stats.eye_fragments == 0 && o->stats.light_fragments == 0);
+    CHECK(o->stats.slabs == 0 && o->plan.slab_count == 0 && o->plan.sheet_channels == 0);
+    CHECK(o->peak_without_depth < full->peak_without_depth);
+}
+
+/* No volume at all; none that could be seen; none with a voxel in it. */
+static void test_no_volume(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.scene.volume_count = 0;
+    o = measure(&t);
+    check_no_volume(&o, full);
+    t.s.scene.volume_count = 1;
+    t.s.volume[0].extinction = 0;
+    check_color(t.s.volume[0].emission, 0, 0, 0);
+    o = measure(&t);
+    check_no_volume(&o, full);
+    t.s.volume[0].extinction = 3;
+    t.s.volume[0].size[1] = 0;
+    o = measure(&t);
+    check_no_volume(&o, full);
+    check_free_triangles(&t.triangles);
+}
+
+static void test_no_emission(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    check_color(t.s.volume[0].emission, 0, 0, 0);
+    o = measure(&t);
+    check_left_out(&o, full, SPS_PASS_EMISSION);
+    CHECK(o.pixel[0] < full->pixel[0]);
+    check_color(t.s.scene.ambient, 0, 0, 0);
+    o = measure(&t);
+    check_left_out(&o, full, SPS_PASS_AMBIENT);
+    CHECK(o.pixel[0] < full->pixel[0]);
+    check_free_triangles(&t.triangles);
+}
+
+/* A volume that only absorbs: it dims the floor's light, and scatters nothing. Without the floor, nothing is left for
+   a light to do, so that its passes are left out, and so is a sweep for each further light. */
+static void test_zero_albedo(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    check_color(t.s.volume[0].albedo, 0, 0, 0);
+    o = measure(&t);
+    check_left_out(&o, full, SPS_PASS_SCATTERING);
+    CHECK(runs(&o, SPS_PASS_LIGHT_SHEETS) == 1 && o.stats.light_fragments > 0);
+    t.s.scene.mesh_count = 0;
+    check_add_directional(&t.s, -0.3, -1, -0.6, 2);
+    o = measure(&t);
+    check_left_out(&o, full, SPS_PASS_LIGHT_SHEETS);
+    CHECK(o.stats.light_fragments == 0 && o.stats.light_footprints == 0);
+    CHECK(o.plan.sweep_count == 1);
+    check_left_out(&o, full, SPS_PASS_AMBIENT);
+    check_free_triangles(&t.triangles);
+}
+
+/* A volume that only glows dims nothing: no shadow buffer, whatever the lights. */
+static void test_only_emission(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.volume[0].extinction = 0;
+    o = measure(&t);
+    CHECK(runs(&o, SPS_PASS_EMISSION) == 1 && runs(&o, SPS_PASS_SURFACE_LIGHT) == 1);
+    check_left_out(&o, full, SPS_PASS_SCATTERING);
+    check_left_out(&o, full, SPS_PASS_LIGHT_SHEETS);
+    CHECK(o.stats.light_fragments == 0 && o.stats.light_footprints == 0);
+    check_free_triangles(&t.triangles);
+}
+
+/* Gradients where a volume is shaded as a surface and lit; a margin about each tile's sheets is held for them only. */
+static void test_gradient(void) {
+    setup t;
+    outcome surface, gas, dark;
+    setup_build(&t);
+    t.s.volume[0].transfer = &grey_transfer;
+    gas = measure(&t);
+    t.s.volume[0].shading = SPS_SHADING_SURFACE;
+    surface = measure(&t);
+    t.s.scene.light_count = 0;
+    dark = measure(&t);
+    check_left_out(&gas, &surface, SPS_PASS_GRADIENT);
+    check_left_out(&dark, &surface, SPS_PASS_GRADIENT);
+    CHECK(runs(&surface, SPS_PASS_GRADIENT) == 1);
+    CHECK(gas.peak_without_depth < surface.peak_without_depth);
+    CHECK(dark.peak_without_depth < surface.peak_without_depth);
+    check_free_triangles(&t.triangles);
+}
+
+/* One channel where every colour is grey. Each thing in turn that has a colour makes it three. */
+static void test_grey(const outcome *full) {
+    CHECK(full->plan.color_channels == 1);
+    for (int i = 0; i < 8; ++i) {
+        static const sps_transfer_point coloured[] = {{0, {1, 1, 1}, 0}, {1, {1, 0.5f, 1}, 9}};
+        static const sps_transfer transfer = {coloured, 2, NULL, NULL, 0};
+        setup t;
+        outcome o;
+        setup_build(&t);
+        if (i == 0) t.s.volume[0].albedo[1] = 0.7f;
+        if (i == 1) t.s.volume[0].emission[2] = 0.7f;
+        if (i == 2) t.s.light[0].color[0] = 3;
+        if (i == 3) t.s.mesh[0].color[1] = 0.1f;
+        if (i == 4) t.s.scene.ambient[2] = 0.3f;
+        if (i == 5) t.s.scene.background[0] = 0.3f;
+        if (i == 6) t.s.scene.background_fn = count_background, t.s.scene.background_user = &t.background_calls;
+        if (i == 7) t.s.volume[0].transfer = &transfer;
+        o = measure(&t);
+        if (!CHECK(o.plan.color_channels == 3) || !CHECK(o.peak_without_depth > full->peak_without_depth))
+            printf("    colour number %d\n", i);
+        CHECK(o.background_calls == (i == 6 ? HEIGHT : 0));
+        check_free_triangles(&t.triangles);
+    }
+}
+
+/* The grey image in one channel is the one that three channels give. */
+static void test_grey_pixels(void) {
+    static float one[4 * WIDTH * HEIGHT], three[4 * WIDTH * HEIGHT];
+    for (int channels = 1; channels <= 3; channels += 2) {
+        sps_context *context = check_context(NULL);
+        setup t;
+        setup_build(&t);
+        if (channels == 3) t.s.scene.background_fn = count_background, t.s.scene.background_user = &t.background_calls;
+        check_color(t.s.scene.background, 0.5, 0.5, 0.5);
+        check_render(context, &t.s, channels == 1 ? one : three);
+        sps_destroy(context);
+        check_free_triangles(&t.triangles);
+    }
+    CHECK(memcmp(one, three, sizeof one) == 0);
+}
+
+/* A small ball in a corner of 3^3 blocks: the ranges leave one block or few, and that is what is read and planned. */
+static void test_range_skips(int classified) {
+    setup t;
+    outcome whole, some;
+    setup_build(&t);
+    setup_resize(&t, 3 * BLOCK);
+    if (classified) t.s.volume[0].transfer = &grey_transfer;
+    t.disc.radius = 0.2;
+    check_set3(t.disc.centre, -0.65, -0.65, -0.65);
+    whole = measure(&t);
+    t.s.volume[0].range_fn = ball_range;
+    some = measure(&t);
+    CHECK(whole.seen.read_calls == 27 && whole.seen.range_calls == 0 && whole.stats.blocks_skipped == 0);
+    CHECK(some.seen.read_calls == 1 && some.seen.range_calls == 27 && some.stats.blocks_skipped == 26);
+    CHECK(some.seen.empty_reads == 0);
+    CHECK(some.stats.voxels_relevant == whole.stats.voxels_relevant && some.stats.voxels_relevant > 0);
+    CHECK(memcmp(some.pixel, whole.pixel, sizeof some.pixel) == 0);
+    CHECK(some.plan.bytes < whole.plan.bytes); /* fewer voxels at most */
+    CHECK(some.plan.pass[SPS_PASS_GATHER].bytes < whole.plan.pass[SPS_PASS_GATHER].bytes);
+    check_free_triangles(&t.triangles);
+}
+
+/* Nothing in the whole volume, by range: nothing is read, and the reason given is not that something is held. */
+static void test_range_skips_all(void) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    setup_resize(&t, 2 * BLOCK + 1);
+    t.disc.radius = 0;
+    t.s.volume[0].range_fn = ball_range;
+    o = measure(&t);
+    CHECK(o.seen.range_calls == 27 && o.seen.read_calls == 0 && o.stats.blocks_skipped == 27);
+    CHECK(o.stats.voxels_relevant == 0 && o.stats.eye_fragments == 0 && o.stats.light_fragments == 0);
+    CHECK(runs(&o, SPS_PASS_GATHER) == 0);
+    if (!CHECK(strstr(o.plan.pass[SPS_PASS_GATHER].reason, "held") == NULL))
+        printf("    reason: %s\n", o.plan.pass[SPS_PASS_GATHER].reason);
+    check_free_triangles(&t.triangles);
+}
+
+/* A procedural volume is asked layer by layer, at the voxels' centres. */
+static void test_eval_counts(void) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    setup_resize(&t, BLOCK + 5);
+    t.s.volume[0].read_fn = NULL;
+    t.s.volume[0].eval_fn = ball_eval;
+    o = measure(&t);
+    CHECK(o.seen.read_calls == 0 && o.seen.eval_calls > 0);
+    CHECK(o.seen.voxels == (long)(BLOCK + 5) * (BLOCK + 5) * (BLOCK + 5)); /* a gas: blocks without borders */
+    check_free_triangles(&t.triangles);
+}
+
+/* Borders of blocks count each time: a classified volume's blocks overlap by three voxels on each inner side. */
+static void test_borders_count(void) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    setup_resize(&t, BLOCK + 8);
+    t.s.volume[0].transfer = &grey_transfer;
+    o = measure(&t);
+    CHECK(o.plan.voxels_read > (uint64_t)(BLOCK + 8) * (BLOCK + 8) * (BLOCK + 8));
+    check_free_triangles(&t.triangles);
+}
+
+static void test_triangle_batches(void) {
+    const double u[3] = {0.1, 0, 0}, v[3] = {0, 0.1, 0.05};
+    setup t;
+    outcome o;
+    setup_build(&t);
+    for (int i = 0; i < 400; ++i) {
+        const double origin[3] = {0.01 * i - 2, -0.9, -1};
+        check_add_quad(&t.triangles, origin, u, v);
+    }
+    t.s.mesh[0].triangle_count = t.triangles.count;
+    o = measure(&t);
+    CHECK(o.triangle_calls == 4); /* 802 in batches of 256 */
+    CHECK(o.stats.triangles == 802);
+    check_add_directional(&t.s, -0.3, -1, -0.6, 2);
+    o = measure(&t);
+    CHECK(o.triangle_calls == 4); /* read once, whatever the lights */
+    CHECK(runs(&o, SPS_PASS_LIGHT_POLYGONS) == 2 && o.plan.sweep_count == 2);
+    check_free_triangles(&t.triangles);
+}
+
+/* Distances are kept only where the caller wants them. */
+static void test_depth_only_when_asked(const outcome *full) { CHECK(full->peak_without_depth < full->peak); }
+
+/* Each shadowing light has its sweep; lights without shadow ride along. */
+static void test_sweeps(const outcome *full) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    check_add_directional(&t.s, -0.3, -1, -0.6, 2);
+    check_add_directional(&t.s, -0.4, -1, -0.6, 2)->no_shadow = 1;
+    check_add_directional(&t.s, -0.5, -1, -0.6, 0);
+    o = measure(&t);
+    CHECK(o.plan.sweep_count == 2 && runs(&o, SPS_PASS_EYE_SHEETS) == 2 && runs(&o, SPS_PASS_LIGHT_SHEETS) == 2);
+    CHECK(runs(&o, SPS_PASS_EMISSION) == 1 && runs(&o, SPS_PASS_AMBIENT) == 1);
+    CHECK(o.stats.light_fragments > full->stats.light_fragments);
+    check_free_triangles(&t.triangles);
+}
+
+/* Gases that look alike share a channel of the sheets; others have their own. */
+static void test_sheet_channels(void) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.volume[1] = t.s.volume[0];
+    t.s.volume[1].placement.origin[0] += 0.3;
+    t.s.scene.volume_count = 2;
+    o = measure(&t);
+    CHECK(o.plan.sheet_channels == 1);
+    t.s.volume[1].extinction = 4;
+    o = measure(&t);
+    CHECK(o.plan.sheet_channels == 2);
+    check_free_triangles(&t.triangles);
+}
+
+/* An image of nothing: nothing is called. */
+static void test_no_pixels(void) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.view.width = 0;
+    memset(&o, 0, sizeof o);
+    peak_of_render(&t, NULL, &o);
+    CHECK(t.disc.read_calls == 0 && t.triangles.calls == 0);
+    CHECK(o.stats.read_calls == 0 && o.stats.slabs == 0);
+    check_free_triangles(&t.triangles);
+}
+
+int main(void) {
+    setup t;
+    outcome full;
+    setup_build(&t);
+    full = measure(&t);
+    test_everything_runs(&full);
+    test_no_light(&full);
+    test_no_shadows(&full);
+    test_no_polygons(&full);
+    test_no_volume(&full);
+    test_no_emission(&full);
+    test_zero_albedo(&full);
+    test_only_emission(&full);
+    test_gradient();
+    test_grey(&full);
+    test_grey_pixels();
+    test_range_skips(0);
+    test_range_skips(1);
+    test_range_skips_all();
+    test_eval_counts();
+    test_borders_count();
+    test_triangle_batches();
+    test_depth_only_when_asked(&full);
+    test_sweeps(&full);
+    test_sheet_channels();
+    test_no_pixels();
+    check_free_triangles(&t.triangles);
+    return check_report();
+}

@@ -1,0 +1,1172 @@
+/* Light through volumes against exact answers: slabs, blobs, emission, light of every kind, and then what no formula
+   gives against sps_reference. Tolerances are derived where they stand; the parts they are made of:
+   RIPPLE   a constant grid's optical depth is constant to 0.2 % only (kernel of 0.65 voxels cut at 2.5, as for high and
+            ultra quality; test_ripple sums it up);
+   rounding floats: 6e-8 for each operation, so for n sheets added up 6e-8 n of the sum at most;
+   a slab whose extinction depends on z alone needs no more than that along an eye's ray: the in-sheet closed forms are
+   exact for it at any number of sheets and any tilt, because both optical depths are linear in one another there. The
+   light's depth comes from texels, though, and between them straight lines stand for its bend at the slab's faces:
+   TEXELS  per voxel, 4 for ultra: bends of slope t over 2.5 * 0.65 voxels, so t / 1.6 / 4^2 / 8 of a voxel's depth. */
+
+#include "check.h"
+
+#define PI        3.14159265358979323846
+#define RIPPLE    0.002
+#define ROUNDING  6e-8
+#define ISOTROPIC (0.25 / PI)
+
+enum { PIXELS_MOST = 64 * 64 };
+static float image_a[4 * PIXELS_MOST], image_b[4 * PIXELS_MOST], image_c[4 * PIXELS_MOST];
+static float depth_a[PIXELS_MOST], depth_b[PIXELS_MOST];
+static sps_context *context;
+static float one = 1;
+
+/* ------------------------------------------------------------------------------------------------------ helpers */
+
+/* An orthographic camera that looks along `way` at the origin. */
+static void aim(check_scene *s, const double way[3], double height) {
+    const double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
+    for (int i = 0; i < 3; ++i) s->view.position[i] = -10 * way[i] / length;
+    check_set3(s->view.up, 0, 1, 0);
+    if (fabs(way[0]) + fabs(way[2]) < 0.01 * length) check_set3(s->view.up, 1, 0, 0);
+    s->view.ortho_height = height;
+}
+
+/* The value of a channel that is farthest from `exact`, of all pixels. */
+static double farthest(const float *image, int pixels, int channel, double exact) {
+    double worst = exact;
+    for (int i = 0; i < pixels; ++i) {
+        const double value = (double)image[4 * i + channel];
+        if (!(fabs(value - exact) <= fabs(worst - exact))) worst = value;
+    }
+    return worst;
+}
+
+static double largest_of(const float *image, size_t floats) {
+    double most = 0;
+    for (size_t i = 0; i < floats; ++i) most = fmax(most, (double)image[i]);
+    return most;
+}
+
+/* A slab of voxels of 0.1 about the origin: side x side x layers, value 1, optical depth tau along z; rays end late. */
+static sps_volume *add_slab(check_scene *s, int side, int layers, double tau) {
+    const double w = 0.05 * side, h = 0.05 * layers;
+    sps_volume *volume = check_add_volume(s, side, side, layers, check_box(-w, -w, -h, w, w, h));
+    volume->read_fn = check_read_constant;
+    volume->user = &one;
+    volume->extinction = (float)(tau / (0.1 * layers));
+    s->view.quality = SPS_QUALITY_ULTRA;
+    return volume;
+}
+
+/* What a slab sends towards the eye per unit of albedo, phase function and irradiance. te, tl: its optical depth along
+   the eye's and the light's ray; `same`: light enters where the eye looks in. */
+static double slab_radiance(double te, double tl, int same) {
+    const double d = fabs(te - tl);
+    if (same) return te * -expm1(-te - tl) / (te + tl);
+    return te * exp(-fmin(te, tl)) * (d > 1e-9 ? -expm1(-d) / d : 1);
+}
+
+/* How far slab_radiance moves when either optical depth is off by `share` of itself. */
+static double slab_slack(double te, double tl, int same, double share) {
+    const double exact = slab_radiance(te, tl, same);
+    return fabs(slab_radiance(te * (1 + share), tl, same) - exact) +
+           fabs(slab_radiance(te, tl * (1 + share), same) - exact);
+}
+
+/* ------------------------------------------------------------------------------------------- absorption in slabs */
+
+/* Line integral through a lattice of unit kernels at (x,y), each cut at `reach` voxels and divided by what it keeps. */
+static double lattice_sum(double x, double y, double reach) {
+    const double variance = 0.65 * 0.65, kept = -expm1(-0.5 * reach * reach / variance);
+    double sum = 0;
+    for (int j = -3; j <= 4; ++j)
+        for (int i = -3; i <= 4; ++i) {
+            const double square = (x - i) * (x - i) + (y - j) * (y - j);
+            if (square < reach * reach) sum += exp(-0.5 * square / variance) / (2 * PI * variance * kept);
+        }
+    return sum;
+}
+
+/* One voxel of a constant grid under a magnifying glass: its ripple is the lattice's own, and no more. Straight through
+   whole kernels only their footprints count: 1e-5 for the floats of exp and of alpha, 2e-7 / 1.5e-2. */
+static void test_ripple(void) {
+    static const sps_quality qualities[4] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH,
+                                             SPS_QUALITY_ULTRA};
+    for (int n = 0; n < 4; ++n) {
+        const double reach = n == 0 ? 2.8 * 0.65 : n == 1 ? 3.3 * 0.65 : 2.5;
+        double worst = 0, ripple = 0;
+        check_scene s;
+        sps_volume *volume;
+        check_clear(&s, 21, 21);
+        s.view.ortho_height = 0.1 * 21 / 20.5;
+        s.view.quality = qualities[n];
+        volume = check_add_volume(&s, 15, 13, 15, check_box(-0.75, -0.65, -0.75, 0.75, 0.65, 0.75));
+        volume->read_fn = check_read_constant;
+        volume->user = &one;
+        volume->extinction = 0.01f;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 441; ++i) {
+            const double x = (i % 21 - 10) / 20.5, y = (10 - i / 21) / 20.5, sum = lattice_sum(x, y, reach);
+            worst = fmax(worst, fabs(-log1p(-(double)image_a[4 * i + 3]) / 0.015 - sum));
+            ripple = fmax(ripple, fabs(sum - 1));
+        }
+        if (!CHECK_NEAR(worst, 0, 1e-5 + 2e-7 / 1.5e-2)) printf("    quality %d\n", (int)qualities[n]);
+        if (n >= 2) CHECK(ripple <= RIPPLE);
+    }
+}
+
+/* exp(-tau / cos) through a slab, upright and tilted, for any number of sheets. */
+static void test_slab_transmittance(void) {
+    static const int sheets[6] = {1, 2, 7, 64, 512, 4096}, tilts[4] = {0, 17, 40, 60};
+    for (int n = 0; n < 6; ++n)
+        for (int t = 0; t < (sheets[n] > 64 ? 2 : 4); ++t) {
+            const double angle = tilts[t] * PI / 180, way[3] = {sin(angle), 0, -cos(angle)}, tau = 1.3 / cos(angle);
+            check_scene s;
+            check_clear(&s, 5, 3);
+            aim(&s, way, 0.23);
+            add_slab(&s, sheets[n] > 64 ? 19 : 35, 6, 1.3);
+            s.view.slab = 6.0 / sheets[n];
+            check_color(s.scene.background, 2, 1, 0.5);
+            if (!check_render(context, &s, image_a)) return;
+            if (!CHECK_NEAR(farthest(image_a, 15, 0, 2 * exp(-tau)), 2 * exp(-tau),
+                            2 * exp(-tau) * tau * (RIPPLE + sheets[n] * ROUNDING)) ||
+                !CHECK_NEAR(farthest(image_a, 15, 3, 1 - exp(-tau)), 1 - exp(-tau),
+                            exp(-tau) * tau * (RIPPLE + sheets[n] * ROUNDING) + ROUNDING))
+                printf("    %d sheets, tilt %d\n", sheets[n], tilts[t]);
+        }
+}
+
+/* A box seen at every tilt: through its middle the path is the lesser of thickness / cos and width / sin. */
+static void test_box_at_all_tilts(void) {
+    for (int tilt = 0; tilt <= 90; tilt += 10) {
+        const double angle = tilt * PI / 180, way[3] = {cos(angle), 0, -sin(angle)};
+        const double path = fmin(cos(angle) > 1e-9 ? 1.5 / cos(angle) : 9, sin(angle) > 1e-9 ? 4.9 / sin(angle) : 9);
+        const double tau = 0.8 * path;
+        check_scene s;
+        sps_volume *box;
+        check_clear(&s, 3, 3);
+        aim(&s, way, 0.1);
+        box = check_add_volume(&s, 15, 13, 49, check_box(-0.75, -0.65, -2.45, 0.75, 0.65, 2.45));
+        s.view.quality = SPS_QUALITY_ULTRA;
+        box->read_fn = check_read_constant;
+        box->user = &one;
+        box->extinction = 0.8f;
+        if (!check_render(context, &s, image_a)) return;
+        if (!CHECK_NEAR(farthest(image_a, 9, 3, 1 - exp(-tau)), 1 - exp(-tau), exp(-tau) * tau * RIPPLE + 1e-6))
+            printf("    tilt %d\n", tilt);
+    }
+}
+
+/* --------------------------------------------------------------------------------------------- scattering in slabs */
+
+typedef struct slab_case {
+    double tau, albedo, eye_tilt, light_angle, azimuth; /* degrees; light_angle: between the ways of eye and light */
+    int sheets;
+} slab_case;
+
+static void slab_ways(const slab_case *c, double eye[3], double light[3]) {
+    const double a = c->eye_tilt * PI / 180, b = (c->eye_tilt - c->light_angle) * PI / 180;
+    const double turn = c->azimuth * PI / 180;
+    check_set3(eye, sin(a), 0, -cos(a));
+    check_set3(light, sin(b) * cos(turn), sin(b) * sin(turn), -cos(b));
+}
+
+/* Renders the case and compares all pixels with the closed form. */
+static void check_slab_case(const slab_case *c) {
+    check_scene s;
+    double eye[3], light[3], te, tl, unit, exact, tolerance;
+    const int upright = c->eye_tilt <= 0 && (c->light_angle <= 0 || c->light_angle >= 180);
+    sps_volume *slab;
+    slab_ways(c, eye, light);
+    check_clear(&s, 3, 3);
+    aim(&s, eye, 0.17);
+    slab = add_slab(&s, upright ? 13 : 33, 6, c->tau);
+    check_color(slab->albedo, c->albedo, c->albedo, c->albedo);
+    check_add_directional(&s, light[0], light[1], light[2], 3);
+    s.view.slab = 6.0 / c->sheets;
+    te = c->tau / fabs(eye[2]);
+    tl = c->tau / fabs(light[2]);
+    unit = c->albedo * 3 * ISOTROPIC;
+    exact = unit * slab_radiance(te, tl, eye[2] * light[2] > 0);
+    tolerance = unit * slab_slack(te, tl, eye[2] * light[2] > 0, RIPPLE + c->sheets * ROUNDING) + 1e-4 * exact;
+    /* the texels' straight lines: a voxel is a sixth of tl; nothing bends where light and eye are upright */
+    if (upright)
+        s.view.shadow_size = 24;
+    else
+        tolerance += exact * tl / 6 / 1.6 / 128;
+    if (!check_render(context, &s, image_a)) return;
+    if (!CHECK_NEAR(farthest(image_a, 9, 1, exact), exact, tolerance))
+        printf("    depth %g, %d sheets, eye at %g, light at %g, turned by %g\n", c->tau, c->sheets, c->eye_tilt,
+               c->light_angle, c->azimuth);
+}
+
+/* Rays that graze the slab (within 30 degrees) leave it at its sides: no closed form there. The 1e-4 of the answer is
+   what rays that end at a transmittance of 5e-5 leave out, and rounding. */
+static void test_slab_scattering_angles(void) {
+    static const double eyes[2] = {10, 45};
+    for (int e = 0; e < 2; ++e)
+        for (int angle = 0; angle <= 180; angle += 20)
+            for (int n = 0; n < 2; ++n) {
+                static const int sheets[2] = {1, 7};
+                const slab_case c = {1.7, 0.8, eyes[e], (double)angle, 0, sheets[n]};
+                if (fabs(cos((eyes[e] - angle) * PI / 180)) > 0.6) check_slab_case(&c);
+            }
+}
+
+static void test_slab_scattering_sheets(void) {
+    static const int sheets[6] = {1, 2, 7, 64, 512, 4096};
+    static const double depths[3] = {1e-3, 1, 9};
+    for (int n = 0; n < 6; ++n)
+        for (int d = 0; d < (sheets[n] > 64 ? 1 : 3); ++d)
+            for (int back = 0; back < 2; ++back) {
+                const slab_case upright = {sheets[n] > 64 ? 2 : depths[d], 1, 0, back ? 180.0 : 0.0, 0, sheets[n]};
+                const slab_case oblique = {depths[d], 1, 20, back ? 160.0 : 50.0, 35, sheets[n]};
+                check_slab_case(&upright);
+                if (sheets[n] < 64 || (sheets[n] == 64 && d == 1 && back)) check_slab_case(&oblique);
+            }
+}
+
+/* A front-lit slab of albedo 1 sends back half of what reaches it (depths of eye and light alike), at any number of
+   sheets: sheets that scatter tau instead of 1 - exp(-tau) would send a multiple. Where it is all but solid, only the
+   outermost tails of kernels count, which are no slab: there is the bound alone, nothing but reflection. */
+static void test_slab_energy(void) {
+    static const int sheets[4] = {1, 3, 10, 100};
+    for (int n = 0; n < 4; ++n) {
+        const slab_case thick = {50, 1, 0, 0, 0, sheets[n]};
+        check_scene s;
+        const double way[3] = {0, 0, -1};
+        check_slab_case(&thick);
+        CHECK((double)image_a[0] * PI < 3); /* below a white surface */
+        check_clear(&s, 7, 7);
+        aim(&s, way, 0.17);
+        check_color(add_slab(&s, 11, 6, 1e8)->albedo, 1, 1, 1);
+        check_add_directional(&s, 0, 0, -1, 3);
+        s.view.slab = 6.0 / sheets[n];
+        if (!check_render(context, &s, image_a)) return;
+        CHECK(farthest(image_a, 49, 3, 1) >= 1); /* no less than opaque */
+        for (int i = 0; i < 49; ++i) CHECK(image_a[4 * i] > 0 && (double)image_a[4 * i] <= 3 * ISOTROPIC);
+    }
+}
+
+/* Optical depths of 1e-8 each are not lost, though 1 - 1e-8 is 1 in a float. */
+static void test_thin_sheets(void) {
+    check_scene s;
+    const double way[3] = {0, 0, -1}, tau = 2000 * 1e-8;
+    check_clear(&s, 3, 3);
+    aim(&s, way, 0.1);
+    add_slab(&s, 13, 10, tau);
+    s.view.slab = 10.0 / 2000;
+    check_render(context, &s, image_a);
+    CHECK_NEAR(farthest(image_a, 9, 3, tau), tau, tau * (RIPPLE + 2000 * ROUNDING));
+}
+
+/* ----------------------------------------------------------------------------------------------------------- blobs */
+
+static double gaussian(const void *user, const double p[3]) {
+    const double width = *(const double *)user;
+    return exp(-(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]) / (2 * width * width));
+}
+
+/* A blob of 5 voxels' width in a box of 4.5 widths each way; smoothing by the kernel makes it wider and lower. */
+static void add_blob(check_scene *s, check_field *field, double *width, double extinction) {
+    sps_volume *volume;
+    *width = 0.5;
+    volume = check_add_volume(s, 45, 45, 45, check_box(-2.25, -2.25, -2.25, 2.25, 2.25, 2.25));
+    field->value_fn = gaussian;
+    field->user = width;
+    volume->eval_fn = check_eval_field;
+    volume->user = field;
+    volume->extinction = (float)extinction;
+    s->view.quality = SPS_QUALITY_ULTRA;
+}
+
+/* Optical depth of the smoothed blob beyond distance z from its middle, on a ray that passes it at distance b. */
+static double blob_depth(double extinction, double b, double z) {
+    const double wide = sqrt(0.5 * 0.5 + 0.065 * 0.065), peak = extinction * pow(0.5 / wide, 3);
+    return peak * exp(-b * b / (2 * wide * wide)) * wide * sqrt(PI / 2) * erfc(z / (wide * sqrt(2.0)));
+}
+
+/* No ripple where the field is smooth; what the cut changes (0.2 % of the mass is moved inwards) and the section's
+   polynomial (2e-4) stay below RIPPLE. The near plane cuts the blob: erf. */
+static void test_blob(void) {
+    static const double cuts[4] = {-3, -0.4, 0, 0.3};
+    for (int n = 0; n < 4; ++n)
+        for (int coarse = 0; coarse < 2; ++coarse) {
+            const double way[3] = {0.3, -0.2, -1};
+            check_scene s;
+            check_field field;
+            double width;
+            check_clear(&s, 19, 15);
+            aim(&s, way, 1.5);
+            add_blob(&s, &field, &width, 1.5);
+            s.view.near_distance = 10 + cuts[n];
+            s.view.slab = coarse ? 3 : 0.5;
+            if (!check_render(context, &s, image_a)) return;
+            for (int i = 0; i < 19 * 15; ++i) {
+                const double x = (i % 19 - 9) * 0.1, y = (i / 19 - 7) * 0.1;
+                const double tau = blob_depth(1.5, sqrt(x * x + y * y), cuts[n]);
+                if (!CHECK_NEAR((double)image_a[4 * i + 3], 1 - exp(-tau), 1.5 * RIPPLE * exp(-tau) + 1e-6))
+                    printf("    near plane at %g, pixel %d %d, slab %g\n", cuts[n], i % 19, i / 19, s.view.slab);
+            }
+        }
+}
+
+/* Pixels of three voxels: footprints become half a pixel wide, and keep their integral. */
+static void test_pixel_filter(void) {
+    const double way[3] = {0.3, -0.2, -1}, wide = 0.5 * 0.5 + 0.15 * 0.15;
+    check_scene s;
+    check_field field;
+    double width;
+    check_clear(&s, 9, 7);
+    aim(&s, way, 2.1);
+    add_blob(&s, &field, &width, 1.5);
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 63; ++i) {
+        const double x = (i % 9 - 4) * 0.3, y = (i / 9 - 3) * 0.3;
+        const double tau = 1.5 * 0.125 * sqrt(2 * PI) / wide * exp(-(x * x + y * y) / (2 * wide));
+        CHECK_NEAR((double)image_a[4 * i + 3], 1 - exp(-tau), 1.5 * RIPPLE * exp(-tau) + 1e-6);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------- several media, sources */
+
+/* Two slabs, either one in front; the light comes from the eye's side or from behind. */
+static void test_two_slabs(void) {
+    for (int way = 0; way < 4; ++way) {
+        const double tau[2] = {0.6, 1.4}, albedo[2] = {0.9, 0.3}, eye[3] = {0, 0, -1};
+        const int front = way & 1, back = !front, lit_from_front = way >> 1;
+        const double unit = 2 * ISOTROPIC, behind = lit_from_front ? exp(-2 * tau[front]) : exp(-tau[front]);
+        const double exact = unit * (albedo[front] * slab_radiance(tau[front], tau[front], lit_from_front) *
+                                         (lit_from_front ? 1 : exp(-tau[back])) +
+                                     behind * albedo[back] * slab_radiance(tau[back], tau[back], lit_from_front));
+        check_scene s;
+        check_clear(&s, 3, 3);
+        aim(&s, eye, 0.2);
+        for (int i = 0; i < 2; ++i) {
+            const double z = i == front ? 1 : -1;
+            sps_volume *slab = add_slab(&s, 21, 5, tau[i]);
+            slab->placement.origin[2] += z;
+            check_color(slab->albedo, albedo[i], albedo[i], albedo[i]);
+        }
+        check_add_directional(&s, 0, 0, lit_from_front ? -1 : 1, 2);
+        if (!check_render(context, &s, image_a)) return;
+        /* derivative of the answer by the logarithm of each depth: at most the depth (2.0 in all) times the answer */
+        if (!CHECK_NEAR(farthest(image_a, 9, 0, exact), exact, exact * 2 * 2.0 * RIPPLE)) printf("    case %d\n", way);
+        CHECK_NEAR(farthest(image_a, 9, 3, 1 - exp(-2.0)), 1 - exp(-2.0), exp(-2.0) * 2 * RIPPLE);
+    }
+}
+
+/* emission / extinction * (1 - exp(-tau)), down to extinction 0, where it is emission * length. */
+static void test_emission(void) {
+    static const double depths[5] = {0, 1e-6, 0.01, 1, 40};
+    for (int n = 0; n < 5; ++n)
+        for (int sheets = 1; sheets <= 64; sheets *= 8) {
+            const double angle = 0.5, way[3] = {sin(angle), 0, -cos(angle)}, length = 0.6 / cos(angle);
+            const double tau = depths[n] / cos(angle), exact = 3 * length * (tau > 0 ? -expm1(-tau) / tau : 1);
+            check_scene s;
+            sps_volume *slab;
+            check_clear(&s, 5, 3);
+            aim(&s, way, 0.23);
+            slab = add_slab(&s, 29, 6, depths[n]);
+            check_color(slab->emission, 3, 1, 0);
+            s.view.slab = 6.0 / sheets;
+            if (!check_render(context, &s, image_a)) return;
+            if (!CHECK_NEAR(farthest(image_a, 15, 0, exact), exact, exact * (RIPPLE + sheets * ROUNDING + 5e-5)) ||
+                !CHECK_NEAR(farthest(image_a, 15, 1, exact / 3), exact / 3,
+                            exact / 3 * (RIPPLE + 64 * ROUNDING + 5e-5)))
+                printf("    depth %g, %d sheets\n", depths[n], sheets);
+            CHECK(farthest(image_a, 15, 2, 0) == 0);
+        }
+}
+
+static int sky(void *user, size_t count, const float *directions, float *rgb) {
+    (void)user;
+    for (size_t i = 0; i < 3 * count; ++i) rgb[i] = 2 + directions[i];
+    return 0;
+}
+
+/* A background that depends on direction, seen through a slab in perspective: exp(-tau / cos) of it. */
+static void test_background(void) {
+    check_scene s;
+    double pitch;
+    check_clear(&s, 9, 7);
+    add_slab(&s, 41, 4, 0.7);
+    check_set3(s.view.position, 0, 0, 2);
+    s.view.field_of_view = 0.8;
+    s.scene.background_fn = sky;
+    pitch = 2 * tan(0.4) / 7;
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 63; ++i) {
+        const double x = (i % 9 - 4) * pitch, y = (3 - i / 9) * pitch, length = sqrt(1 + x * x + y * y);
+        const double through = exp(-0.7 * length), way[3] = {x / length, y / length, -1 / length};
+        for (int c = 0; c < 3; ++c)
+            CHECK_NEAR((double)image_a[4 * i + c], through * (2 + way[c]),
+                       through * (2 + way[c]) * 0.7 * length * RIPPLE + 1e-6);
+    }
+}
+
+/* Light from everywhere, unshadowed: albedo * ambient * coverage. */
+static void test_ambient(void) {
+    const double way[3] = {0.4, 0.1, -1}, tau = 1.1 * sqrt(1.17);
+    check_scene s;
+    sps_volume *slab;
+    check_clear(&s, 5, 3);
+    aim(&s, way, 0.2);
+    slab = add_slab(&s, 25, 6, 1.1);
+    check_color(slab->albedo, 1, 0.5, 0.25);
+    check_color(s.scene.ambient, 0.7, 0.7, 2);
+    if (!check_render(context, &s, image_a)) return;
+    for (int c = 0; c < 3; ++c) {
+        static const double sent[3] = {0.7, 0.35, 0.5};
+        const double exact = sent[c] * (1 - exp(-tau));
+        CHECK_NEAR(farthest(image_a, 15, c, exact), exact, exact * RIPPLE + ROUNDING);
+    }
+}
+
+/* A point light before a thin slab: phase * intensity * integral of extinction / distance^2. The smooth faces of the
+   slab change that by the second moment of the kernel, (0.065 / 2)^2 / 2 * 6 < 0.4 %, taken at a middle of a sheet of
+   0.025 it errs by far less; the medium's own depth of 1e-3 dims by that at most. */
+static void test_point_light(void) {
+    check_scene s;
+    sps_volume *slab;
+    const double way[3] = {0, 0, -1};
+    check_clear(&s, 9, 9);
+    aim(&s, way, 0.9);
+    slab = add_slab(&s, 21, 6, 1e-3);
+    check_color(slab->albedo, 1, 1, 1);
+    check_add_point(&s, 1.2, -0.9, 2.5, 7);
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 81; ++i) {
+        const double x = (i % 9 - 4) * 0.1 - 1.2, y = (4 - i / 9) * 0.1 + 0.9, b = sqrt(x * x + y * y);
+        const double exact = 7 * ISOTROPIC * (1e-3 / 0.6) * (atan(2.8 / b) - atan(2.2 / b)) / b;
+        CHECK_NEAR((double)image_a[4 * i], exact, exact * (RIPPLE + 0.004 + 1e-3));
+    }
+}
+
+/* A light at the very centre of a voxel: refused with shadows, finite without. */
+static void test_light_inside(void) {
+    check_scene s;
+    sps_image image;
+    const double way[3] = {0.2, 0, -1};
+    sps_volume *slab;
+    memset(&image, 0, sizeof image);
+    image.rgba = image_a;
+    check_clear(&s, 9, 9);
+    aim(&s, way, 1);
+    slab = add_slab(&s, 11, 5, 1);
+    check_color(slab->albedo, 1, 1, 1);
+    check_add_point(&s, 0, 0, 0, 1);
+    CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_UNSUPPORTED);
+    s.light[0].no_shadow = 1;
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 81; ++i) CHECK(image_a[4 * i] > 0 && image_a[4 * i] < 1e4f);
+}
+
+/* -------------------------------------------------------------------------------------------------- a lively scene */
+
+static double two_blobs(const void *user, const double p[3]) {
+    const double a[3] = {p[0] + 0.25, p[1] - 0.1, p[2] + 0.15}, b[3] = {p[0] - 0.35, p[1] + 0.3, p[2] - 0.2};
+    (void)user;
+    return exp(-9 * (a[0] * a[0] + a[1] * a[1] + a[2] * a[2])) +
+           0.6 * exp(-16 * (b[0] * b[0] + b[1] * b[1] + b[2] * b[2]));
+}
+
+static check_field blobs_field;
+
+/* 24^3 voxels over (-1,-1,-1)..(1,1,1): nothing is symmetric, and all is smooth. */
+static sps_volume *add_blobs(check_scene *s, double extinction) {
+    sps_volume *volume = check_add_volume(s, 24, 24, 24, check_box(-1, -1, -1, 1, 1, 1));
+    blobs_field.value_fn = two_blobs;
+    volume->eval_fn = check_eval_field;
+    volume->user = &blobs_field;
+    volume->extinction = (float)extinction;
+    check_color(volume->albedo, 0.9, 0.9, 0.9);
+    s->view.quality = SPS_QUALITY_HIGH;
+    return volume;
+}
+
+/* Blobs in perspective, a sun from the side. */
+static void lively(check_scene *s, int width, int height) {
+    check_clear(s, width, height);
+    add_blobs(s, 4);
+    check_set3(s->view.position, 0.5, 1, 4);
+    s->view.field_of_view = 0.42;
+    check_add_directional(s, 1, -0.8, -0.5, 3);
+}
+
+/* Each light by itself adds up to all of them: shadowing ones take sweeps of their own. */
+static void test_lights_add(void) {
+    static float sum[4 * 32 * 24];
+    double most;
+    check_scene s;
+    memset(sum, 0, sizeof sum);
+    lively(&s, 32, 24);
+    check_color(check_add_point(&s, 2, 3, 1, 1)->color, 9, 1, 0);
+    check_color(check_add_directional(&s, -1, 0.3, 1, 1)->color, 0, 1, 2);
+    check_add_directional(&s, 0.1, -1, 0.2, 0.5)->no_shadow = 1;
+    s.view.quality = SPS_QUALITY_DEFAULT;
+    if (!check_render(context, &s, image_a)) return;
+    most = largest_of(image_a, sizeof sum / sizeof *sum);
+    for (int i = 0; i < 4; ++i) {
+        s.scene.lights = &s.light[i];
+        s.scene.light_count = 1;
+        if (!check_render(context, &s, image_b)) return;
+        for (size_t k = 0; k < sizeof sum / sizeof *sum; ++k) sum[k] = k % 4 == 3 ? image_b[k] : sum[k] + image_b[k];
+    }
+    /* The last light has no shadow, so its sheets are square to the eye alone when it is by itself: its own error in
+       slab thickness, the coverage's included, differs by second order; 1e-3 of the brightest pixel here, as
+       test_convergence shows for slabs of a voxel. */
+    CHECK_NEAR(check_largest(image_a, sum, sizeof sum / sizeof *sum), 0, 1e-3 * most);
+    CHECK(most > 0.1);
+}
+
+/* Two volumes in one place are one with the sum of their densities; colours mix by extinction. */
+static void test_overlapping_volumes(void) {
+    check_scene s;
+    lively(&s, 32, 24);
+    s.volume[0].extinction = 1.5f;
+    add_blobs(&s, 2.5);
+    if (!check_render(context, &s, image_a)) return;
+    lively(&s, 32, 24);
+    if (!check_render(context, &s, image_b)) return;
+    CHECK_NEAR(check_largest(image_a, image_b, 4 * 32 * 24), 0, 1e-5); /* sums in another order, values up to 1 */
+}
+
+/* A grid of equal values, read or evaluated, is the same bits. */
+static void test_constant_is_procedural(void) {
+    const slab_case c = {1.7, 0.8, 25, 40, 20, 7};
+    check_scene s;
+    double eye[3], light[3];
+    slab_ways(&c, eye, light);
+    check_clear(&s, 7, 5);
+    aim(&s, eye, 1.9);
+    check_color(add_slab(&s, 17, 6, c.tau)->albedo, 0.8, 0.5, 0.2);
+    check_add_directional(&s, light[0], light[1], light[2], 3);
+    if (!check_render(context, &s, image_a)) return;
+    s.volume[0].read_fn = NULL;
+    s.volume[0].eval_fn = check_eval_constant;
+    if (!check_render(context, &s, image_b)) return;
+    CHECK(memcmp(image_a, image_b, 4 * 35 * sizeof(float)) == 0);
+    CHECK(image_a[4 * 17] > 0.01f);
+}
+
+/* ------------------------------------------------------------------------------------------------------- placement */
+
+/* The slab 0 <= z <= 0.6 of the world, wide in x and y, by voxels of some other shape. Rays and light are along z but
+   for a small tilt, so that the sides do not show. */
+static void check_placed_slab(const char *name, const int size[3], const sps_placement *placement) {
+    const double eye[3] = {0.1, 0.05, -1}, tau = 1.2 * sqrt(1.0125), exact = 3 * ISOTROPIC * slab_radiance(tau, 1.2, 1);
+    check_scene s;
+    sps_volume *slab;
+    check_clear(&s, 5, 3);
+    aim(&s, eye, 0.012);
+    slab = check_add_volume(&s, size[0], size[1], size[2], *placement);
+    slab->read_fn = check_read_constant;
+    slab->user = &one;
+    slab->extinction = 2;
+    check_color(slab->albedo, 1, 1, 1);
+    check_add_directional(&s, 0, 0, -1, 3);
+    s.view.quality = SPS_QUALITY_ULTRA;
+    s.view.shadow_size = 100;
+    if (!check_render(context, &s, image_a)) return;
+    if (!CHECK_NEAR(farthest(image_a, 15, 0, exact), exact,
+                    3 * ISOTROPIC * slab_slack(tau, 1.2, 1, RIPPLE) + 5e-4 * exact) ||
+        !CHECK_NEAR(farthest(image_a, 15, 3, 1 - exp(-tau)), 1 - exp(-tau), exp(-tau) * tau * RIPPLE + ROUNDING))
+        printf("    %s\n", name);
+}
+
+static void test_placements(void) {
+    sps_placement p = check_box(-1, -1, -0.3, 1, 1, 0.3);
+    static const int cubes[3] = {20, 20, 6}, flat[3] = {5, 5, 75}, tall[3] = {150, 60, 3}, wide[3] = {150, 9, 9};
+    check_placed_slab("cubic voxels", cubes, &p);
+    check_placed_slab("voxels 50:50:1", flat, &p);
+    p = check_box(-0.3, -0.12, -0.3, 0.3, 0.12, 0.3);
+    check_placed_slab("voxels 1:1:50", tall, &p);
+    p = check_box(-3, -9, -0.3, 3, 9, 0.3);
+    check_placed_slab("voxels 1:50:1.67", wide, &p);
+    p = check_box(-1, -1, -0.3, 1, 1, 0.3);
+    p.axis[2][0] = 0.7; /* sheared: its faces are still z = -0.3 and 0.3 */
+    p.axis[2][1] = -0.4;
+    p.axis[0][1] = 0.9;
+    p.origin[0] = -1.35;
+    p.origin[1] = -1.25;
+    check_placed_slab("sheared", cubes, &p);
+    check_set3(p.axis[0], -1.2, 1.6, 0); /* turned about z, its box upside down and mirrored */
+    check_set3(p.axis[1], 1.6, 1.2, 0);
+    check_set3(p.axis[2], 0, 0, -0.6);
+    check_set3(p.origin, -0.2, -1.4, 0.3);
+    check_placed_slab("turned and mirrored", cubes, &p);
+}
+
+/* Turning everything, camera and lights included, leaves the image as it was but for rounding and for how the light's
+   texels lie, whose size is a quarter of a voxel: (1/4)^2 / 8 of the second difference of optical depth along the
+   light, which is at most 4 * 1.2 * 2 * 9 per unit^2 or 0.6 per voxel^2, so 0.005 of a lit sample, 0.002 of a pixel. */
+static void test_turned_scene(void) {
+    static const double turn[3][3] = {{0.36, 0.48, -0.8}, {-0.8, 0.6, 0}, {0.48, 0.64, 0.6}};
+    check_scene s;
+    double most;
+    lively(&s, 24, 20);
+    s.view.quality = SPS_QUALITY_ULTRA;
+    if (!check_render(context, &s, image_a)) return;
+    most = largest_of(image_a, 4 * 480);
+    for (int pass = 0; pass < 6; ++pass) {
+        double *vectors[6], old[3];
+        sps_volume *v = &s.volume[0];
+        vectors[0] = v->placement.origin, vectors[1] = v->placement.axis[0], vectors[2] = v->placement.axis[1];
+        vectors[3] = v->placement.axis[2], vectors[4] = s.view.position, vectors[5] = s.light[0].direction;
+        memcpy(old, vectors[pass], sizeof old);
+        for (int i = 0; i < 3; ++i) vectors[pass][i] = turn[i][0] * old[0] + turn[i][1] * old[1] + turn[i][2] * old[2];
+    }
+    check_set3(s.view.up, turn[0][1], turn[1][1], turn[2][1]);
+    { /* eval_fn sees turned positions, so the values come from an array of the unturned ones */
+        static float values[24 * 24 * 24];
+        check_field field;
+        check_array array;
+        const int lo[3] = {0, 0, 0}, size[3] = {24, 24, 24};
+        memset(&field, 0, sizeof field);
+        memset(&array, 0, sizeof array);
+        field.value_fn = two_blobs;
+        field.placement = check_box(-1, -1, -1, 1, 1, 1);
+        memcpy(field.size, size, sizeof size);
+        check_read_field(&field, lo, size, values);
+        array.values = values;
+        memcpy(array.size, size, sizeof size);
+        s.volume[0].eval_fn = NULL;
+        s.volume[0].read_fn = check_read_array;
+        s.volume[0].user = &array;
+        if (!check_render(context, &s, image_b)) return;
+    }
+    CHECK_NEAR(check_largest(image_a, image_b, 4 * 480), 0, 0.002 * most);
+}
+
+/* --------------------------------------------------------------------------------------------------------- cameras */
+
+/* Rays of a camera far away part by 1e-4 radians at most: points move by 1e-4 * 2 units, or 2.4e-3 voxels, and the
+   image by that times its steepest change per voxel, a third of its largest value here. */
+static void test_orthographic_limit(void) {
+    check_scene s;
+    double most;
+    lively(&s, 24, 24);
+    check_set3(s.view.position, 0, 0, 1e4);
+    s.view.field_of_view = 2 * atan(1e-4);
+    if (!check_render(context, &s, image_a)) return;
+    check_set3(s.view.position, 0, 0, 20);
+    s.view.field_of_view = 0;
+    s.view.ortho_height = 2;
+    if (!check_render(context, &s, image_b)) return;
+    most = largest_of(image_b, 4 * 576);
+    CHECK_NEAR(check_largest(image_a, image_b, 4 * 576), 0, most * 2.4e-3 / 3 + 1e-5);
+}
+
+/* Rows of a view matrix (right, up, back) and its translation. */
+static void view_rows(const sps_view *view, double rows[3][4]) {
+    double length = 0;
+    for (int i = 0; i < 3; ++i) rows[2][i] = view->position[i] - view->target[i];
+    spsi_normalise(rows[2]);
+    spsi_cross(view->up, rows[2], rows[0]);
+    length = spsi_length(rows[0]);
+    for (int i = 0; i < 3; ++i) rows[0][i] /= length;
+    spsi_cross(rows[2], rows[0], rows[1]);
+    for (int k = 0; k < 3; ++k) rows[k][3] = -spsi_dot(rows[k], view->position);
+}
+
+/* Clip matrices as engines make them: 0 GL perspective, 1 D3D reversed and infinite, 2 GL orthographic,
+   3 D3D orthographic, 4 as 0 but scaled as a whole, which changes nothing. */
+static void engine_matrix(const sps_view *view, int style, double m[16]) {
+    double rows[3][4];
+    const double aspect = (double)view->width / view->height, f = 1 / tan(0.5 * view->field_of_view);
+    const double high = 2 / view->ortho_height, low = 0.1, far = 50;
+    const int flat = style == 2 || style == 3;
+    view_rows(view, rows);
+    for (int i = 0; i < 4; ++i) {
+        const double last = i == 3 ? 1 : 0;
+        m[i] = rows[0][i] * (flat ? high : f) / aspect;
+        m[4 + i] = rows[1][i] * (flat ? high : f);
+        m[8 + i] =
+            style == 0 || style == 4 ? (rows[2][i] * (far + low) + 2 * far * low * last) / (low - far) : low * last;
+        if (style == 2) m[8 + i] = (2 * rows[2][i] + (far + low) * last) / (low - far);
+        if (style == 3) m[8 + i] = (rows[2][i] + low * last) / (low - far);
+        m[12 + i] = flat ? last : -rows[2][i];
+    }
+    for (int i = 0; i < 16 && style == 4; ++i) m[i] *= 0.37;
+}
+
+/* Both ways lead to the same rays in double precision; images differ by rounding of floats. */
+static void test_engine_matrices(void) {
+    for (int style = 0; style < 5; ++style) {
+        check_scene s;
+        double matrix[16];
+        lively(&s, 25, 16);
+        check_set3(s.view.up, 0.2, 1, 0.1);
+        check_set3(s.view.target, 0.1, 0, -0.1);
+        s.view.ortho_height = 2;
+        engine_matrix(&s.view, style, matrix);
+        if (style == 2 || style == 3) s.view.field_of_view = 0;
+        if (!check_render_depth(context, &s, image_a, depth_a)) return;
+        s.view.world_to_clip = matrix;
+        if (!check_render_depth(context, &s, image_b, depth_b)) return;
+        if (!CHECK_NEAR(check_largest(image_a, image_b, 4 * 400), 0, 2e-5)) printf("    style %d\n", style);
+        CHECK(largest_of(image_a, 4 * 400) > 0.1);
+        if (style == 2 || style == 3) continue; /* an orthographic matrix does not say where its rays begin */
+        for (int i = 0; i < 400; ++i)
+            if (image_a[4 * i + 3] > 0.01f && !CHECK_NEAR((double)depth_a[i], (double)depth_b[i], 1e-3))
+                printf("    style %d, pixel %d\n", style, i);
+    }
+}
+
+/* -------------------------------------------------------------------------------------------------- phase function */
+
+static double phase_exact(const sps_lobe *lobes, int count, double cosine) {
+    double sum = 0, weights = 0;
+    for (int i = 0; i < count; ++i) {
+        const double g = (double)lobes[i].asymmetry, w = (double)lobes[i].weight;
+        sum += w * (1 - g * g) / (4 * PI * pow(1 + g * g - 2 * g * cosine, 1.5));
+        weights += w;
+    }
+    return sum / weights;
+}
+
+/* The implementation's own function, integrated over the sphere by 20000 midpoints in the angle, 60 of them in the peak
+   of the sharpest lobe (width 0.01): good to 1e-5. Floats round 1 + g^2 - 2 g c, which is (1 - g)^2 at least, by 2e-7.
+ */
+static void test_phase_integral(void) {
+    static const float asymmetries[6] = {0, 0.3f, -0.6f, 0.9f, -0.95f, 0.99f};
+    for (int k = 0; k < 6; ++k) {
+        const double gap = 1 - fabs((double)asymmetries[k]), rounding = 1e-6 + 1.5 * 2e-7 / (gap * gap);
+        spsi_material material;
+        double sum = 0;
+        memset(&material, 0, sizeof material);
+        material.lobe_count = 2;
+        material.lobes[0].asymmetry = asymmetries[k];
+        material.lobes[0].weight = 0.75f;
+        material.lobes[1].asymmetry = 0.2f;
+        material.lobes[1].weight = 0.25f;
+        for (int i = 0; i < 20000; ++i) {
+            const double angle = (i + 0.5) * PI / 20000;
+            const float cosine = (float)cos(angle);
+            float lanes[SPSI_LANES];
+            spsi_store(lanes, spsi_phase(&material, spsi_set(cosine)));
+            sum += (double)lanes[0] * 2 * PI * sin(angle) * PI / 20000;
+            if (i % 500 == 0) {
+                const double exact = phase_exact(material.lobes, 2, (double)cosine);
+                CHECK_NEAR((double)lanes[0], exact, rounding * exact);
+            }
+        }
+        CHECK_NEAR(sum, 1, 1e-5 + rounding);
+    }
+}
+
+/* What a thin slab sends at an angle is the phase function there (light that travels as the eye's rays do comes back,
+   cosine -1): eye and light are turned, the slab is square to neither; 10 voxels of 1e-4 optical depth in all. */
+static void test_phase_rendered(void) {
+    static const sps_lobe lobes[2] = {{0.7f, 3}, {-0.4f, 1}};
+    for (int angle = 0; angle <= 180; angle += 12) {
+        const slab_case c = {1e-4, 1, 20, (double)angle, 0, 6};
+        double eye[3], light[3], exact;
+        check_scene s;
+        sps_volume *slab;
+        slab_ways(&c, eye, light);
+        check_clear(&s, 3, 3);
+        aim(&s, eye, 0.1);
+        slab = add_slab(&s, 31, 6, c.tau);
+        check_color(slab->albedo, 1, 1, 1);
+        slab->lobes = lobes;
+        s.view.shadow_size = 40;
+        slab->lobe_count = 2;
+        check_add_directional(&s, light[0], light[1], light[2], 2);
+        exact = 2 * phase_exact(lobes, 2, -cos(angle * PI / 180)) * c.tau / -eye[2];
+        if (!check_render(context, &s, image_a)) return;
+        /* light that grazes the slab is dimmed by 1e-4 / cos, and the box limits that to 1e-3 */
+        if (!CHECK_NEAR(farthest(image_a, 9, 0, exact), exact, exact * (RIPPLE + 1e-3)))
+            printf("    angle %d\n", angle);
+    }
+}
+
+/* Eye and light change places: radiance times the eye's cosine stays. */
+static void test_reciprocity(void) {
+    static const sps_lobe lobe[1] = {{0.6f, 1}};
+    double seen[2] = {0, 0};
+    for (int swapped = 0; swapped < 2; ++swapped) {
+        const double ways[2][3] = {{sin(0.7), 0, -cos(0.7)}, {-sin(0.2), 0, -cos(0.2)}};
+        check_scene s;
+        sps_volume *slab;
+        check_clear(&s, 3, 3);
+        aim(&s, ways[swapped], 0.1);
+        slab = add_slab(&s, 37, 6, 1.5);
+        check_color(slab->albedo, 1, 1, 1);
+        slab->lobes = lobe;
+        slab->lobe_count = 1;
+        check_add_directional(&s, ways[!swapped][0], 0, ways[!swapped][2], 1);
+        if (!check_render(context, &s, image_a)) return;
+        seen[swapped] = (double)image_a[16] * -ways[swapped][2] / -ways[!swapped][2] * -ways[!swapped][2];
+    }
+    CHECK_NEAR(seen[0], seen[1], seen[0] * 2 * RIPPLE); /* each has a ripple of its own */
+}
+
+/* ------------------------------------------------------------------------------------------------ both orders, error
+ */
+
+/* Where eye and light are square to each other, slabs turn by a right angle from one order to the other. What jumps is
+   the method's own error, so the jump is below the sum of both errors; and it shrinks with them. */
+static void test_orders_agree(void) {
+    double jump[2];
+    for (int fine = 0; fine < 2; ++fine) {
+        check_scene s;
+        lively(&s, 16, 16);
+        check_set3(s.view.position, 0, 0, 10);
+        s.view.field_of_view = 0;
+        s.view.ortho_height = 2;
+        s.view.slab = fine ? 2 : 4;
+        s.view.shadow_size = 128;
+        check_set3(s.light[0].direction, 0.8, -0.6, 1e-7);
+        if (!check_render(context, &s, image_a)) return;
+        s.light[0].direction[2] = -1e-7;
+        if (!check_render(context, &s, image_b)) return;
+        jump[fine] = check_rms(image_a, image_b, 4 * 256);
+        if (fine) break;
+        if (!check_march(context, &s, 0.5, image_c, NULL)) return;
+        CHECK(jump[0] <= check_rms(image_a, image_c, 4 * 256) + check_rms(image_b, image_c, 4 * 256));
+        CHECK(jump[0] > 0); /* else the orders were not both tried */
+    }
+    printf("orders at l.v = 0: jump %.2e at slabs of 1 voxel, %.2e at 0.5\n", jump[0], jump[1]);
+    CHECK(jump[1] < 0.5 * jump[0]);
+}
+
+/* What the method leaves besides thickness: the cut takes 0.0045 of the kernel's variance of 0.42 square voxels, which
+   on blobs 2.1 to 2.8 voxels wide is 0.0019 / width^2, at most 4e-4 of the optical depth; radiance follows with 0.7 of
+   that. The sections' polynomial (2e-4, of both signs) evens out over the voxels of a ray. */
+#define KERNEL_FLOOR 3e-4
+
+/* Renders at slabs of 2, 1, 0.5, 0.25 voxels; errors against image_c, and against the finest of a series twice as fine,
+   which has no floor. */
+static void check_orders(const char *name, check_scene *s, int pixels, double least_order) {
+    static float finest[4 * 400];
+    double most = largest_of(image_c, (size_t)(4 * pixels)), error[4], self[4];
+    s->view.slab = 0.0625;
+    if (!check_render(context, s, finest)) return;
+    for (int i = 0; i < 4; ++i) {
+        s->view.slab = 2.0 / (1 << i);
+        if (!check_render(context, s, image_a)) return;
+        error[i] = check_rms(image_a, image_c, (size_t)(4 * pixels)) / most;
+        self[i] = check_rms(image_a, finest, (size_t)(4 * pixels)) / most;
+    }
+    printf("%s: error %.2e %.2e %.2e %.2e against the reference;", name, error[0], error[1], error[2], error[3]);
+    printf(" by itself %.2e %.2e %.2e %.2e, order", self[0], self[1], self[2], self[3]);
+    for (int i = 0; i < 3; ++i) printf(" %.2f", log2(self[i] / self[i + 1]));
+    printf("\n");
+    for (int i = 0; i < 4; ++i) CHECK(error[i] <= self[i] + KERNEL_FLOOR);
+    for (int i = 0; i < 3; ++i) {
+        CHECK(log2(self[i] / self[i + 1]) >= least_order);
+        CHECK(error[i + 1] < 2 * KERNEL_FLOOR || log2(error[i] / error[i + 1]) >= least_order);
+    }
+}
+
+/* The part of the image where the blobs are. */
+enum { MIDDLE = 12 * 11 };
+static void middle(check_scene *s) {
+    s->view.region[0] = 4;
+    s->view.region[1] = 3;
+    s->view.region[2] = 12;
+    s->view.region[3] = 11;
+}
+
+/* A smooth field, three texels a voxel. The reference's step of half a voxel is right to 1e-5: midpoints of
+   Gaussians more than 2 voxels wide err by exp(-2 (pi 2 / 0.5)^2), and a step of 0.15 gives the same figures. */
+static void test_convergence(void) {
+    for (int back = 0; back < 2; ++back) {
+        check_scene s;
+        lively(&s, 20, 17);
+        s.view.quality = SPS_QUALITY_ULTRA;
+        if (back) check_set3(s.light[0].direction, 1, -0.4, 0.9);
+        s.view.shadow_size = 120;
+        middle(&s);
+        if (!check_march(context, &s, 0.5, image_c, NULL)) return;
+        check_orders(back ? "gas lit from behind" : "gas lit from the front", &s, MIDDLE, 1.8);
+    }
+}
+
+static int soft_transfer(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i) {
+        const double v = (double)values[i];
+        out[i].extinction = (float)(10 * v * v);
+        check_color(out[i].color, 0.5 + 0.3 * sin(4 * v), 0.6, 0.9 - 0.4 * v);
+    }
+    return 0;
+}
+
+static void classified(check_scene *s, sps_transfer *transfer, sps_shading shading) {
+    memset(transfer, 0, sizeof *transfer);
+    transfer->eval_fn = soft_transfer;
+    transfer->value_max = 1.5f;
+    lively(s, 20, 17);
+    middle(s);
+    s->view.quality = SPS_QUALITY_ULTRA;
+    s->volume[0].transfer = transfer;
+    s->volume[0].shading = shading;
+    s->volume[0].gradient_full =
+        0.4f; /* twice the steepest change, 0.6 / 2.8 a voxel: the share of surface has no kink */
+    s->view.shadow_size = 120;
+}
+
+/* As a gas: the mean value of a sheet is classified, second order for a smooth transfer function. */
+static void test_transfer_gas(void) {
+    check_scene s;
+    sps_transfer transfer;
+    classified(&s, &transfer, SPS_SHADING_GAS);
+    if (!check_march(context, &s, 0.5, image_c, NULL)) return;
+    check_orders("classified, as a gas", &s, MIDDLE, 1.8);
+}
+
+/* As a surface: slopes are differences over two pixels and two sheets. Over a quarter of a voxel to each side they err
+   by (1/4)^2 / 6 * 3 / 2.1^2 = 0.7 % of the slope; half of the brightest light follows the slope, the mean pixel has a
+   third of that. So pixels a fifth as wide, and the reference's rays are the middle ones of every five by five. */
+static void test_transfer_surface(void) {
+    static float fine[4 * 25 * MIDDLE];
+    check_scene s;
+    sps_transfer transfer;
+    double most, error;
+    classified(&s, &transfer, SPS_SHADING_SURFACE);
+    if (!check_march(context, &s, 0.5, image_c, NULL)) return;
+    most = largest_of(image_c, 4 * MIDDLE);
+    s.view.width *= 5;
+    s.view.height *= 5;
+    for (int i = 0; i < 4; ++i) s.view.region[i] *= 5;
+    if (!check_render(context, &s, fine)) return;
+    for (int i = 0; i < MIDDLE; ++i)
+        memcpy(image_a + 4 * i, fine + 4 * ((5 * (i / 12) + 2) * 60 + 5 * (i % 12) + 2), 4 * sizeof(float));
+    error = check_rms(image_a, image_c, 4 * MIDDLE) / most;
+    printf("classified, as a surface: error %.2e\n", error);
+    CHECK_NEAR(error, 0, KERNEL_FLOOR + 0.007 / 6);
+    classified(&s, &transfer, SPS_SHADING_GAS); /* and it is not what a gas looks like */
+    if (!check_march(context, &s, 1, fine, NULL)) return;
+    CHECK(check_rms(fine, image_c, 4 * MIDDLE) / most > 10 * (KERNEL_FLOOR + 0.007 / 6));
+}
+
+/* -------------------------------------------------------------------------------------- against the reference alone */
+
+/* A camera within the gas looks along and sideways. */
+static void test_camera_inside(void) {
+    check_scene s;
+    lively(&s, 16, 12);
+    check_set3(s.view.position, -0.2, 0.05, 0.3);
+    check_set3(s.view.target, 0.3, -0.3, -0.6);
+    check_set3(s.light[0].direction, 0.3, -1, -0.8);
+    s.view.field_of_view = 0.9;
+    s.view.shadow_size = 100;
+    if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.5, image_c, NULL)) return;
+    printf("camera inside: error %.2e", check_rms(image_a, image_c, 4 * 192) / largest_of(image_c, 4 * 192));
+    CHECK_NEAR(check_rms(image_a, image_c, 4 * 192) / largest_of(image_c, 4 * 192), 0, 2 * KERNEL_FLOOR);
+    s.view.near_distance = 0.35; /* and with a near plane amid the gas */
+    if (!check_render(context, &s, image_b) || !check_march(context, &s, 0.5, image_c, NULL)) return;
+    printf(", behind a near plane %.2e\n", check_rms(image_b, image_c, 4 * 192) / largest_of(image_c, 4 * 192));
+    CHECK_NEAR(check_rms(image_b, image_c, 4 * 192) / largest_of(image_c, 4 * 192), 0, 2 * KERNEL_FLOOR);
+    CHECK(check_rms(image_a, image_b, 4 * 192) > 0.02);
+}
+
+/* Random voxels in odd numbers: whatever is flipped, swapped or off by half a voxel shows. Sharp features take thin
+   slabs; errors are those of the cut kernel, which on single voxels shows as it does in a constant grid's ripple. */
+static void test_alignment(void) {
+    static float values[7 * 9 * 5];
+    check_random random = {12345};
+    check_array array;
+    check_scene s;
+    double most, aligned;
+    memset(&array, 0, sizeof array);
+    for (int i = 0; i < 7 * 9 * 5; ++i) values[i] = (float)pow(check_next(&random), 4);
+    array.values = values;
+    array.size[0] = 7, array.size[1] = 9, array.size[2] = 5;
+    check_clear(&s, 21, 15);
+    {
+        sps_volume *volume = check_add_volume(&s, 7, 9, 5, check_box(-0.6, -0.8, -0.5, 0.8, 1, 0.6));
+        volume->read_fn = check_read_array;
+        volume->user = &array;
+        volume->extinction = 3;
+        check_color(volume->albedo, 0.9, 0.7, 0.5);
+    }
+    check_set3(s.view.position, 1.5, 1, 4);
+    s.view.field_of_view = 0.6;
+    s.view.quality = SPS_QUALITY_ULTRA;
+    check_add_directional(&s, 0.7, -1, -0.4, 3);
+    if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.1, image_c, NULL)) return;
+    most = largest_of(image_c, 4 * 315);
+    aligned = check_rms(image_a, image_c, 4 * 315) / most;
+    printf("alignment: error %.2e\n", aligned);
+    CHECK_NEAR(aligned, 0, RIPPLE);
+    for (int axis = 0; axis < 3; ++axis) { /* and this test would see it */
+        s.volume[0].placement.origin[axis] += 0.1;
+        if (!check_render(context, &s, image_b)) return;
+        CHECK(check_rms(image_b, image_c, 4 * 315) / most > 8 * aligned);
+        s.volume[0].placement.origin[axis] -= 0.1;
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------------ depth */
+
+/* Mean distance of what is seen of a uniform slab: near face + 1 / extinction - length exp(-tau) / (1 - exp(-tau)).
+   The kernel blurs both faces (second moment 0.065^2 / 2 times extinction) and a sheet's middle stands for its mean
+   (thickness^2 / 12 times extinction). */
+static void test_depth(void) {
+    for (int tilt = 0; tilt < 2; ++tilt) {
+        const double angle = 0.6 * tilt, way[3] = {sin(angle), 0, -cos(angle)}, sigma = 2.5, length = 0.6 / cos(angle);
+        const double tau = sigma * length, exact = 10 - length / 2 + 1 / sigma - length * exp(-tau) / (1 - exp(-tau));
+        check_scene s;
+        check_clear(&s, 3, 3);
+        aim(&s, way, 1e-4);
+        add_slab(&s, 35, 6, sigma * 0.6);
+        s.view.slab = 0.5;
+        if (!check_render_depth(context, &s, image_a, depth_a)) return;
+        for (int i = 0; i < 9; ++i)
+            CHECK_NEAR((double)depth_a[i], exact,
+                       sigma * (0.065 * 0.065 / cos(angle) / cos(angle) + 0.05 * 0.05 / 12) + RIPPLE * length);
+    }
+    { /* nothing seen: infinitely far */
+        check_scene s;
+        check_clear(&s, 2, 2);
+        if (!check_render_depth(context, &s, image_a, depth_a)) return;
+        for (int i = 0; i < 4; ++i) CHECK((double)depth_a[i] > 1e300 && image_a[4 * i + 3] <= 0);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------- invariance */
+
+/* Lengths times k, extinction and emission by it, intensity by its square: no pixel changes but for rounding, which is
+   1e-7 of a coordinate of some 100 sheets or pixels, and steep places make that 1e-5 of the image at most. */
+static void test_scaled_and_moved(void) {
+    static const double scales[3] = {1e3, 1e-3, 1}, moves[3] = {0, 0, 1e6};
+    for (int n = 0; n < 3; ++n) {
+        check_scene s;
+        lively(&s, 20, 16);
+        check_color(s.volume[0].emission, 0.3, 0.2, 0.1);
+        check_add_point(&s, 1, 3, 1.5, 4);
+        s.view.quality = SPS_QUALITY_HIGH;
+        { /* values by index, so that they do not move */
+            static float values[24 * 24 * 24];
+            static check_array array;
+            check_field field;
+            const int lo[3] = {0, 0, 0}, size[3] = {24, 24, 24};
+            field.value_fn = two_blobs;
+            field.user = NULL;
+            field.placement = s.volume[0].placement;
+            memcpy(field.size, size, sizeof size);
+            check_read_field(&field, lo, size, values);
+            array.values = values;
+            memcpy(array.size, size, sizeof size);
+            s.volume[0].eval_fn = NULL;
+            s.volume[0].read_fn = check_read_array;
+            s.volume[0].user = &array;
+        }
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 3; ++i) {
+            double *points[4];
+            points[0] = &s.volume[0].placement.origin[i], points[1] = &s.view.position[i];
+            points[2] = &s.view.target[i], points[3] = &s.light[1].position[i];
+            for (int k = 0; k < 4; ++k) *points[k] = *points[k] * scales[n] + moves[n] * (i + 1);
+            for (int k = 0; k < 3; ++k) s.volume[0].placement.axis[k][i] *= scales[n];
+            s.volume[0].emission[i] /= (float)scales[n];
+            s.light[1].color[i] *= (float)(scales[n] * scales[n]);
+        }
+        s.volume[0].extinction /= (float)scales[n];
+        if (!check_render(context, &s, image_b)) return;
+        if (!CHECK_NEAR(check_largest(image_a, image_b, 4 * 320), 0, 1e-4 * largest_of(image_a, 4 * 320)))
+            printf("    scale %g, moved by %g\n", scales[n], moves[n]);
+    }
+}
+
+static double mirrored_blobs(const void *user, const double p[3]) {
+    const double q[3] = {-p[0], p[1], p[2]};
+    return two_blobs(user, q);
+}
+
+/* x to -x in the scene, x to width - 1 - x in the image. */
+static void test_mirrored(void) {
+    check_scene s;
+    lively(&s, 20, 16);
+    if (!check_render(context, &s, image_a)) return;
+    blobs_field.value_fn = mirrored_blobs;
+    s.view.position[0] *= -1;
+    s.light[0].direction[0] *= -1;
+    if (!check_render(context, &s, image_b)) return;
+    for (int i = 0; i < 320; ++i) memcpy(image_c + 4 * i, image_b + 4 * (i / 20 * 20 + 19 - i % 20), 4 * sizeof(float));
+    CHECK_NEAR(check_largest(image_a, image_c, 4 * 320), 0,
+               1e-4 * largest_of(image_a, 4 * 320)); /* rounding, as above */
+}
+
+static void test_albedo_zero_is_black(void) {
+    check_scene s;
+    lively(&s, 20, 16);
+    check_color(s.volume[0].albedo, 0, 0, 0);
+    check_color(s.scene.ambient, 1, 1, 1);
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 320; ++i) CHECK(image_a[4 * i] == 0 && image_a[4 * i + 1] == 0 && image_a[4 * i + 2] == 0);
+    CHECK(largest_of(image_a, 4 * 320) > 0.5); /* its alpha */
+}
+
+/* More of an absorber: no pixel gets brighter, whatever the light, and alpha never falls. */
+static void test_absorber_never_brightens(void) {
+    check_random random = {99};
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        sps_volume *black;
+        lively(&s, 20, 16);
+        check_set3(s.light[0].direction, check_next(&random) - 0.5, check_next(&random) - 0.5,
+                   check_next(&random) - 0.5);
+        check_color(s.scene.ambient, 0.1, 0.2, 0.3);
+        check_color(s.scene.background, 0.3, 0.2, 0.1);
+        black = add_blobs(&s, 1e-3);
+        check_color(black->albedo, 0, 0, 0);
+        s.view.quality = SPS_QUALITY_HIGH;
+        if (!check_render(context, &s, image_a)) return;
+        black->extinction = (float)(5 * check_next(&random));
+        if (!check_render(context, &s, image_b)) return;
+        for (int i = 0; i < 4 * 320; ++i)
+            if (i % 4 == 3)
+                CHECK(image_b[i] >= image_a[i] - 2e-6f);
+            else
+                CHECK(image_b[i] <= image_a[i] + 2e-6f);
+    }
+}
+
+int main(void) {
+    context = check_context(NULL);
+    if (!CHECK(context != NULL)) return check_report();
+    RUN(test_ripple);
+    RUN(test_slab_transmittance);
+    RUN(test_box_at_all_tilts);
+    RUN(test_slab_scattering_angles);
+    RUN(test_slab_scattering_sheets);
+    RUN(test_slab_energy);
+    RUN(test_thin_sheets);
+    RUN(test_blob);
+    RUN(test_pixel_filter);
+    RUN(test_two_slabs);
+    RUN(test_emission);
+    RUN(test_background);
+    RUN(test_ambient);
+    RUN(test_point_light);
+    RUN(test_light_inside);
+    RUN(test_lights_add);
+    RUN(test_overlapping_volumes);
+    RUN(test_constant_is_procedural);
+    RUN(test_placements);
+    RUN(test_turned_scene);
+    RUN(test_orthographic_limit);
+    RUN(test_engine_matrices);
+    RUN(test_phase_integral);
+    RUN(test_phase_rendered);
+    RUN(test_reciprocity);
+    RUN(test_orders_agree);
+    RUN(test_convergence);
+    RUN(test_transfer_gas);
+    RUN(test_transfer_surface);
+    RUN(test_camera_inside);
+    RUN(test_alignment);
+    RUN(test_depth);
+    RUN(test_scaled_and_moved);
+    RUN(test_mirrored);
+    RUN(test_albedo_zero_is_black);
+    RUN(test_absorber_never_brightens);
+    sps_destroy(context);
+    return check_report();
+}

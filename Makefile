@@ -156,7 +156,7 @@ CHECK_VARIANTS = plain sse2 avx2 avx512 face
 VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD
 VARIANT_sse2   = -DSPLATSHADOW_IMPLEMENTATION
 VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma
-VARIANT_avx512 = -DSPLATSHADOW_IMPLEMENTATION -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
+VARIANT_avx512 = -O1 -DSPLATSHADOW_IMPLEMENTATION -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
 ifeq ($(filter x86_64 amd64 i%86,$(shell uname -m)),)
 CHECK_VARIANTS = plain sse2 face
 endif
@@ -233,10 +233,10 @@ build/tests/example.%.log: $(HEADERS)
 
 # The implementation in one object, C as well as C++, and plain users of it in another.
 build/tests/header.link.log: splatshadow.h
-	@$(call run,header.link,cd build/tests && printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c && \
+	@$(call run,header.link,(cd build/tests && printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c && \
 		printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\n' > link_code.c && \
 		gcc -std=c99 -I../.. -c link_user.c && gcc -std=c99 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_c -lm && ./link_c && \
-		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp && $(ONE_PASSED))
+		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp) && $(ONE_PASSED))
 
 # make fuzz SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
 fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build

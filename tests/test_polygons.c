@@ -265,6 +265,30 @@ static void test_watertight_on_pixels(void) {
     }
 }
 
+/* What is nearer than near_distance is not seen, and shadows all the same. */
+static void test_near_distance(void) {
+    for (int n = 0; n < 4; ++n) {
+        const int perspective = n & 1, shadows = n >> 1;
+        check_scene s;
+        start(&s, 7, 5, 1);
+        add_square(&body, 2, 1);
+        add_square(&ground, 2, 0);
+        check_add_mesh(&s, &body, 0.9);
+        check_add_mesh(&s, &ground, 0.4);
+        check_add_directional(&s, 0, 0, -1, 3)->no_shadow = !shadows;
+        s.view.field_of_view = perspective ? 0.1 : 0;
+        s.view.near_distance = 9.5;
+        if (!check_render_depth(context, &s, image_a, depth_a)) return;
+        for (int i = 0; i < 35; ++i) {
+            CHECK_NEAR((double)image_a[4 * i], shadows ? 0 : 0.4 / PI * 3, EXACT);
+            CHECK(image_a[4 * i + 3] == 1 && depth_a[i] > 9.9f);
+        }
+        s.view.near_distance = 8.5;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 35; ++i) CHECK_NEAR((double)image_a[4 * i], 0.9 / PI * 3, EXACT);
+    }
+}
+
 /* Triangles of no area change no bit, and are counted. */
 static void test_degenerate(void) {
     static const double p[4][3] = {{0, 0, 1}, {1, 0, 1}, {2, 0, 1}, {0.3, 0.4, 0.5}};
@@ -714,6 +738,7 @@ int main(void) {
     RUN(test_two_sided);
     RUN(test_watertight);
     RUN(test_watertight_on_pixels);
+    RUN(test_near_distance);
     RUN(test_degenerate);
     RUN(test_shadow_edges);
     RUN(test_no_acne_on_plane);

@@ -231,12 +231,15 @@ build/tests/example.%.log: $(HEADERS)
 	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L $(INCLUDES) -fsyntax-only \
 		examples/$(patsubst $(call part,1,$*)_%,%,$*).c && $(ONE_PASSED))
 
-# The implementation in one object, C as well as C++, and plain users of it in another.
+# The implementation in one object, C as well as C++, and a plain user of it in another.
+LINK_USER = printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c
+LINK_CODE = printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\n' > link_code.c
+
 build/tests/header.link.log: splatshadow.h
-	@$(call run,header.link,(cd build/tests && printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c && \
-		printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\n' > link_code.c && \
-		gcc -std=c99 -I../.. -c link_user.c && gcc -std=c99 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_c -lm && ./link_c && \
-		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp) && $(ONE_PASSED))
+	@$(call run,header.link,(cd build/tests && $(LINK_USER) && $(LINK_CODE) && gcc -std=c99 -I../.. -c link_user.c && \
+		gcc -std=c99 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_c -lm && ./link_c && \
+		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp) && \
+		$(ONE_PASSED))
 
 # make fuzz SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
 fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build

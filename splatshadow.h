@@ -261,14 +261,14 @@ typedef struct sps_scene {
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
-/*                  slab    shadow texels    rays end at    kernels end at   ripple of a constant
-                  (voxels)     per voxel    transmittance      (voxels)        grid (rms, largest) */
+/* What each quality sets:      slab    shadow texels    rays end at    kernels end at   ripple of a constant
+                              (voxels)    per voxel    transmittance      (voxels)     grid (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,       /*  2        0.75        0.01              1.82            0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM,      /*  1        1           0.003             2.15            0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,        /*  0.5      2           0.0005            2.5             0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA        /*  0.25     4           0.00005           2.5             0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2          0.75            0.01             1.82           0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1          1               0.003            2.15           0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5        2               0.0005           2.5            0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25       4               0.00005          2.5            0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {

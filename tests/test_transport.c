@@ -829,7 +829,7 @@ static void test_orders_agree(void) {
         CHECK(jump[0] <= check_rms(image_a, image_c, 4 * 256) + check_rms(image_b, image_c, 4 * 256));
         CHECK(jump[0] > 0); /* else the orders were not both tried */
     }
-    printf("orders at l.v = 0: jump %.2e at slabs of 1 voxel, %.2e at 0.5\n", jump[0], jump[1]);
+    printf("orders at l.v = 0: jump %.2e at slabs of 4 voxels, %.2e at 2\n", jump[0], jump[1]);
     CHECK(jump[1] < 0.5 * jump[0]);
 }
 

@@ -82,9 +82,10 @@ THREADS   A context serves one call at a time; any number of contexts can run at
     parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, clock, allocator) run on
     the calling thread, one at a time, and must not call into the same context.
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image.
-LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Positions, placements and matrices must lie within
-    1e15. Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly 0; a polygon counts as 1e15. A classified volume
-    wants slabs of a voxel or less, since it is the mean value of a slab that is classified.
+LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15.
+    Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
+    0; a polygon counts as 1e15. A classified volume wants slabs of a voxel or less, since it is the mean value of a
+    slab that is classified.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing

@@ -429,9 +429,11 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #define SPSI_VALUE_MIN      1e-30f /* smaller ones would only make denormal numbers */
 #define SPSI_RADIANCE_MAX   1e30f  /* cap of what one sheet emits, so that sums stay finite */
 #define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
+#define SPSI_LIGHT_END      16.0f  /* optical depth from which on a light's is not followed: 1e-7 is left of it */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
+#define SPSI_PATCH       8  /* pixels on a side of a patch: a tile has 8 x 8 of them, a bit each of a 64-bit number */
 #define SPSI_CHUNK       16 /* slabs splatted in one visit of a voxel */
 #define SPSI_BRICK       8  /* voxels along a brick's edge: what is binned together */
 #define SPSI_BLOCK       32 /* voxels along a block's edge: what a provider is asked for */
@@ -483,15 +485,11 @@ static inline int spsi_bits(spsi_m m) { return (int)m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return _mm512_mask_blend_ps(m, b, a); }
 static inline void spsi_store_int(int *p, spsi_v a) { _mm512_storeu_si512(p, _mm512_cvtps_epi32(a)); }
 static inline spsi_v spsi_iota(void) { return _mm512_set_ps(15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0); }
-static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
+static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
-    const __m512i i = _mm512_add_epi32(row, _mm512_cvttps_epi32(x));
-    quad[0] = _mm512_i32gather_ps(i, grid, 4);
-    quad[1] = _mm512_i32gather_ps(i, grid + 1, 4);
-    quad[2] = _mm512_i32gather_ps(i, grid + stride, 4);
-    quad[3] = _mm512_i32gather_ps(i, grid + stride + 1, 4);
+    return _mm512_i32gather_ps(_mm512_add_epi32(row, _mm512_cvttps_epi32(x)), grid, 4);
 }
-#define SPSI_HAS_GATHER
+#define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_AVX2)
 #define SPSI_LANES 8
@@ -522,15 +520,11 @@ static inline void spsi_store_int(int *p, spsi_v a) {
     _mm256_storeu_si256((__m256i *)(void *)p, _mm256_cvtps_epi32(a));
 }
 static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1, 0); }
-static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
+static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
-    const __m256i i = _mm256_add_epi32(row, _mm256_cvttps_epi32(x));
-    quad[0] = _mm256_i32gather_ps(grid, i, 4);
-    quad[1] = _mm256_i32gather_ps(grid + 1, i, 4);
-    quad[2] = _mm256_i32gather_ps(grid + stride, i, 4);
-    quad[3] = _mm256_i32gather_ps(grid + stride + 1, i, 4);
+    return _mm256_i32gather_ps(grid, _mm256_add_epi32(row, _mm256_cvttps_epi32(x)), 4);
 }
-#define SPSI_HAS_GATHER
+#define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_SSE2)
 #define SPSI_LANES 4
@@ -632,22 +626,24 @@ static inline spsi_v spsi_floor(spsi_v a) {
 }
 #endif
 
-#ifndef SPSI_HAS_GATHER
-/* The four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1) in a grid, for whole-numbered x and y. */
-static inline void spsi_gather_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
-    float xs[SPSI_LANES], ys[SPSI_LANES], values[4][SPSI_LANES];
+#ifndef SPSI_HAS_LOOKUP
+/* The numbers at (x, y) of a grid, for whole-numbered x and y. */
+static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
+    float xs[SPSI_LANES], ys[SPSI_LANES];
     spsi_store(xs, x);
     spsi_store(ys, y);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const float *p = grid + (ptrdiff_t)ys[i] * stride + (ptrdiff_t)xs[i];
-        values[0][i] = p[0];
-        values[1][i] = p[1];
-        values[2][i] = p[stride];
-        values[3][i] = p[stride + 1];
-    }
-    for (int i = 0; i < 4; ++i) quad[i] = spsi_load(values[i]);
+    for (int i = 0; i < SPSI_LANES; ++i) xs[i] = grid[(ptrdiff_t)ys[i] * stride + (ptrdiff_t)xs[i]];
+    return spsi_load(xs);
 }
 #endif
+
+/* The four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1). */
+static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
+    quad[0] = spsi_lookup(grid, stride, x, y);
+    quad[1] = spsi_lookup(grid + 1, stride, x, y);
+    quad[2] = spsi_lookup(grid + stride, stride, x, y);
+    quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
+}
 
 static inline spsi_v spsi_clamp(spsi_v a, spsi_v low, spsi_v high) { return spsi_max(low, spsi_min(a, high)); }
 static inline spsi_v spsi_abs(spsi_v a) { return spsi_max(a, spsi_sub(spsi_set(0), a)); }
@@ -689,8 +685,14 @@ static void spsi_along(const double a[3], const double b[3], double t, double ou
 
 /* Scales a to length 1 without overflow or underflow; gives 0, and leaves a alone, where it has no direction. */
 static int spsi_normalise(double a[3]) {
-    const double largest = fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
-    double length;
+    const double square = spsi_dot(a, a);
+    double largest, length;
+    if (square > 1e-200 && square < 1e200) { /* nearly always, and a division and a root are all it takes */
+        length = 1 / sqrt(square);
+        for (int i = 0; i < 3; ++i) a[i] *= length;
+        return 1;
+    }
+    largest = fmax(fabs(a[0]), fmax(fabs(a[1]), fabs(a[2])));
     if (!(largest > 0) || !(largest <= DBL_MAX) || !(spsi_dot(a, a) >= 0)) return 0; /* fmax passes over NaN */
     for (int i = 0; i < 3; ++i) a[i] /= largest;
     length = spsi_length(a);
@@ -2587,9 +2589,31 @@ typedef struct spsi_tile {
     float nearest_limit;    /* least depth of a polygon in the tile */
     const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
+    uint64_t open;              /* patches that are not opaque yet; footprints that meet none are passed over */
+    int margin;                 /* pixels beyond the patches, which belong to the patches at the edge */
     float eye_slab;             /* slab coordinate of the eye, for the near case */
     uint64_t visits, fragments; /* footprints written, and pixels times slabs of them */
 } spsi_tile;
+
+/* The column or row of patches that a pixel `at` from a tile's edge is in; what lies outside is in the nearest. */
+static inline int spsi_patch_at(int at) { return spsi_least(spsi_most(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
+
+/* The patches of a tile that a box of its pixels and the margin about it meet. */
+static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
+    const int margin = tile->margin, left = tile->x0 + margin, top = tile->y0 + margin;
+    const int c0 = spsi_patch_at(x0 - margin - left), c1 = spsi_patch_at(x1 + margin - left);
+    const int r0 = spsi_patch_at(y0 - margin - top), r1 = spsi_patch_at(y1 + margin - top);
+    const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
+    return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
+}
+
+/* The patches of a tile in which some pixel's optical depth is less than `end`. */
+static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, int height, float end) {
+    uint64_t open = 0;
+    for (int y = 0; y < height; ++y, depth += pitch)
+        for (int x = 0; x < width; ++x) open |= (uint64_t)(depth[x] < end) << (y / SPSI_PATCH * 8 + x / SPSI_PATCH);
+    return open;
+}
 
 static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
                                 double cut, spsi_splatter *splatter) {
@@ -2818,6 +2842,7 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
               x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
     const int clamped = tile->clamped && (f->depth[i] + s->reach_depth > tile->nearest_limit ||
                                           f->depth[i] - s->reach_depth < s->eye_near);
+    if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
         const int count = spsi_least(SPSI_LANES, y1 - y + 1);
@@ -2896,6 +2921,7 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
     if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
+    if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
                        (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
@@ -3001,6 +3027,7 @@ static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
     int width, height, tiles_x, tiles_y;
+    uint64_t *open;        /* per tile: its patches that light still comes through */
     unsigned char *uneven; /* per tile: its planes differ, so that they must be levelled before the next chunk */
 } spsi_planes;
 
@@ -3055,7 +3082,7 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
     const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 2)));
     const spsi_v fx = spsi_sub(cx, ix), fy = spsi_sub(cy, iy);
     spsi_v quad[4];
-    spsi_gather_quad(grid, width, ix, iy, quad);
+    spsi_lookup_quad(grid, width, ix, iy, quad);
     return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
 }
 
@@ -3108,9 +3135,10 @@ static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_ti
                 spsi_store(lanes, depth);
                 memcpy(planes->depth[k] + to, lanes, (size_t)count * sizeof(float));
                 if (k == SPSI_CHUNK) break;
-                depth = spsi_add(depth,
-                                 spsi_light_sheet(shader, tile, from + (size_t)k * tile->sheet_size, length, per_slab));
-                depth = spsi_min(depth, spsi_set(SPSI_DEPTH_MAX));
+                const spsi_v sheet =
+                    spsi_light_sheet(shader, tile, from + (size_t)k * tile->sheet_size, length, per_slab);
+                const spsi_v behind = spsi_min(spsi_add(depth, sheet), spsi_set(SPSI_DEPTH_MAX));
+                depth = spsi_select(spsi_less(depth, spsi_set(SPSI_LIGHT_END)), behind, depth);
             }
         }
 }
@@ -3134,10 +3162,14 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
    way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
    polygon in the light's way ends that share; one in the eye's way cuts the slab (section 12) and shares with it. */
 
+#define SPSI_CELL 16 /* texels on a side of a depth map's cells */
+
 typedef struct spsi_depth_map {
     int face_count; /* 0: no polygons; 1; 6 for a point light among them */
     spsi_rays rays[6];
     float *depths[6];
+    float *nearest[6];       /* per cell: the least depth in it and in the cells around it */
+    int cells[6];            /* in a row of these */
     spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays */
 } spsi_depth_map;
 
@@ -3258,13 +3290,45 @@ static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v 
     q[1] = spsi_clamp(q[1], zero, spsi_set((float)(rays->height - 1)));
     ix = spsi_min(spsi_floor(q[0]), spsi_set((float)(rays->width - 2)));
     iy = spsi_min(spsi_floor(q[1]), spsi_set((float)(rays->height - 2)));
-    spsi_gather_quad(map->depths[face], rays->width, ix, iy, quad);
+    spsi_lookup_quad(map->depths[face], rays->width, ix, iy, quad);
     rise = spsi_max(spsi_sub(t1, t0), spsi_set(FLT_MIN * 16));
     for (int i = 0; i < 4; ++i) share[i] = spsi_clamp(spsi_div(spsi_sub(quad[i], t0), rise), zero, one);
     return spsi_select(inside,
                        spsi_mix(spsi_mix(share[0], share[1], spsi_sub(q[0], ix)),
                                 spsi_mix(share[2], share[3], spsi_sub(q[0], ix)), spsi_sub(q[1], iy)),
                        one);
+}
+
+/* Whether a face of a depth map may hold something that shades any of the ways from d0 to d1: a look at one cell that
+   spares most slabs the sixteen texels. Both ends lie within a cell of the middle's, or the answer is yes. */
+static inline int spsi_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1) {
+    const spsi_rays *rays = &map->rays[face];
+    const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
+    spsi_v q[2][3], cell[2], deepest;
+    int clear = 0, wide = 0; /* bits: lanes that miss the face; lanes whose ends are too far apart to tell */
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
+        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
+        q[0][i] = spsi_fma(d0, slope, base);
+        q[1][i] = spsi_fma(d1, slope, base);
+    }
+    deepest = spsi_sub(spsi_max(q[0][2], q[1][2]), spsi_set((float)rays->depth_reference));
+    if (rays->perspective) {
+        clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
+        wide = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
+        for (int end = 0; end < 2; ++end)
+            for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], spsi_max(q[end][2], near_t));
+    }
+    for (int i = 0; i < 2; ++i) {
+        const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
+        clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~wide;
+        wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
+        cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
+        cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
+    }
+    wide |= spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest));
+    return (wide & ~clear) != 0;
 }
 
 /* The depth of polygons at pixels that may lie outside of the image, which repeats its edge. */
@@ -3468,19 +3532,23 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
 /* The share of a ray's way through a slab that polygons leave in the light. The way is looked at in four parts, since a
    shadow's edge may cross it sideways. */
 static spsi_v spsi_lit_share(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab) {
-    const int parts = 4;
+    enum { parts = 4 };
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
     const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / (float)parts));
-    spsi_v sum = spsi_set(0);
-    if (shader->map->face_count == 0) return spsi_set(1);
-    for (int i = 0; i < parts; ++i) {
-        const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-        spsi_v share = spsi_set(1);
-        for (int face = 0; face < shader->map->face_count; ++face)
-            share = spsi_min(share, spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
-        sum = spsi_add(sum, share);
+    spsi_v share[parts], sum = spsi_set(0);
+    int shaded = 0;
+    for (int i = 0; i < parts; ++i) share[i] = spsi_set(1);
+    for (int face = 0; face < shader->map->face_count; ++face) {
+        if (!spsi_map_may_shade(shader->map, face, p->at, (float)p->y, from, to)) continue;
+        shaded = 1;
+        for (int i = 0; i < parts; ++i) {
+            const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
+            share[i] = spsi_min(share[i], spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
+        }
     }
+    if (!shaded) return spsi_set(1);
+    for (int i = 0; i < parts; ++i) sum = spsi_add(sum, share[i]);
     return spsi_mul(sum, spsi_set(1.0f / (float)parts));
 }
 
@@ -3521,41 +3589,63 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* --- polygons: one pixel at a time, in double precision --- */
 
-/* Whether one texel of a depth map leaves a surface's point in the light. The texel's ray is compared with the depth at
-   which it meets the surface's own tangent plane, so that a flat surface does not shade itself however grazing the
+/* A point of a surface as a depth map sees it. The map's ray through (x + dx, y + dy) meets the surface's own tangent
+   plane `unit` r / (facing + turning r) before t, r = dx rise[0] + dy rise[1]. */
+typedef struct spsi_map_point {
+    double x, y, t;
+    double rise[2], facing, turning, unit;
+    double least_facing; /* where the plane is turned away so far, no depth is asked of it */
+    double texel;        /* a texel's size in the world */
+    double curved;       /* what a curved surface may rise by, per length */
+} spsi_map_point;
+
+static void spsi_map_point_build(const spsi_rays *rays, const double q[3], const double plane[3], double turn,
+                                 spsi_map_point *at) {
+    const double grazing = 1e-5, curved_grazing = 0.02;
+    double ray[3], length;
+    spsi_ray_direction(rays, q[0], q[1], ray);
+    length = spsi_length(ray);
+    at->x = q[0], at->y = q[1], at->t = q[2];
+    at->rise[0] = spsi_dot(plane, rays->a);
+    at->rise[1] = spsi_dot(plane, rays->b);
+    at->facing = spsi_dot(plane, ray);
+    at->turning = rays->perspective;
+    at->unit = rays->perspective ? q[2] : 1;
+    at->least_facing = grazing * length;
+    at->texel = at->unit * spsi_length(rays->a);
+    at->curved = 2 * turn / fmax(fabs(at->facing) / length, curved_grazing);
+}
+
+/* Whether one texel of a depth map leaves a surface's point in the light. The texel is compared with the depth at which
+   its ray meets the surface's own tangent plane, so that a flat surface does not shade itself however grazing the
    light. On curved meshes neighbouring facets turn by about the angle between the facet and its shading normal; what
    they rise by over the distance to the texel is let pass. */
-static int spsi_texel_lights(const spsi_rays *rays, float texel, double x, double y, const double point[3], double t,
-                             const double plane[3], double turn) {
-    const double grazing = 1e-5, curved_grazing = 0.02;
-    double foot[3], ray[3], offset[3], cosine, own = 0, bias;
-    spsi_ray_point(rays, x, y, t, foot);
-    spsi_ray_direction(rays, x, y, ray);
-    spsi_along(point, foot, -1, offset);
-    cosine = spsi_dot(plane, ray) / spsi_length(ray);
-    if (fabs(cosine) > grazing) own = spsi_dot(plane, offset) / spsi_dot(plane, ray);
-    bias = 2 * turn * spsi_length(offset) / fmax(fabs(cosine), curved_grazing);
-    bias += 1e-6 * (fabs(t) + fabs(own) + spsi_length(offset)); /* the texel is a float */
-    return (double)texel + rays->depth_reference >= t + own - bias;
+static int spsi_texel_lights(const spsi_map_point *at, double texel, double dx, double dy) {
+    const double rise = dx * at->rise[0] + dy * at->rise[1], facing = at->facing + at->turning * rise;
+    const double own = fabs(facing) > at->least_facing ? -at->unit * rise / facing : 0;
+    const double apart = at->texel * sqrt(dx * dx + dy * dy);
+    const double rounding = 1e-6 * (fabs(at->t) + fabs(own) + apart); /* the texel is a float */
+    return texel >= at->t + own - at->curved * apart - rounding;
 }
 
 /* The share of a light that a depth map lets through to a point on a surface: four texels about it, weighted. */
 static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double normal[3],
                                   const double plane[3]) {
-    double turn[3];
-    spsi_along(normal, plane, -1, turn);
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        double q[3], sum = 0, x, y;
+        double q[3], turn[3], sum = 0, x, y;
+        spsi_map_point at;
         spsi_project(rays, point, q);
         if (rays->perspective && !(q[2] > 0)) continue;
         if (!(q[0] >= 0 && q[1] >= 0 && q[0] <= rays->width - 1 && q[1] <= rays->height - 1)) continue;
-        x = fmin(floor(q[0]), rays->width - 2);
-        y = fmin(floor(q[1]), rays->height - 2);
+        spsi_along(normal, plane, -1, turn);
+        spsi_map_point_build(rays, q, plane, spsi_length(turn), &at);
+        x = spsi_least((int)q[0], rays->width - 2);
+        y = spsi_least((int)q[1], rays->height - 2);
         for (int i = 0; i < 4; ++i) {
             const double tx = x + (i & 1), ty = y + (i >> 1);
             const float texel = map->depths[face][(size_t)ty * (size_t)rays->width + (size_t)tx];
-            if (spsi_texel_lights(rays, texel, tx, ty, point, q[2], plane, spsi_length(turn)))
+            if (spsi_texel_lights(&at, (double)texel + rays->depth_reference, tx - q[0], ty - q[1]))
                 sum += (1 - fabs(q[0] - tx)) * (1 - fabs(q[1] - ty));
         }
         return sum;
@@ -3563,27 +3653,31 @@ static double spsi_map_visibility(const spsi_depth_map *map, const double point[
     return 1;
 }
 
+/* As spsi_bilinear, for one place. */
+static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
+    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
+    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
+    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
+    const double fx = cx - ix, fy = cy - iy;
+    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
+    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
+}
+
 /* Optical depth between the sweep's light and a point, by the planes of the chunk at hand. */
 static double spsi_light_depth(const spsi_shader *shader, const double point[3]) {
     const spsi_sweep *sweep = shader->sweep;
     const spsi_planes *planes = shader->planes;
-    double q[3], slab, share;
-    float lanes[SPSI_LANES];
+    double q[3], slab, before, after;
     int k;
-    spsi_v x, y;
     if (!planes->width) return 0;
     spsi_project(&sweep->rays, point, q);
     if (sweep->rays.perspective && !(q[2] > 0)) return 0;
     slab = (spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness - shader->first_slab;
     slab = fmin(fmax(slab, 0), SPSI_CHUNK);
     k = spsi_least((int)slab, SPSI_CHUNK - 1);
-    share = slab - k;
-    x = spsi_set((float)fmin(fmax(q[0], -1), planes->width));
-    y = spsi_set((float)fmin(fmax(q[1], -1), planes->height));
-    spsi_store(lanes, spsi_mix(spsi_bilinear(planes->depth[k], planes->width, planes->height, x, y),
-                               spsi_bilinear(planes->depth[k + 1], planes->width, planes->height, x, y),
-                               spsi_set((float)share)));
-    return (double)lanes[0];
+    before = spsi_bilinear_at(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+    after = spsi_bilinear_at(planes->depth[k + 1], planes->width, planes->height, q[0], q[1]);
+    return before + (slab - k) * (after - before);
 }
 
 /* Position, normals and reflectance where a pixel meets its polygon; both normals are turned towards the eye. */
@@ -3766,7 +3860,8 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, i
    15 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
    look up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so
    every pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the
-   list; tiles without bricks cost one comparison per brick of the chunk. */
+   list; tiles without bricks cost one comparison per brick of the chunk. Once the rays through a patch of 8 x 8 pixels
+   or texels have all ended, footprints that meet nothing else cost one test, and its pixels are not shaded. */
 
 /* Pixels are tested by inclusive boxes, slabs by chunks. */
 typedef struct spsi_span {
@@ -3793,7 +3888,7 @@ typedef struct spsi_run {
     int margin, slab_count; /* slabs to composite in this chunk; 0: polygons only */
     float low, high;        /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
-    unsigned char *finished;                /* per tile of the region: opaque throughout */
+    uint64_t *open;                         /* per tile of the region: its patches whose rays have not all ended */
     float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
 } spsi_run;
 
@@ -3911,6 +4006,7 @@ static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_ray
     tile->nearest_limit = SPSI_INFINITY;
     tile->x0 = column * SPSI_TILE_WIDTH - margin;
     tile->y0 = row * SPSI_TILE_HEIGHT - margin;
+    tile->margin = margin;
     tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
     tile->x1 = spsi_least(tile->x0 + tile->pitch, rays->width + margin) - 1;
     tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, rays->height + margin) - 1;
@@ -3925,11 +4021,15 @@ static void spsi_light_task(void *data, int index, int worker) {
     const int column = index % run->planes.tiles_x, row = index / run->planes.tiles_x;
     spsi_tile tile;
     spsi_tile_place(run, &tile, &run->sweep->rays, column, row, 0, worker);
-    if (!spsi_tile_splat(run, &tile, column, row, 1, spsi_light_sheet_floats(run->frame))) {
+    tile.open = run->planes.open[index];
+    if (!tile.open || !spsi_tile_splat(run, &tile, column, row, 1, spsi_light_sheet_floats(run->frame))) {
         spsi_planes_level(&run->planes, index);
         return;
     }
     spsi_light_accumulate(&run->light_shader, &tile, tile.x1);
+    run->planes.open[index] =
+        spsi_patches_open(run->planes.depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)run->planes.width + (size_t)tile.x0,
+                          (size_t)run->planes.width, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, SPSI_LIGHT_END);
     run->planes.uneven[index] = 1;
     run->counts[worker][0] += tile.visits;
     run->counts[worker][1] += tile.fragments;
@@ -3940,15 +4040,13 @@ static void spsi_level_task(void *data, int index, int worker) {
     spsi_planes_level(&((spsi_run *)data)->planes, index);
 }
 
-/* Whether every pixel of a tile has gone opaque. */
-static int spsi_tile_finished(const spsi_run *run, const spsi_tile *tile, int x0, int y0) {
+/* The patches of a tile of the image whose rays have not all ended. */
+static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
-    for (int y = y0; y <= spsi_least(tile->y1, y0 + SPSI_TILE_HEIGHT - 1); ++y)
-        for (int x = x0; x <= spsi_least(tile->x1, x0 + SPSI_TILE_WIDTH - 1); ++x) {
-            const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-            if (shader->depth[at] < shader->end_depth) return 0;
-        }
-    return 1;
+    const size_t at = (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
+    return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
+                             spsi_least(SPSI_TILE_WIDTH, run->frame->eye.width - x0),
+                             spsi_least(SPSI_TILE_HEIGHT, run->frame->eye.height - y0), shader->end_depth);
 }
 
 static void spsi_eye_task(void *data, int index, int worker) {
@@ -3960,8 +4058,9 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int polygons = range[0] < run->high && range[1] >= run->low;
     int touched = 0;
     spsi_tile tile;
-    if (run->finished[index]) return;
+    if (!run->open[index]) return;
     spsi_tile_place(run, &tile, &run->frame->eye, column, row, run->margin, worker);
+    tile.open = run->open[index];
     if (range[0] <= range[1]) {
         tile.limits = run->shader.hits;
         tile.limit_width = width;
@@ -3976,12 +4075,13 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-            run->counts[worker][4] +=
-                (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y, spsi_least(SPSI_LANES, width - x),
-                                            touched ? SPSI_CHUNK : 0, run->low, run->high);
+            if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
+                run->counts[worker][4] +=
+                    (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y, spsi_least(SPSI_LANES, width - x),
+                                                touched ? SPSI_CHUNK : 0, run->low, run->high);
     run->counts[worker][2] += tile.visits;
     run->counts[worker][3] += tile.fragments;
-    if (!run->sweep->back_to_front) run->finished[index] = (unsigned char)spsi_tile_finished(run, &tile, x0, y0);
+    if (!run->sweep->back_to_front) run->open[index] = spsi_tile_open(run, x0, y0);
 }
 
 /* The slab coordinates of the polygons in a tile and its margin, and their least depth. */
@@ -4012,7 +4112,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     run->polygon_range[index][0] = low;
     run->polygon_range[index][1] = high;
     run->polygon_range[index][2] = nearest;
-    run->finished[index] = 0;
+    run->open[index] = ~UINT64_C(0);
 }
 
 /* --- setting up a sweep --- */
@@ -4028,15 +4128,18 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels * (SPSI_CHUNK + 1) + tiles / sizeof(float) + 1,
-                                   sizeof(float));
-    if (!memory) return context->result;
+    /* a tile's number and flag take less than one more texel */
+    planes->open =
+        (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, (SPSI_CHUNK + 1) * sizeof(float));
+    if (!planes->open) return context->result;
+    memory = (float *)(void *)(planes->open + tiles);
     planes->width = sweep->rays.width;
     planes->height = sweep->rays.height;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
     planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
     memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
     memset(planes->uneven, 0, tiles);
+    memset(planes->open, 0xff, tiles * sizeof *planes->open);
     return SPS_OK;
 }
 
@@ -4090,11 +4193,11 @@ static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
     tiles = (size_t)run->tiles_x * (size_t)run->tiles_y;
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
-    run->polygon_range = (float(*)[3])spsi_reserve(context, SPSI_BUFFER_TILES, tiles, 3 * sizeof(float) + 1);
+    run->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, sizeof(uint64_t) + 3 * sizeof(float));
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
-    if (!run->polygon_range || !memory) return context->result;
+    if (!run->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
-    run->finished = (unsigned char *)(run->polygon_range + tiles);
+    run->polygon_range = (float(*)[3])(void *)(run->open + tiles);
     run->shader.x_origin = run->tile_x0 * SPSI_TILE_WIDTH;
     run->shader.y_origin = run->tile_y0 * SPSI_TILE_HEIGHT;
     run->shader.pitch = run->tiles_x * SPSI_TILE_WIDTH;
@@ -4169,7 +4272,7 @@ static void spsi_run_find_bricks(spsi_run *run, int chunk) {
 
 static int spsi_run_finished(const spsi_run *run) {
     for (int i = 0; i < run->tiles_x * run->tiles_y; ++i)
-        if (!run->finished[i]) return 0;
+        if (run->open[i]) return 0;
     return 1;
 }
 
@@ -4209,7 +4312,7 @@ static void spsi_run_count(spsi_run *run) {
         stats->eye_fragments += run->counts[i][3];
         stats->pixels_shaded += run->counts[i][4];
     }
-    for (int i = 0; i < run->tiles_x * run->tiles_y; ++i) stats->tiles_finished += run->finished[i];
+    for (int i = 0; i < run->tiles_x * run->tiles_y; ++i) stats->tiles_finished += run->open[i] == 0;
 }
 
 static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
@@ -4325,12 +4428,41 @@ static void spsi_map_cube_face(const sps_light *light, int face, int size, spsi_
     spsi_rays_complete(rays);
 }
 
+/* Cells on a side of a map of `size` texels. */
+static int spsi_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
+
+/* Fills the cells of one face of a depth map. */
+static void spsi_map_cells_build(spsi_depth_map *map, int face) {
+    const int width = map->rays[face].width, height = map->rays[face].height;
+    const int columns = spsi_map_cells(width), rows = spsi_map_cells(height);
+    map->cells[face] = columns;
+    for (int i = 0; i < columns * rows; ++i) map->nearest[face][i] = SPSI_INFINITY;
+    for (int row = 0; row < rows; ++row)
+        for (int column = 0; column < columns; ++column) {
+            float least = SPSI_INFINITY;
+            for (int y = row * SPSI_CELL; y < spsi_least(height, (row + 1) * SPSI_CELL); ++y)
+                for (int x = column * SPSI_CELL; x < spsi_least(width, (column + 1) * SPSI_CELL); ++x) {
+                    const float depth = map->depths[face][(size_t)y * (size_t)width + (size_t)x];
+                    least = depth < least ? depth : least;
+                }
+            for (int y = spsi_most(row - 1, 0); y <= spsi_least(row + 1, rows - 1); ++y)
+                for (int x = spsi_most(column - 1, 0); x <= spsi_least(column + 1, columns - 1); ++x)
+                    if (least < map->nearest[face][y * columns + x]) map->nearest[face][y * columns + x] = least;
+        }
+}
+
+/* Floats that one face of a depth map takes. */
+static size_t spsi_map_floats(const spsi_rays *rays) {
+    return (size_t)rays->width * (size_t)rays->height +
+           (size_t)spsi_map_cells(rays->width) * (size_t)spsi_map_cells(rays->height);
+}
+
 /* Rasterises the polygons as a light sees them: in one map, or in six where they lie all round a point light. */
 static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, int light,
                                  spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_map_size(frame));
     float *memory;
-    size_t texels = 0;
+    size_t floats = 0;
     map->face_count = 0;
     if (light < 0 || faces->count == 0) return SPS_OK;
     map->face_count = 1;
@@ -4339,14 +4471,15 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
         for (int face = 0; face < 6; ++face)
             spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
     }
-    for (int face = 0; face < map->face_count; ++face)
-        texels += (size_t)map->rays[face].width * (size_t)map->rays[face].height;
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, texels, sizeof(float));
+    for (int face = 0; face < map->face_count; ++face) floats += spsi_map_floats(&map->rays[face]);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
     for (int face = 0; face < map->face_count; ++face) {
         map->depths[face] = memory;
-        memory += (size_t)map->rays[face].width * (size_t)map->rays[face].height;
+        map->nearest[face] = memory + (size_t)map->rays[face].width * (size_t)map->rays[face].height;
+        memory += spsi_map_floats(&map->rays[face]);
         spsi_rasterise(context, faces, &map->rays[face], NULL, map->depths[face], map->rays[face].width);
+        spsi_map_cells_build(map, face);
     }
     return SPS_OK;
 }
@@ -4489,13 +4622,13 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t side = (size_t)spsi_most(sweep->rays.width, sweep->rays.height);
     size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
-    eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 13;
+    eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
     if (sweep->light >= 0 && frame->medium_count > 0 && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
-        const size_t light = side * side * (SPSI_CHUNK + 1) * sizeof(float) + tiles + 8;
+        const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float);
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     }
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slab_count : 0);
@@ -4547,7 +4680,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->eye.width * (size_t)frame->eye.height * sizeof(spsi_hit) + SPSI_BLOCK_BYTES;
         if (frame->shadow_count > 0)
-            report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = (size * size + size * size / 2 + 6 * 64) * sizeof(float);
+            report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
+                (size * size / 2 * 3 + 6 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) + 6 * 64) * sizeof(float);
     }
     for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);

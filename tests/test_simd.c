@@ -111,7 +111,7 @@ static void test_quads(void) {
     spsi_v quad[4];
     for (int i = 0; i < 77; ++i) grid[i] = (float)i;
     for (int i = 0; i < SPSI_LANES; ++i) x[i] = (float)(i * 5 % 10), y[i] = (float)(i * 3 % 6);
-    spsi_gather_quad(grid, 11, spsi_load(x), spsi_load(y), quad);
+    spsi_lookup_quad(grid, 11, spsi_load(x), spsi_load(y), quad);
     for (int k = 0; k < 4; ++k) {
         spsi_store(out[k], quad[k]);
         for (int i = 0; i < SPSI_LANES; ++i)

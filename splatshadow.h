@@ -81,8 +81,11 @@ ERRORS   Every call returns sps_result; sps_error gives one sentence that names 
 THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
     parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, clock, allocator) run on
     the calling thread, one at a time, and must not call into the same context.
-REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image.
-LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15.
+REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
+    several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
+LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
+    voxels are told apart from 1e-14 to 1e10 world units, and polygons' shadows from point lights up to 1e7 times as far
+    away as what they light is wide.
     Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
     0; a polygon counts as 1e15. A classified volume wants slabs of a voxel or less, since it is the mean value of a
     slab that is classified.
@@ -121,22 +124,23 @@ typedef enum sps_result {
 } sps_result;
 
 /* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads, and return when all are done. `worker` is 0..worker_count-1 and never the same for two calls that run
-   at the same moment. */
+   threads, and return when all are done and what they wrote is visible to the caller. `worker` is 0..worker_count-1
+   and never the same for two calls that run at the same moment. Tasks do not block, do not call back, and take up to
+   16 KB of stack. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
 /* All zero is valid: malloc, no threads, silence, no limit. Copied by sps_create. */
 typedef struct sps_config {
-    uint32_t start_canary;                      /* leave 0 */
-    void *(*alloc_fn)(void *user, size_t size); /* set both or neither; alignment as malloc's */
-    void (*free_fn)(void *user, void *pointer, size_t size);
-    sps_parallel_for_fn parallel_for_fn;              /* NULL: the calling thread does all */
-    int worker_count;                                 /* 1..1024 with parallel_for_fn; 0 means 1 */
-    int (*progress_fn)(void *user, float fraction);   /* called often, 0..1, never falling; non-zero cancels */
-    void (*message_fn)(void *user, const char *text); /* one line without newline: errors, replaced data */
-    double (*clock_fn)(void *user);                   /* seconds; NULL: sps_stats reports no times */
-    size_t memory_limit;                              /* bytes; 0: none */
+    uint32_t start_canary;                                   /* leave 0 */
+    void *(*alloc_fn)(void *user, size_t size);              /* set both or neither; alignment as malloc's */
+    void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as it was asked for */
+    sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
+    int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
+    int (*progress_fn)(void *user, float fraction);          /* called often, 0..1, never falling; non-zero cancels */
+    void (*message_fn)(void *user, const char *text);        /* one line without newline: errors, replaced data */
+    double (*clock_fn)(void *user);                          /* seconds; NULL: sps_stats reports no times */
+    size_t memory_limit;                                     /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
     uint32_t end_canary; /* leave 0 */
 } sps_config;
@@ -193,7 +197,9 @@ typedef struct sps_volume {
     /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
-    uint64_t revision; /* not 0: the voxels are kept for the next call, and read again when this changes */
+    /* Not 0: the voxels of all volumes are kept for the next call, if every volume has a revision and none has changed;
+       else all are read again. */
+    uint64_t revision;
 
     float extinction;      /* gas: per world unit at value 1, >= 0 */
     float albedo[3];       /* gas: 0..1; all zero: absorbs only */
@@ -218,8 +224,9 @@ typedef struct sps_triangle {
 /* Opaque triangles, lit on both sides. Degenerate triangles are left out; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
-    size_t triangle_count; /* 0: no mesh; at most 2^31 - 1 */
-    /* Writes `count` triangles from `first` on; asked in blocks of 256, each once a call. Non-zero: failure. */
+    size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
+    /* Writes `count` triangles from `first` on; asked in blocks of 256, each once a call. `out` comes zeroed.
+       Non-zero: failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
@@ -275,7 +282,7 @@ typedef enum sps_quality {
 typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
-    double position[3], target[3], up[3]; /* up zero or along the view: some axis is chosen */
+    double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
     double field_of_view;                 /* vertical angle, up to 3.1; 0: orthographic */
     double ortho_height;                  /* orthographic: world height of the image; 0 means 1 */
     /* Instead of all above but the size: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth
@@ -292,11 +299,15 @@ typedef struct sps_view {
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
-/* The caller's buffers, of the region's size. */
+/* The caller's buffers: for a region of W x H pixels, (H - 1) * row_pixels + W of them. Written on SPS_OK only. */
 typedef struct sps_image {
-    float *rgba;       /* radiance, background included, and coverage (1 - transmittance), without it */
-    float *depth;      /* optional: mean distance along the ray of what is seen, weighted by coverage; none: infinity */
-    size_t row_pixels; /* pixels from one row to the next; 0 means the region's width */
+    /* Four floats a pixel: radiance, background included, and coverage (1 - transmittance), without it. Against a black
+       background that is premultiplied alpha. */
+    float *rgba;
+    /* Optional, a float a pixel: mean distance from the eye along the ray, in world units, of what is seen, weighted by
+       coverage; infinity where nothing is. */
+    float *depth;
+    size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
 
 typedef enum sps_pass {
@@ -332,6 +343,8 @@ typedef struct sps_plan_report {
 } sps_plan_report;
 
 typedef struct sps_stats_report {
+    /* By clock_fn: voxels and triangles read; triangles rasterised; bricks sorted; a light's sheets; the eye's sheets,
+       shading and the image; all of the call. */
     double seconds_gather, seconds_polygons, seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, background_calls;
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
@@ -353,7 +366,8 @@ typedef struct sps_context sps_context; /* opaque */
 /* The version of the compiled implementation, as SPS_VERSION. */
 SPS_API int sps_version(void);
 
-/* A new context; NULL if config is malformed or memory is short. config may be NULL: all defaults. */
+/* A new context. config may be NULL: all defaults. Gives NULL where a canary of config is not 0, only one of alloc_fn
+   and free_fn is set, worker_count is not 0..1024, or memory is short or limited to less than a context takes. */
 SPS_API sps_context *sps_create(const sps_config *config);
 
 /* Frees everything the context holds. NULL is allowed. */
@@ -381,7 +395,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
-/* What the last sps_render or sps_reference did; counts stand also after a failure. */
+/* What the last sps_render, sps_reference or sps_plan did; counts stand also after a failure. */
 SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
@@ -410,6 +424,8 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #include <stdlib.h>
 #define SPS_MALLOC(n) malloc(n)
 #define SPS_FREE(p)   free(p)
+#elif !defined(SPS_FREE)
+#error "SPS_MALLOC is defined, and SPS_FREE is not"
 #endif
 #ifndef SPS_SNPRINTF
 #include <stdio.h>
@@ -420,16 +436,17 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
 #define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them still count in an int */
-#define SPSI_SLABS_MAX      (1 << 20) /* slab coordinates within a chunk stay exact in a float far beyond this */
+#define SPSI_SLABS_MAX      (1 << 20) /* look-ups along the eye's rays tell a sixteenth of a slab at this many */
 #define SPSI_VOLUMES_MAX    64
 #define SPSI_LOBES_MAX      8
 #define SPSI_WORKERS_MAX    1024
-#define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it still have room in a double */
-#define SPSI_VALUE_MIN      1e-30f /* smaller ones would only make denormal numbers */
-#define SPSI_RADIANCE_MAX   1e30f  /* cap of what one sheet emits, so that sums stay finite */
-#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
-#define SPSI_LIGHT_END      16.0f  /* optical depth from which on a light's is not followed: 1e-7 is left of it */
+#define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still count in an int */
+#define SPSI_VALUE_MAX      1e18f     /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_COORDINATE_MAX 1e15      /* products of squares of it still have room in a double */
+#define SPSI_VALUE_MIN      1e-30f    /* smaller ones would only make denormal numbers */
+#define SPSI_RADIANCE_MAX   1e30f     /* cap of what one sheet emits, so that sums stay finite */
+#define SPSI_DEPTH_MAX      1e15f     /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
+#define SPSI_LIGHT_END      16.0f     /* optical depth from which on a light's is not followed: 1e-7 is left of it */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
@@ -440,8 +457,8 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #define SPSI_MARGIN      3  /* voxels around a block that decide which of its voxels a transfer function shows */
 
 /* ================================================================================================= >>simd
-   2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a truth value for each. All that is above this section
-   is written once, for any width; lanes never mix, so results do not depend on the width but for rounding of fused
+   2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a truth value for each. All code further down is
+   written once, for any width; lanes never mix, so results do not depend on the width but for rounding of fused
    multiply-add. Only this section names an instruction set. */
 
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
@@ -453,7 +470,7 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 #elif !defined(SPS_NO_SIMD) && (defined(__SSE2__) || defined(_M_X64))
 #define SPSI_SIMD_SSE2
 #include <emmintrin.h>
-#elif !defined(SPS_NO_SIMD) && defined(__ARM_NEON) && defined(__aarch64__)
+#elif !defined(SPS_NO_SIMD) && (defined(__ARM_NEON) && defined(__aarch64__) || defined(_M_ARM64))
 #define SPSI_SIMD_NEON
 #include <arm_neon.h>
 #endif
@@ -567,8 +584,8 @@ static inline spsi_v spsi_sub(spsi_v a, spsi_v b) { return vsubq_f32(a, b); }
 static inline spsi_v spsi_mul(spsi_v a, spsi_v b) { return vmulq_f32(a, b); }
 static inline spsi_v spsi_div(spsi_v a, spsi_v b) { return vdivq_f32(a, b); }
 static inline spsi_v spsi_fma(spsi_v a, spsi_v b, spsi_v c) { return vfmaq_f32(c, a, b); }
-static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return vminq_f32(a, b); }
-static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return vmaxq_f32(a, b); }
+static inline spsi_v spsi_min(spsi_v a, spsi_v b) { return vminnmq_f32(a, b); }
+static inline spsi_v spsi_max(spsi_v a, spsi_v b) { return vmaxnmq_f32(a, b); }
 static inline spsi_v spsi_sqrt(spsi_v a) { return vsqrtq_f32(a); }
 static inline spsi_v spsi_round(spsi_v a) { return vrndnq_f32(a); }
 static inline spsi_v spsi_floor(spsi_v a) { return vrndmq_f32(a); }
@@ -765,6 +782,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_PIXELS,  /* optical depth and radiance, >>shading */
     SPSI_BUFFER_PLANES,  /* a light's optical depth at the slabs of a chunk, >>lightsheets */
     SPSI_BUFFER_SHEETS,  /* a tile of sheets per worker */
+    SPSI_BUFFER_SAMPLES, /* what the volumes are at a vector of pixels, per worker, >>shading */
     SPSI_BUFFER_SPANS,   /* which slabs and pixels each brick touches, >>sweep */
     SPSI_BUFFER_CHUNK,   /* the bricks of one chunk */
     SPSI_BUFFER_TILES,   /* what is known of each tile */
@@ -1135,8 +1153,8 @@ static void spsi_transfer_at_points(const sps_transfer *transfer, float value, f
     out[3] = points[low].extinction + t * (points[high].extinction - points[low].extinction);
 }
 
-static sps_result spsi_transfer_from_callback(sps_context *context, const sps_transfer *transfer, float last,
-                                              spsi_table *table) {
+static sps_result spsi_transfer_from_callback(sps_context *context, const sps_transfer *transfer, int volume,
+                                              float last, spsi_table *table) {
     enum { BATCH = 64 };
     float values[BATCH];
     sps_transfer_point points[BATCH];
@@ -1145,7 +1163,7 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
         memset(points, 0, sizeof points);
         for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
         if (transfer->eval_fn(transfer->user, (size_t)count, values, points))
-            return spsi_fail(context, SPS_ERROR_CALLBACK, "transfer.eval_fn failed");
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", volume, "transfer.eval_fn", 1, "it failed");
         for (int i = 0; i < count; ++i) {
             memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
             table->entry[first + i][3] = points[i].extinction;
@@ -1167,9 +1185,10 @@ static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.points.value",
                                    (double)value, "values must be >= 0 and rise from point to point");
     }
-    if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX))
+    if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX) ||
+        (transfer->value_max > 0 && transfer->value_max < SPSI_VALUE_MIN))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.value_max",
-                               (double)transfer->value_max, "it must be 0 or positive");
+                               (double)transfer->value_max, "it must be 0 or 1e-30..1e18");
     return SPS_OK;
 }
 
@@ -1179,9 +1198,9 @@ static sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfe
     float last = transfer->value_max;
     if (spsi_transfer_check(context, transfer, volume)) return context->result;
     if (!(last > 0) && transfer->points) last = transfer->points[transfer->point_count - 1].value;
-    if (!(last > 0)) last = 1;
+    if (!(last >= SPSI_VALUE_MIN)) last = 1; /* values below it count as 0 */
     material->table_scale = SPSI_TABLE_SIZE / last;
-    if (!transfer->points && spsi_transfer_from_callback(context, transfer, last, material->table))
+    if (!transfer->points && spsi_transfer_from_callback(context, transfer, volume, last, material->table))
         return context->result;
     material->table->shown[0] = 0;
     for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
@@ -1207,7 +1226,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 }
 
 /* ================================================================================================ >>scene
-   8  The frame: a scene and a view, checked, with every default filled in. Nothing above this section reads a caller's
+   8  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
    zero. */
 
 typedef struct spsi_medium { /* a volume that holds voxels */
@@ -1275,6 +1294,8 @@ static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
     return sqrt(sum);
 }
 
+#define SPSI_PLACEMENT_RULE "it must not be 0, and all coordinates must be within 1e15"
+
 /* Copies a placement with the identity for all-zero axes; gives 0 where it is not finite or flat. */
 static int spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
@@ -1309,15 +1330,16 @@ static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume,
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     const char *name = "volume";
     if (volume->start_canary || volume->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "canary", 1, "the struct was not zeroed");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "canary",
+                               (double)(volume->start_canary | volume->end_canary), "the struct was not zeroed");
     for (int k = 0; k < 3; ++k)
         if (volume->size[k] < 0 || volume->size[k] > 65536)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "size", volume->size[k],
                                    "it must be 0..65536");
     if (!spsi_volume_present(volume)) return SPS_OK;
     if (!volume->read_fn == !volume->eval_fn)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "read_fn", 0,
-                               "exactly one of read_fn and eval_fn must be set");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "read_fn and eval_fn: their number",
+                               volume->read_fn ? 2 : 0, "it must be 1");
     if (volume->lobe_count < 0 || volume->lobe_count > SPSI_LOBES_MAX || (volume->lobe_count > 0 && !volume->lobes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobe_count", volume->lobe_count,
                                "it must be 0..8, with lobes set");
@@ -1346,10 +1368,11 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
 
 static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
     if (mesh->start_canary || mesh->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "canary", 1, "the struct was not zeroed");
-    if (mesh->triangle_count > 0x7fffffff)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "canary",
+                               (double)(mesh->start_canary | mesh->end_canary), "the struct was not zeroed");
+    if (mesh->triangle_count > SPSI_FACES_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "triangle_count", (double)mesh->triangle_count,
-                               "it must be below 2^31");
+                               "it must be 0..2^29");
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "read_fn", 0, "it must be set");
     if (spsi_bad_colour(mesh->color, 1))
@@ -1362,7 +1385,8 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     const double *bad;
     double direction[3];
     if (light->start_canary || light->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "canary", 1, "the struct was not zeroed");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "canary",
+                               (double)(light->start_canary | light->end_canary), "the struct was not zeroed");
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
@@ -1382,7 +1406,8 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
     if (scene->start_canary || scene->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "canary", 1, "the struct was not zeroed");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "canary",
+                               (double)(scene->start_canary | scene->end_canary), "the struct was not zeroed");
     if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "volume_count", scene->volume_count,
                                "it must be 0 or more, with volumes set");
@@ -1434,7 +1459,8 @@ static sps_result spsi_check_camera(sps_context *context, const sps_view *view) 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region;
     if (view->start_canary || view->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "canary", 1, "the struct was not zeroed");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "canary",
+                               (double)(view->start_canary | view->end_canary), "the struct was not zeroed");
     if (view->width < 0 || view->width > SPSI_SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "width", view->width, "it must be 0..16384");
     if (view->height < 0 || view->height > SPSI_SIZE_MAX)
@@ -1482,7 +1508,14 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
         if (!spsi_rays_from_matrix(eye, view->world_to_clip))
             return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip cannot be inverted");
     } else if (!spsi_rays_from_camera(eye, view)) {
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
+        double forward[3];
+        spsi_along(view->target, view->position, -1, forward);
+        if (!spsi_normalise(forward))
+            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1,
+                               eye->perspective ? "field_of_view" : "ortho_height",
+                               eye->perspective ? view->field_of_view : view->ortho_height,
+                               "pixels of that size cannot be told apart, or do not fit into the world");
     }
     eye->near_depth =
         view->world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
@@ -1527,7 +1560,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
     if (volume->transfer) {
         material.table = table;
         material.shading = volume->shading;
-        material.gradient_scale = 1 / (volume->gradient_full > 0 ? volume->gradient_full : 0.05f);
+        material.gradient_scale = 1 / fmaxf(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
         material.voxel_length = (float)cbrt(medium->voxel_volume);
         material.specular = volume->specular;
         material.shininess = volume->shininess > 0 ? volume->shininess : 32;
@@ -1548,12 +1581,12 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
 
 static int spsi_medium_place(spsi_medium *medium) {
     sps_placement placement;
-    if (!spsi_placement_resolve(&medium->volume->placement, &placement)) return 0;
+    const int resolved = spsi_placement_resolve(&medium->volume->placement, &placement);
     memcpy(medium->corner, placement.origin, sizeof medium->corner);
     for (int axis = 0; axis < 3; ++axis)
         for (int i = 0; i < 3; ++i) medium->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
     medium->voxel_volume = fabs(spsi_determinant(medium->step[0], medium->step[1], medium->step[2]));
-    return medium->voxel_volume > 0;
+    return resolved && medium->voxel_volume > 0;
 }
 
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) {
@@ -1571,8 +1604,8 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
         medium->volume = volume;
         medium->index = i;
         if (!spsi_medium_place(medium))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "placement", 0,
-                                   "it must be finite, with a determinant that is not 0");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "placement's determinant",
+                                   medium->voxel_volume, SPSI_PLACEMENT_RULE);
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
         frame->light_channel_count |= !volume->transfer; /* number 0 is for gases, where there are any */
@@ -1598,13 +1631,15 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->scene->mesh_count; ++i) {
         sps_placement placement;
         if (!spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "placement", 0,
-                                   "it must be finite, with a determinant that is not 0");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "placement's determinant",
+                                   spsi_determinant(placement.axis[0], placement.axis[1], placement.axis[2]),
+                                   SPSI_PLACEMENT_RULE);
+        /* both are at most SPSI_FACES_MAX, so that the sum fits where a size_t has 32 bits */
         frame->triangle_count += frame->scene->meshes[i].triangle_count;
+        if (frame->triangle_count > SPSI_FACES_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "mesh_count", frame->scene->mesh_count,
+                                   "all meshes together must have 2^29 triangles or fewer");
     }
-    if (frame->triangle_count > 0x7fffffff)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "mesh_count", frame->scene->mesh_count,
-                               "all meshes together must have below 2^31 triangles");
     return SPS_OK;
 }
 
@@ -1988,7 +2023,7 @@ static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
 
 /* A number that changes with whatever decides which voxels are held; 0 where a volume has no revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
-    uint64_t hash = UINT64_C(14695981039346656037);
+    uint64_t hash = spsi_fingerprint(UINT64_C(14695981039346656037), &frame->scene->replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
         const sps_volume *volume = frame->media[i].volume;
         const spsi_material *material = &frame->materials[frame->media[i].channel];
@@ -2007,7 +2042,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* The world bounds of the relevant voxels and their kernels; the whole boxes' are kept where there are none. */
+/* The world bounds of the relevant voxels and their kernels; empty where there are none. */
 static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     frame->volume_bounds = spsi_nowhere;
@@ -2058,7 +2093,7 @@ static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
    sorting out, then three edge functions per pixel of a triangle's bounding box. */
 
 typedef struct spsi_face {
-    float position[3][3]; /* relative to the face origin */
+    double position[3][3]; /* in the world */
     float normal[3][3], color[3][3];
 } spsi_face;
 
@@ -2071,16 +2106,15 @@ typedef struct spsi_hit {
 typedef struct spsi_faces {
     const spsi_face *list;
     int count;
-    double origin[3];
 } spsi_faces;
 
-static int spsi_triangle_finite(const sps_triangle *t, const sps_mesh *mesh) {
+/* Whether a triangle may be had: its colours and normals, and where its corners come to lie in the world. */
+static int spsi_triangle_valid(const sps_triangle *t, const sps_mesh *mesh, double world[3][3]) {
     for (int i = 0; i < 9; ++i) {
-        if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) return 0;
         if (mesh->has_normals && !(fabsf(t->normal[i / 3][i % 3]) <= FLT_MAX)) return 0;
     }
-    for (int i = 0; i < 3 && mesh->has_colors; ++i)
-        if (spsi_bad_colour(t->color[i], 1)) return 0;
+    for (int i = 0; i < 3; ++i)
+        if (spsi_bad_coordinate(world[i], 3) || (mesh->has_colors && spsi_bad_colour(t->color[i], 1))) return 0;
     return 1;
 }
 
@@ -2107,18 +2141,16 @@ static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placeme
 
 /* Turns one triangle into a face; gives 0 where it has no area. */
 static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
-                                   spsi_frame *frame, spsi_faces *faces, spsi_face *face) {
-    double world[3][3], u[3], v[3], own[3];
-    for (int corner = 0; corner < 3; ++corner) spsi_place(placement, triangle->position[corner], world[corner]);
+                                   double world[3][3], spsi_frame *frame, spsi_face *face) {
+    double u[3], v[3], own[3];
     spsi_along(world[1], world[0], -1, u);
     spsi_along(world[2], world[0], -1, v);
     spsi_cross(u, v, own);
     if (!spsi_normalise(own)) return 0;
-    if (faces->count == 0) memcpy(faces->origin, world[0], sizeof faces->origin);
     for (int corner = 0; corner < 3; ++corner) {
         spsi_bounds_add(&frame->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
-            face->position[corner][i] = (float)(world[corner][i] - faces->origin[i]);
+            face->position[corner][i] = world[corner][i];
             face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
         }
     }
@@ -2141,10 +2173,12 @@ static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int 
         if (mesh->read_fn(mesh->user, first, count, triangles))
             return spsi_fail_field(context, SPS_ERROR_CALLBACK, "mesh", index, "read_fn", 1, "it failed");
         for (size_t i = 0; i < count; ++i) {
-            if (!spsi_triangle_finite(&triangles[i], mesh))
+            double world[3][3];
+            for (int k = 0; k < 3; ++k) spsi_place(&placement, triangles[i].position[k], world[k]);
+            if (!spsi_triangle_valid(&triangles[i], mesh, world))
                 return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, "triangle", (double)(first + i),
-                                       "positions and normals must be finite, colours 0..1");
-            if (spsi_face_from_triangle(mesh, &placement, &triangles[i], frame, faces, &list[faces->count]))
+                                       "positions must be within 1e15, normals finite, colours 0..1");
+            if (spsi_face_from_triangle(mesh, &placement, &triangles[i], world, frame, &list[faces->count]))
                 faces->count += 1;
             else
                 context->stats.triangles_degenerate += 1;
@@ -2177,11 +2211,9 @@ typedef struct spsi_edges {
 /* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise; depth apart. */
 static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, double corner[3][3],
                               double depth[3]) {
-    double origin[3];
-    spsi_along(faces->origin, rays->origin, -1, origin);
     for (int i = 0; i < 3; ++i) {
-        const float *p = faces->list[index].position[i];
-        const double offset[3] = {origin[0] + (double)p[0], origin[1] + (double)p[1], origin[2] + (double)p[2]};
+        double offset[3];
+        spsi_along(faces->list[index].position[i], rays->origin, -1, offset);
         spsi_to_rays(rays, offset, corner[i]);
         depth[i] = corner[i][2] - rays->depth_reference;
         if (!rays->perspective) corner[i][2] = 1;
@@ -2533,9 +2565,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    instead. Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14
    vector operations per vector of fragments and section, and 25 per row. */
 
-#define SPSI_NEAR_REACHES                                                                                              \
-    16 /* kernel radii from the eye below which a kernel is integrated along each ray's own way                        \
-        */
+#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
@@ -2545,14 +2575,16 @@ typedef struct spsi_splatter {
     float slab_step[3];           /* change of slab coordinate per voxel along each axis */
     float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
     float covariance[6];          /* of the kernel there: 00 01 02 11 12 22 */
-    float inverse[6];             /* its inverse, and its determinant's root, for the near case */
-    float root_determinant;
-    float weight;      /* integral for value 1, but for what depends on the footprint */
-    float cut;         /* standard deviations at which footprints end */
-    float reach_depth; /* kernel radius in t */
-    float reach_slabs; /* kernel radius along s */
-    float near_depth;  /* t below which the near case applies */
-    float eye_near;    /* t at which rays begin, as t - depth_reference */
+    float weight;                 /* integral for value 1, but for what depends on the footprint */
+    float cut;                    /* standard deviations at which footprints end */
+    float reach_depth;            /* kernel radius in t */
+    float reach_slabs;            /* kernel radius along s */
+    float near_depth;             /* t below which the near case applies */
+    /* For the near case, whose fourth powers need room: in units of t's standard deviation, */
+    float near_unit;
+    float near_covariance[6], near_inverse[6], near_root; /* root: of the determinant */
+    float near_weight;
+    float eye_near; /* t at which rays begin, as t - depth_reference */
     float depth_reference;
 } spsi_splatter;
 
@@ -2615,9 +2647,10 @@ static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, i
     return open;
 }
 
-static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
-                                double cut, spsi_splatter *splatter) {
-    double e[3][3], covariance[3][3], rows[3][3], reach = 0;
+/* Gives 0 where footprints would leave the range of floats. */
+static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
+                               double cut, spsi_splatter *splatter) {
+    double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, weight;
     memset(splatter, 0, sizeof *splatter);
     memset(covariance, 0, sizeof covariance);
     splatter->perspective = rays->perspective;
@@ -2631,25 +2664,36 @@ static void spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays
             covariance[i / 3][i % 3] += SPSI_SIGMA * SPSI_SIGMA * e[axis][i / 3] * e[axis][i % 3];
     }
     spsi_invert(covariance[0], covariance[1], covariance[2], rows);
+    unit = sqrt(covariance[2][2]);
+    root = sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
+    weight = (double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
+             (2 * SPSI_PI * spsi_footprint_mass(cut));
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
             splatter->covariance[k] = (float)covariance[i][j];
-            splatter->inverse[k] = (float)rows[i][j];
+            splatter->near_covariance[k] = (float)(covariance[i][j] / (unit * unit));
+            splatter->near_inverse[k] = (float)(rows[i][j] * unit * unit);
         }
-    splatter->root_determinant = (float)sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
+    splatter->near_unit = (float)unit;
+    splatter->near_root = (float)(root / (unit * unit * unit));
+    splatter->near_weight = (float)(weight * unit / root);
     splatter->slab_x = (float)(spsi_dot(sweep->normal, rays->a) / sweep->thickness);
     splatter->slab_y = (float)(spsi_dot(sweep->normal, rays->b) / sweep->thickness);
     splatter->slab_t = (float)(spsi_dot(sweep->normal, rays->c) / sweep->thickness);
     splatter->sign = 1;
-    splatter->weight =
-        (float)((double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
-                (2 * SPSI_PI * spsi_footprint_mass(cut)));
+    splatter->weight = (float)weight;
     splatter->cut = (float)cut;
     splatter->reach_depth = (float)(cut * sqrt(covariance[2][2]));
     splatter->reach_slabs = (float)(cut * SPSI_SIGMA * sqrt(reach));
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
     splatter->eye_near = rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
+    { /* the widest footprint, in pixels to the fourth power */
+        const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
+        const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
+        return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_weight <= FLT_MAX &&
+               splatter->near_depth <= FLT_MAX && splatter->near_unit >= FLT_MIN;
+    }
 }
 
 /* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional forms, the section. */
@@ -2755,10 +2799,12 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     const spsi_v v = spsi_fma(dy, spsi_set(f->slope_y[i]), spsi_sub(zero, spsi_mul(per_slab, spsi_set(f->slab[i]))));
     const spsi_v v_middle = spsi_fma(dy, spsi_set(f->slope_x[i] * f->lean[i]), v);
     const spsi_v range = spsi_mul(radius, spsi_set(f->spread[i])), slabs = spsi_set(f->slabs[i]);
-    const spsi_v far = spsi_set((float)(tile->slab_count + 1)), before = spsi_set(-1),
+    const spsi_v beyond = spsi_set((float)(tile->slab_count + 1)), before = spsi_set(-1),
                  count = spsi_set((float)tile->slab_count);
-    const spsi_v low = spsi_floor(spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v_middle), slabs), before, far));
-    const spsi_v high = spsi_add(spsi_floor(spsi_clamp(spsi_mul(spsi_sub(range, v_middle), slabs), before, far)), one);
+    const spsi_v low =
+        spsi_floor(spsi_clamp(spsi_mul(spsi_sub(spsi_sub(zero, range), v_middle), slabs), before, beyond));
+    const spsi_v high =
+        spsi_add(spsi_floor(spsi_clamp(spsi_mul(spsi_sub(range, v_middle), slabs), before, beyond)), one);
     const spsi_v first = spsi_max(low, zero);
     const spsi_v x0 = spsi_sub(zero, spsi_floor(spsi_clamp(spsi_sub(half, middle), spsi_set(-2.0f * SPSI_SIZE_MAX),
                                                            spsi_set((float)-tile->x0))));
@@ -2784,19 +2830,19 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
 static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, int x, int y, spsi_v mean,
                                spsi_v per_depth, spsi_v *low, spsi_v *high) {
     float depth[SPSI_LANES];
-    spsi_v far = spsi_set(SPSI_INFINITY), near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
+    spsi_v beyond = spsi_set(SPSI_INFINITY), near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
     if (tile->limits) {
         const int row = spsi_least(spsi_most(y, 0), tile->limit_height - 1); /* margins repeat the edge */
         for (int i = 0; i < SPSI_LANES; ++i) {
             const int column = spsi_least(spsi_most(x + i, 0), tile->limit_width - 1);
             depth[i] = tile->limits[(size_t)row * (size_t)tile->limit_width + (size_t)column].depth;
         }
-        far = spsi_load(depth);
+        beyond = spsi_load(depth);
     }
-    far = spsi_clamp(spsi_mul(spsi_sub(far, mean), per_depth), spsi_set(-2), spsi_set(2));
-    near_v = spsi_clamp(near_v, spsi_set(-2), far);
-    *low = s->sign > 0 ? near_v : spsi_sub(spsi_set(0), far);
-    *high = s->sign > 0 ? far : spsi_sub(spsi_set(0), near_v);
+    beyond = spsi_clamp(spsi_mul(spsi_sub(beyond, mean), per_depth), spsi_set(-2), spsi_set(2));
+    near_v = spsi_clamp(near_v, spsi_set(-2), beyond);
+    *low = s->sign > 0 ? near_v : spsi_sub(spsi_set(0), beyond);
+    *high = s->sign > 0 ? beyond : spsi_sub(spsi_set(0), near_v);
 }
 
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
@@ -2836,10 +2882,11 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
 static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
                                  float *channel) {
     const float height = f->half_height[i], width = f->half_width[i];
-    const int y0 = spsi_most((int)ceilf(f->y[i] - height), tile->y0),
-              y1 = spsi_least((int)floorf(f->y[i] + height), tile->y1);
-    const int x0 = spsi_most((int)ceilf(f->x[i] - width), tile->x0),
-              x1 = spsi_least((int)floorf(f->x[i] + width), tile->x1);
+    /* cut as floats: a footprint may be wider than an int tells */
+    const int y0 = (int)fmaxf(ceilf(f->y[i] - height), (float)tile->y0);
+    const int y1 = (int)fminf(floorf(f->y[i] + height), (float)tile->y1);
+    const int x0 = (int)fmaxf(ceilf(f->x[i] - width), (float)tile->x0);
+    const int x1 = (int)fminf(floorf(f->x[i] + width), (float)tile->x1);
     const int clamped = tile->clamped && (f->depth[i] + s->reach_depth > tile->nearest_limit ||
                                           f->depth[i] - s->reach_depth < s->eye_near);
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
@@ -2872,7 +2919,7 @@ static int spsi_near_extent(float q, float q2, float c, float c2, float c22, flo
    (P x w)' adj(C^-1) (P x w) / a holds no difference of large numbers. */
 static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, const float q[3], float value, int x,
                                        int y, int x1, int first, int last, float *channel) {
-    const float *c = s->covariance, *n = s->inverse, fy = (float)y;
+    const float *c = s->near_covariance, *n = s->near_inverse, fy = (float)y;
     const int k0 = spsi_most(first, 0), k1 = spsi_least(last, tile->slab_count);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
     const spsi_v nx = spsi_fma(at, spsi_set(n[0]), spsi_set(n[1] * fy + n[2]));
@@ -2890,15 +2937,14 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
                  spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]),
                           spsi_fma(spsi_mul(ux, ut), spsi_set(c[2]), spsi_mul(spsi_mul(uy, ut), spsi_set(c[4])))),
                  e);
-    e = spsi_div(e, spsi_mul(a, spsi_set(s->root_determinant * s->root_determinant)));
-    per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT)));
-    mean = spsi_div(b, a);
+    e = spsi_div(e, spsi_mul(a, spsi_set(s->near_root * s->near_root)));
+    per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT) / s->near_unit));
+    mean = spsi_mul(spsi_div(b, a), spsi_set(s->near_unit));
     crossing = spsi_mul(spsi_set(s->sign), spsi_fma(at, spsi_set(s->slab_x), spsi_set(s->slab_y * fy + s->slab_t)));
     per_slab = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
     v = spsi_sub(spsi_mul(per_slab, spsi_set((float)k0 - tile->eye_slab)),
                  spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
-    weight = spsi_div(
-        spsi_mul(spsi_set(value * s->weight / s->root_determinant), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
+    weight = spsi_div(spsi_mul(spsi_set(value * s->near_weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
     spsi_limits(tile, s, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
@@ -2906,9 +2952,9 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
                       tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
 }
 
-static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float q[3], float slab, float value,
+static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float at[3], float slab, float value,
                             float *channel) {
-    const float *c = s->covariance;
+    const float *c = s->near_covariance, q[3] = {at[0] / s->near_unit, at[1] / s->near_unit, at[2] / s->near_unit};
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     float low, high;
@@ -3074,7 +3120,7 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
     return spsi_sqrt(sum);
 }
 
-/* Bilinear look-up; outside of the grid its edge goes on (the border of a light's planes is 0). */
+/* Bilinear look-up; outside of the grid the nearest edge value is used (the border of a light's planes is 0). */
 static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
     const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
@@ -3111,6 +3157,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
             depth = spsi_fma(sum, length, depth);
             continue;
         }
+        if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
         spsi_classify(&shader->frame->materials[material], spsi_div(sum, per_slab), looks);
         depth = spsi_fma(looks[3], spsi_mul(per_slab, length), depth);
     }
@@ -3170,7 +3217,7 @@ typedef struct spsi_depth_map {
     float *depths[6];
     float *nearest[6];       /* per cell: the least depth in it and in the cells around it */
     int cells[6];            /* in a row of these */
-    spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays */
+    spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays; t from its depth reference */
 } spsi_depth_map;
 
 typedef struct spsi_shader {
@@ -3211,6 +3258,19 @@ typedef struct spsi_sample {
     spsi_v surface, normal[3];  /* 0: gas .. 1: surface, with a unit normal */
     int has_normal;
 } spsi_sample;
+
+#define SPSI_SAMPLE_ALIGNMENT 64 /* of the widest vectors */
+
+static size_t spsi_sample_bytes(const sps_context *context, int count) {
+    return (size_t)spsi_worker_count(context) * (size_t)count * sizeof(spsi_sample) + SPSI_SAMPLE_ALIGNMENT;
+}
+
+/* Room for `count` samples for each worker: too much for the stacks of some job systems. NULL: failed. */
+static spsi_sample *spsi_samples_reserve(sps_context *context, int count) {
+    char *memory = (char *)spsi_reserve(context, SPSI_BUFFER_SAMPLES, 1, spsi_sample_bytes(context, count));
+    const uintptr_t beyond = (uintptr_t)memory % SPSI_SAMPLE_ALIGNMENT;
+    return memory ? (spsi_sample *)(void *)(memory + (beyond ? SPSI_SAMPLE_ALIGNMENT - beyond : 0)) : NULL;
+}
 
 static void spsi_pixels_build(const spsi_shader *shader, int x, int y, int width, spsi_pixels *p) {
     const spsi_rays *eye = &shader->frame->eye;
@@ -3276,8 +3336,9 @@ static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v 
         q[i] = spsi_fma(middle, spsi_linear_slope(&map->along[face][i], at, y),
                         spsi_linear_base(&map->along[face][i], at, y));
     t0 = spsi_linear_slope(&map->along[face][2], at, y);
-    t1 = spsi_sub(spsi_fma(spsi_sub(d1, middle), t0, q[2]), spsi_set((float)rays->depth_reference));
-    t0 = spsi_sub(spsi_fma(spsi_sub(d0, middle), t0, q[2]), spsi_set((float)rays->depth_reference));
+    t1 = spsi_fma(spsi_sub(d1, middle), t0, q[2]);
+    t0 = spsi_fma(spsi_sub(d0, middle), t0, q[2]);
+    q[2] = spsi_add(q[2], spsi_set((float)rays->depth_reference));
     inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX), q[2]);
     if (rays->perspective) {
         q[2] = spsi_max(q[2], spsi_set(FLT_MIN * 16));
@@ -3313,8 +3374,9 @@ static inline int spsi_map_may_shade(const spsi_depth_map *map, int face, spsi_v
         q[0][i] = spsi_fma(d0, slope, base);
         q[1][i] = spsi_fma(d1, slope, base);
     }
-    deepest = spsi_sub(spsi_max(q[0][2], q[1][2]), spsi_set((float)rays->depth_reference));
+    deepest = spsi_max(q[0][2], q[1][2]);
     if (rays->perspective) {
+        for (int end = 0; end < 2; ++end) q[end][2] = spsi_add(q[end][2], spsi_set((float)rays->depth_reference));
         clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
         wide = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
         for (int end = 0; end < 2; ++end)
@@ -3398,7 +3460,8 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
     const spsi_material *material = &shader->frame->materials[channel];
     static const int around[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     spsi_v way[3][3], difference[3], g[3], cofactor[3][3], own[3], determinant, size;
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
+    /* values relative to the largest, ways to a voxel's edge: products of three have room */
+    const float unit = material->table_scale / SPSI_TABLE_SIZE, per_length = 1 / material->voxel_length;
     spsi_position_at(shader, p->at, (float)p->y, slab->middle, own);
     for (int i = 0; i < 3; ++i) {
         spsi_v value[2], end[2][3];
@@ -3413,7 +3476,7 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
             for (int c = 0; c < 3; ++c) end[side][c] = spsi_select(good, end[side][c], own[c]);
         }
         difference[i] = spsi_mul(spsi_sub(value[1], value[0]), spsi_set(unit));
-        for (int c = 0; c < 3; ++c) way[i][c] = spsi_sub(end[1][c], end[0][c]);
+        for (int c = 0; c < 3; ++c) way[i][c] = spsi_mul(spsi_sub(end[1][c], end[0][c]), spsi_set(per_length));
     }
     for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], cofactor[i]);
     determinant = spsi_dot_v(way[0], cofactor[0]);
@@ -3427,8 +3490,7 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
     size = spsi_sqrt(spsi_dot_v(g, g));
     for (int c = 0; c < 3; ++c)
         sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface =
-        spsi_min(spsi_set(1), spsi_mul(size, spsi_set(material->voxel_length * material->gradient_scale / unit)));
+    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
     sample->has_normal = 1;
 }
 
@@ -3525,7 +3587,9 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
         share = spsi_mul(irradiance, slab->samples[m].depth);
         spsi_sample_response(material, &slab->samples[m], p->toward, travel, response);
         for (int c = 0; c < shader->frame->channels; ++c)
-            radiance[c] = spsi_fma(spsi_mul(share, response[c]), spsi_set(light->color[c]), radiance[c]);
+            radiance[c] =
+                spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(light->color[c])),
+                                               spsi_set(SPSI_RADIANCE_MAX)));
     }
 }
 
@@ -3592,7 +3656,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 /* A point of a surface as a depth map sees it. The map's ray through (x + dx, y + dy) meets the surface's own tangent
    plane `unit` r / (facing + turning r) before t, r = dx rise[0] + dy rise[1]. */
 typedef struct spsi_map_point {
-    double x, y, t;
+    double t; /* from the map's depth reference, as its texels are: floats far from the light would tell too little */
     double rise[2], facing, turning, unit;
     double least_facing; /* where the plane is turned away so far, no depth is asked of it */
     double texel;        /* a texel's size in the world */
@@ -3605,7 +3669,7 @@ static void spsi_map_point_build(const spsi_rays *rays, const double q[3], const
     double ray[3], length;
     spsi_ray_direction(rays, q[0], q[1], ray);
     length = spsi_length(ray);
-    at->x = q[0], at->y = q[1], at->t = q[2];
+    at->t = q[2] - rays->depth_reference;
     at->rise[0] = spsi_dot(plane, rays->a);
     at->rise[1] = spsi_dot(plane, rays->b);
     at->facing = spsi_dot(plane, ray);
@@ -3645,7 +3709,7 @@ static double spsi_map_visibility(const spsi_depth_map *map, const double point[
         for (int i = 0; i < 4; ++i) {
             const double tx = x + (i & 1), ty = y + (i >> 1);
             const float texel = map->depths[face][(size_t)ty * (size_t)rays->width + (size_t)tx];
-            if (spsi_texel_lights(&at, (double)texel + rays->depth_reference, tx - q[0], ty - q[1]))
+            if (spsi_texel_lights(&at, (double)texel, tx - q[0], ty - q[1]))
                 sum += (1 - fabs(q[0] - tx)) * (1 - fabs(q[1] - ty));
         }
         return sum;
@@ -3691,8 +3755,8 @@ static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int 
     spsi_ray_point(eye, x, y, (double)hit->depth + eye->depth_reference, point);
     spsi_ray_direction(eye, x, y, ray);
     for (int i = 0; i < 3; ++i) {
-        u[i] = (double)face->position[1][i] - (double)face->position[0][i];
-        v[i] = (double)face->position[2][i] - (double)face->position[0][i];
+        u[i] = face->position[1][i] - face->position[0][i];
+        v[i] = face->position[2][i] - face->position[0][i];
         normal[i] = colour[i] = 0;
         for (int corner = 0; corner < 3; ++corner) {
             normal[i] += w[corner] * (double)face->normal[corner][i];
@@ -3703,7 +3767,7 @@ static void spsi_surface_at(const spsi_shader *shader, const spsi_hit *hit, int 
     spsi_normalise(plane);
     if (!spsi_normalise(normal)) memcpy(normal, plane, 3 * sizeof(double));
     /* the depth is a float: set the point back onto the plane, or grazing light would find it behind */
-    for (int i = 0; i < 3; ++i) u[i] = point[i] - shader->faces->origin[i] - (double)face->position[0][i];
+    spsi_along(point, face->position[0], -1, u);
     spsi_along(point, plane, -spsi_dot(plane, u), point);
     if (spsi_dot(plane, ray) > 0) spsi_along(plane, plane, -2, plane);
     if (spsi_dot(normal, plane) < 0) spsi_along(normal, normal, -2, normal);
@@ -3735,7 +3799,8 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         arrives = spsi_surface_irradiance(light, point, normal) / SPSI_PI;
         if (shadows && arrives > 0) arrives *= spsi_map_visibility(shader->map, point, normal, plane);
         if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, point));
-        for (int c = 0; c < 3; ++c) radiance[c] += (float)(colour[c] * arrives * (double)light->color[c]);
+        for (int c = 0; c < 3; ++c)
+            radiance[c] += (float)fmin(colour[c] * arrives * (double)light->color[c], (double)SPSI_RADIANCE_MAX);
     }
 }
 
@@ -3759,8 +3824,8 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
     for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_fma(spsi_load(lanes[c]), open, radiance[c]);
     {
         const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
-        const spsi_v far = spsi_add(p->polygon, spsi_set((float)shader->frame->eye.depth_reference));
-        const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(far, p->length), spsi_set(0));
+        const spsi_v beyond = spsi_add(p->polygon, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
         *distance = spsi_fma(is, d, *distance);
         *depth = spsi_min(spsi_add(*depth, covered), spsi_set(SPSI_DEPTH_MAX));
     }
@@ -3817,18 +3882,17 @@ static void spsi_add_slab(const spsi_shader *shader, const spsi_pixels *p, const
     if (shader->distance) {
         const spsi_v weight = spsi_sub(spsi_exp(spsi_sub(zero, spsi_min(slab->before, slab->after))),
                                        spsi_exp(spsi_sub(zero, spsi_max(slab->before, slab->after))));
-        const spsi_v far = spsi_add(slab->middle, spsi_set((float)shader->frame->eye.depth_reference));
-        *distance = spsi_fma(weight, spsi_mul(far, p->length), *distance);
+        const spsi_v beyond = spsi_add(slab->middle, spsi_set((float)shader->frame->eye.depth_reference));
+        *distance = spsi_fma(weight, spsi_mul(beyond, p->length), *distance);
     }
     *depth = spsi_min(spsi_add(*depth, slab->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
    from the very first, the polygons that belong to it. Gives the number of slabs that held something. */
-static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, int x, int y, int width, int slab_count,
-                             float low, float high) {
+static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, spsi_sample *samples, int x, int y,
+                             int width, int slab_count, float low, float high) {
     const size_t to = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-    spsi_sample samples[SPSI_VOLUMES_MAX];
     spsi_pixels p;
     spsi_slab slab;
     spsi_v depth = spsi_load(shader->depth + to), radiance[3], distance = spsi_set(0);
@@ -3882,7 +3946,8 @@ typedef struct spsi_run {
     spsi_light_shader light_shader;
     spsi_planes planes;
     spsi_depth_map map;
-    float *sheets; /* sheet_floats per worker */
+    spsi_sample *samples; /* one per material, per worker */
+    float *sheets;        /* sheet_floats per worker */
     size_t sheet_floats;
     uint64_t (*counts)[5];  /* per worker: visits and fragments for lights and for the eye, pixels shaded */
     int margin, slab_count; /* slabs to composite in this chunk; 0: polygons only */
@@ -4056,6 +4121,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->frame->eye.width, height = run->frame->eye.height;
     const float *range = run->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
+    spsi_sample *samples = run->samples + (size_t)worker * (size_t)run->frame->material_count;
     int touched = 0;
     spsi_tile tile;
     if (!run->open[index]) return;
@@ -4077,7 +4143,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 run->counts[worker][4] +=
-                    (uint64_t)spsi_shade_pixels(&run->shader, &tile, x, y, spsi_least(SPSI_LANES, width - x),
+                    (uint64_t)spsi_shade_pixels(&run->shader, &tile, samples, x, y, spsi_least(SPSI_LANES, width - x),
                                                 touched ? SPSI_CHUNK : 0, run->low, run->high);
     run->counts[worker][2] += tile.visits;
     run->counts[worker][3] += tile.fragments;
@@ -4143,16 +4209,23 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     return SPS_OK;
 }
 
-static void spsi_run_splatters(spsi_run *run) {
+static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
     const spsi_frame *frame = run->frame;
-    for (int i = 0; i < frame->medium_count; ++i) {
+    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
         const spsi_material *material = &frame->materials[frame->media[i].channel];
-        spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
+        int good =
+            spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
         if (run->sweep->light >= 0)
-            spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
-                                material->table ? 1 : material->extinction, frame->cut, &run->light_splatters[i]);
+            good &=
+                spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
+                                    material->table ? 1 : material->extinction, frame->cut, &run->light_splatters[i]);
+        if (!good)
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index, "voxel edge",
+                                   cbrt(frame->media[i].voxel_volume),
+                                   "too large or small: for the world, or for this view's pixels");
     }
+    return SPS_OK;
 }
 
 /* The linear quantities that shading looks up along the eye's rays. */
@@ -4174,8 +4247,8 @@ static void spsi_run_linears(spsi_run *run) {
         if (run->planes.width)
             spsi_linear_build(&frame->eye, sweep->rays.inverse[i], sweep->rays.origin, 0, &shader->light_rays[i]);
         for (int face = 0; face < run->map.face_count; ++face)
-            spsi_linear_build(&frame->eye, run->map.rays[face].inverse[i], run->map.rays[face].origin, 0,
-                              &run->map.along[face][i]);
+            spsi_linear_build(&frame->eye, run->map.rays[face].inverse[i], run->map.rays[face].origin,
+                              i == 2 ? -run->map.rays[face].depth_reference : 0, &run->map.along[face][i]);
     }
     if (sweep->light >= 0)
         spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &run->light_shader.slab);
@@ -4218,7 +4291,8 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
     run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
     run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
                                         run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
-    if (!job.spans || !run->chunk_bricks || !run->sheets) return context->result;
+    run->samples = spsi_samples_reserve(context, run->frame->material_count);
+    if (!job.spans || !run->chunk_bricks || !run->sheets || !run->samples) return context->result;
     /* the counters follow the last worker's sheets, rounded up to their alignment */
     run->counts =
         (uint64_t(*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
@@ -4253,8 +4327,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     for (int i = 0; i < frame->medium_count; ++i)
         if (frame->materials[frame->media[i].channel].table)
             run->light_shader.material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
-    if (spsi_run_planes(context, run)) return context->result;
-    spsi_run_splatters(run);
+    if (spsi_run_planes(context, run) || spsi_run_splatters(context, run)) return context->result;
     spsi_run_linears(run);
     if (spsi_run_tiles(context, run) || spsi_run_spans(context, run)) return context->result;
     spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_polygon_range_task, run);
@@ -4290,16 +4363,13 @@ static void spsi_run_polygons(spsi_run *run, float low, float high) {
 static void spsi_run_chunk(spsi_run *run, int chunk) {
     sps_context *context = run->context;
     const double start = spsi_clock(context);
-    double middle;
     run->shader.first_slab = chunk * SPSI_CHUNK;
     run->slab_count = SPSI_CHUNK;
     run->low = (float)run->shader.first_slab;
     run->high = run->low + SPSI_CHUNK;
     spsi_parallel(context, run->planes.tiles_x * run->planes.tiles_y, spsi_light_task, run);
-    middle = spsi_clock(context);
+    context->stats.seconds_light += spsi_clock(context) - start;
     spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_eye_task, run);
-    context->stats.seconds_light += middle - start;
-    context->stats.seconds_eye += spsi_clock(context) - middle;
 }
 
 /* Adds the workers' counts and the tiles' flags to the statistics. */
@@ -4467,6 +4537,10 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
     if (light < 0 || faces->count == 0) return SPS_OK;
     map->face_count = 1;
     if (!spsi_rays_fit(&frame->scene->lights[light], &frame->mesh_bounds, 1, size, size, &map->rays[0])) {
+        if (frame->scene->lights[light].kind != SPS_LIGHT_POINT)
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "light", light, "depth map's width",
+                                   frame->mesh_bounds.high[0] - frame->mesh_bounds.low[0],
+                                   "the meshes reach too far, or not far enough, to be told apart");
         map->face_count = 6;
         for (int face = 0; face < 6; ++face)
             spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
@@ -4484,14 +4558,12 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
     return SPS_OK;
 }
 
-/* The depth about which the eye's depths are stored: that of the middle of all there is. */
+/* The depth about which the eye's depths are stored: that of the middle of the volumes, whose look-ups need it to be
+   near; the polygons', which may be far behind, where there are no volumes. */
 static void spsi_eye_reference(spsi_frame *frame) {
     spsi_bounds all = frame->volume_bounds;
     double centre[3], q[3];
-    if (!spsi_bounds_empty(&frame->mesh_bounds)) {
-        spsi_bounds_add(&all, frame->mesh_bounds.low);
-        spsi_bounds_add(&all, frame->mesh_bounds.high);
-    }
+    if (spsi_bounds_empty(&all)) all = frame->mesh_bounds;
     if (spsi_bounds_empty(&all)) return;
     spsi_bounds_centre(&all, centre);
     spsi_project(&frame->eye, centre, q);
@@ -4516,16 +4588,20 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *fram
     const int count = spsi_sweep_count(frame);
     const double start = spsi_clock(context);
     spsi_sweep sweep;
-    double built;
+    double built, swept, light;
     memset(run, 0, sizeof *run);
     if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
     if (spsi_map_build(context, frame, faces, sweep.light, &run->map)) return context->result;
     built = spsi_clock(context);
     context->stats.seconds_polygons += built - start;
     if (spsi_run_build(context, frame, faces, hits, &sweep, run)) return context->result;
-    context->stats.seconds_bin += spsi_clock(context) - built;
-    if (spsi_run_sweep(run, 0.2 + 0.8 * n / count, 0.8 / count)) return context->result;
-    return spsi_add_sweep(context, run, total);
+    swept = spsi_clock(context);
+    light = context->stats.seconds_light;
+    context->stats.seconds_bin += swept - built;
+    if (spsi_run_sweep(run, 0.2 + 0.8 * n / count, 0.8 / count) || spsi_add_sweep(context, run, total))
+        return context->result;
+    context->stats.seconds_eye += spsi_clock(context) - swept - (context->stats.seconds_light - light);
+    return SPS_OK;
 }
 
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
@@ -4624,7 +4700,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
-    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run);
+    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) + spsi_sample_bytes(context, frame->material_count);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
     if (sweep->light >= 0 && frame->medium_count > 0 && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
@@ -4729,7 +4805,7 @@ typedef struct spsi_grid {
 } spsi_grid;
 
 typedef struct spsi_node {
-    float low[3], high[3];
+    double low[3], high[3];
     int first, count; /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
 } spsi_node;
 
@@ -4742,7 +4818,8 @@ typedef struct spsi_marcher {
     double step;        /* world length */
     spsi_shader shader; /* only for the surface functions */
     float *total;
-    int first_row; /* of the rows at hand */
+    int first_row;        /* of the rows at hand */
+    spsi_sample *samples; /* one per volume, per worker */
 } spsi_marcher;
 
 /* --- the field --- */
@@ -4802,15 +4879,15 @@ static double spsi_field(const spsi_grid *grid, const double point[3], double gr
 
 /* --- triangles --- */
 
-static void spsi_face_bounds(const spsi_face *face, float low[3], float high[3]) {
+static void spsi_face_bounds(const spsi_face *face, double low[3], double high[3]) {
     for (int corner = 0; corner < 3; ++corner)
         for (int i = 0; i < 3; ++i) {
-            low[i] = fminf(low[i], face->position[corner][i]);
-            high[i] = fmaxf(high[i], face->position[corner][i]);
+            low[i] = fmin(low[i], face->position[corner][i]);
+            high[i] = fmax(high[i], face->position[corner][i]);
         }
 }
 
-static float spsi_face_centre(const spsi_face *face, int axis) {
+static double spsi_face_centre(const spsi_face *face, int axis) {
     return face->position[0][axis] + face->position[1][axis] + face->position[2][axis];
 }
 
@@ -4819,7 +4896,7 @@ static void spsi_select_middle(const spsi_faces *faces, int *order, int count, i
     int low = 0, high = count - 1;
     const int middle = count / 2;
     while (low < high) {
-        const float pivot = spsi_face_centre(&faces->list[order[(low + high) / 2]], axis);
+        const double pivot = spsi_face_centre(&faces->list[order[(low + high) / 2]], axis);
         int i = low, j = high;
         while (i <= j) {
             while (spsi_face_centre(&faces->list[order[i]], axis) < pivot) ++i;
@@ -4850,7 +4927,7 @@ static void spsi_nodes_build(spsi_marcher *marcher) {
         spsi_node *node = &nodes[n];
         const int first = node->first, count = node->count;
         int axis = 0;
-        for (int i = 0; i < 3; ++i) node->low[i] = FLT_MAX, node->high[i] = -FLT_MAX;
+        for (int i = 0; i < 3; ++i) node->low[i] = HUGE_VAL, node->high[i] = -HUGE_VAL;
         for (int i = 0; i < count; ++i)
             spsi_face_bounds(&marcher->faces->list[marcher->order[first + i]], node->low, node->high);
         if (count <= SPSI_LEAF) continue;
@@ -4868,9 +4945,9 @@ static void spsi_nodes_build(spsi_marcher *marcher) {
 }
 
 typedef struct spsi_ray {
-    double origin[3], direction[3]; /* origin relative to the faces' */
-    double low, high;               /* the stretch of interest */
-    int face;                       /* what was hit, or -1; on entry: a face to pass over, or -1 */
+    double origin[3], direction[3];
+    double low, high; /* the stretch of interest */
+    int face;         /* what was hit, or -1; on entry: a face to pass over, or -1 */
     double weights[2];
 } spsi_ray;
 
@@ -4878,9 +4955,9 @@ typedef struct spsi_ray {
 static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
     double e1[3], e2[3], from[3], p[3], q[3], determinant, u, v, t;
     for (int i = 0; i < 3; ++i) {
-        e1[i] = (double)face->position[1][i] - (double)face->position[0][i];
-        e2[i] = (double)face->position[2][i] - (double)face->position[0][i];
-        from[i] = ray->origin[i] - (double)face->position[0][i];
+        e1[i] = face->position[1][i] - face->position[0][i];
+        e2[i] = face->position[2][i] - face->position[0][i];
+        from[i] = ray->origin[i] - face->position[0][i];
     }
     spsi_cross(ray->direction, e2, p);
     determinant = spsi_dot(e1, p);
@@ -4923,7 +5000,10 @@ static int spsi_trace(const spsi_marcher *marcher, spsi_ray *ray, int any) {
     while (top > 0) {
         const spsi_node *node = &marcher->nodes[stack[--top]];
         double low[3], high[3], range[2];
-        for (int i = 0; i < 3; ++i) low[i] = (double)node->low[i] - 1e-9, high[i] = (double)node->high[i] + 1e-9;
+        for (int i = 0; i < 3; ++i) { /* flat boxes keep a little room for rounding */
+            const double room = 1e-12 * (fabs(node->low[i]) + fabs(node->high[i]) + fabs(ray->origin[i]));
+            low[i] = node->low[i] - room, high[i] = node->high[i] + room;
+        }
         if (!spsi_ray_meets_box(ray, low, high, range)) continue;
         for (int i = 0; i < node->count; ++i) {
             const int face = marcher->order[node->first + i];
@@ -4971,7 +5051,7 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 
 /* Transmittance of everything between a point and a light; `face` is the surface it lies on, or -1. */
 static double spsi_march_light(const spsi_marcher *marcher, const sps_light *light, const double point[3], int face) {
-    double toward[3], range[2], depth = 0, far = HUGE_VAL;
+    double toward[3], range[2], depth = 0, beyond = HUGE_VAL;
     int count;
     spsi_ray ray;
     spsi_light_direction(light, point, toward);
@@ -4979,15 +5059,15 @@ static double spsi_march_light(const spsi_marcher *marcher, const sps_light *lig
     if (light->kind == SPS_LIGHT_POINT) {
         double offset[3];
         spsi_along(light->position, point, -1, offset);
-        far = spsi_length(offset);
+        beyond = spsi_length(offset);
     }
-    spsi_along(point, marcher->faces->origin, -1, ray.origin);
+    memcpy(ray.origin, point, sizeof ray.origin);
     memcpy(ray.direction, toward, sizeof toward);
     ray.low = 0;
-    ray.high = far;
+    ray.high = beyond;
     ray.face = face;
     if (spsi_trace(marcher, &ray, 1) >= 0) return 0;
-    count = spsi_march_range(marcher, point, toward, 0, far, range);
+    count = spsi_march_range(marcher, point, toward, 0, beyond, range);
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
         double at[3];
@@ -5024,7 +5104,7 @@ static void spsi_march_sample(const spsi_material *material, const float looks[4
 typedef struct spsi_point {
     double position[3], direction[3]; /* direction: of the eye's ray, unit */
     double value[SPSI_VOLUMES_MAX], extinction[SPSI_VOLUMES_MAX], extinction_sum, value_sum;
-    spsi_sample samples[SPSI_VOLUMES_MAX];
+    spsi_sample *samples;
 } spsi_point;
 
 static void spsi_point_build(const spsi_marcher *marcher, const double position[3], const double direction[3],
@@ -5105,8 +5185,8 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
 }
 
 /* The whole of one pixel: radiance, transmittance, and coverage-weighted distance. */
-static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double radiance[3], double *through,
-                             double *distance) {
+static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, double radiance[3],
+                             double *through, double *distance) {
     const spsi_rays *eye = &marcher->frame->eye;
     double origin[3], direction[3], range[2], length;
     spsi_hit hit = {SPSI_INFINITY, -1, {0, 0}};
@@ -5116,7 +5196,7 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double r
     spsi_ray_direction(eye, x, y, direction);
     length = spsi_length(direction);
     spsi_normalise(direction);
-    spsi_along(origin, marcher->faces->origin, -1, ray.origin);
+    memcpy(ray.origin, origin, sizeof origin);
     memcpy(ray.direction, direction, sizeof direction);
     ray.low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
     ray.high = HUGE_VAL;
@@ -5127,10 +5207,11 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, double r
     count = spsi_march_range(marcher, origin, direction, ray.low, ray.high, range);
     radiance[0] = radiance[1] = radiance[2] = *distance = 0;
     *through = 1;
-    for (int i = 0; i<count && * through> 1e-12; ++i) {
+    for (int i = 0; i < count && !(*through <= 1e-12); ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
         double at[3], source[3], depth, mean;
         spsi_point point;
+        point.samples = samples;
         spsi_along(origin, direction, t, at);
         spsi_point_build(marcher, at, direction, &point);
         if (!(point.value_sum > 0)) continue;
@@ -5155,11 +5236,11 @@ static void spsi_march_row_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
     const int row = marcher->first_row + index;
-    (void)worker;
+    spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->frame->medium_count;
     for (int x = 0; x < region[2]; ++x) {
         float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
         double radiance[3], through, distance;
-        spsi_march_pixel(marcher, region[0] + x, region[1] + row, radiance, &through, &distance);
+        spsi_march_pixel(marcher, region[0] + x, region[1] + row, samples, radiance, &through, &distance);
         for (int c = 0; c < 3; ++c)
             pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* background is there */
         pixel[3] = (float)(1 - through);
@@ -5209,26 +5290,29 @@ static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, 
 }
 
 static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi_marcher *marcher) {
-    size_t voxels = 0, bricks = 0;
+    uint64_t voxels = 0, bricks = 0;
     float *values;
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_grid *grid = &marcher->grids[i];
-        size_t b = 1, v = 1;
+        uint64_t b = 1, v = 1;
         for (int k = 0; k < 3; ++k) {
             grid->size[k] = frame->media[i].volume->size[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
-            v *= (size_t)grid->size[k];
-            b *= (size_t)grid->bricks[k];
+            v *= (uint64_t)grid->size[k];
+            b *= (uint64_t)grid->bricks[k];
         }
         memcpy(grid->corner, frame->media[i].corner, sizeof grid->corner);
         spsi_invert(frame->media[i].step[0], frame->media[i].step[1], frame->media[i].step[2], grid->inverse);
         voxels += v;
         bricks += b;
     }
-    values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, voxels + bricks / sizeof(float) + 1,
-                                   sizeof(float));
+    if (voxels + bricks > SIZE_MAX / 8)
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "scene", -1, "volumes' voxels", (double)voxels,
+                               "sps_reference holds all of them, and they are more than memory can have");
+    values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES,
+                                   (size_t)voxels + (size_t)bricks / sizeof(float) + 1, sizeof(float));
     if (!values) return context->result;
-    memset(values + voxels, 0, bricks);
+    memset(values + voxels, 0, (size_t)bricks);
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_grid *grid = &marcher->grids[i];
         grid->occupied = (unsigned char *)(values + voxels) +
@@ -5261,7 +5345,8 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     spsi_eye_reference(frame);
     marcher->total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
-    if (!marcher->total) return context->result;
+    marcher->samples = spsi_samples_reserve(context, frame->medium_count);
+    if (!marcher->total || !marcher->samples) return context->result;
     if (faces->count == 0) return SPS_OK;
     marcher->order = (int *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_FACES, (size_t)faces->count, sizeof(int));
     marcher->nodes =

@@ -87,8 +87,8 @@ LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinate
     voxels are told apart from 1e-14 to 1e10 world units, and polygons' shadows from point lights up to 1e7 times as far
     away as what they light is wide.
     Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
-    0; a polygon counts as 1e15. A classified volume wants slabs of a voxel or less, since it is the mean value of a
-    slab that is classified.
+    0; a polygon counts as 1e15. Where a volume's optical depth is well above 1 per voxel, its silhouette shrinks by a
+    fraction of a voxel, since kernels are cut, and what is classified wants slabs of 0.7 voxels or less.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -269,14 +269,14 @@ typedef struct sps_scene {
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
-/* What each quality sets:      slab    shadow texels    rays end at    kernels end at   ripple of a constant
-                              (voxels)    per voxel    transmittance      (voxels)     grid (rms, largest) */
+/* What each quality sets:      slab of a gas,  shadow texels   rays end at    kernels end at   ripple of a constant
+                              of what is classified  per voxel  transmittance     (voxels)     grid (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,       /*  2          0.75            0.01             1.82           0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM,      /*  1          1               0.003            2.15           0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,        /*  0.5        2               0.0005           2.5            0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA        /*  0.25       4               0.00005          2.5            0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2     1.4       0.75            0.01             1.82           0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1     0.7       1               0.003            2.15           0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5   0.4       2               0.0005           2.5            0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25  0.2       4               0.00005          2.5            0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {
@@ -291,7 +291,7 @@ typedef struct sps_view {
     double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 */
     int region[4];        /* x, y, width, height of the part to render; width 0: all */
     sps_quality quality;
-    double slab; /* sheet thickness in voxels, the main knob; 0: from quality */
+    double slab; /* sheet thickness in voxels, the main knob: error falls with its square; 0: from quality */
     /* Texels on the longer side of a light's sheets and of its polygons' depth map, up to 16384; 0: from quality. The
        depth map has at least 512, 1024, 2048, 4096 by quality. */
     int shadow_size;
@@ -1121,6 +1121,16 @@ static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
     return sum;
 }
 
+/* The extinction alone. */
+static inline spsi_v spsi_classify_extinction(const spsi_material *material, spsi_v value) {
+    const spsi_v zero = spsi_set(0), scaled = spsi_mul(value, spsi_set(material->table_scale));
+    const spsi_v at = spsi_clamp(scaled, zero, spsi_set((float)SPSI_TABLE_SIZE));
+    const spsi_v entry = spsi_min(spsi_floor(at), spsi_set((float)(SPSI_TABLE_SIZE - 1)));
+    const spsi_v low = spsi_lookup(material->table->entry[0], 4, spsi_set(3), entry);
+    const spsi_v high = spsi_lookup(material->table->entry[0], 4, spsi_set(7), entry);
+    return spsi_select(spsi_less(zero, value), spsi_mix(low, high, spsi_sub(at, entry)), zero);
+}
+
 /* Red, green, blue and extinction for a vector of values; straight lines between table entries. */
 static inline void spsi_classify(const spsi_material *material, spsi_v value, spsi_v out[4]) {
     float at[SPSI_LANES], channel[4][SPSI_LANES];
@@ -1258,7 +1268,7 @@ typedef struct spsi_frame {
     int channels;     /* of radiance: 1 where all is grey */
     int lit_count;    /* lights that are not black */
     int shadow_count; /* of these, lights that cast shadows */
-    int scatters, emits, extinguishes, has_gradient, has_ambient, wants_depth;
+    int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
 } spsi_frame;
 
 static const spsi_bounds spsi_nowhere = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
@@ -1485,10 +1495,11 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 }
 
 static void spsi_resolve_quality(spsi_frame *frame) {
-    static const double slab[] = {1, 2, 1, 0.5, 0.25}, texels[] = {1, 0.75, 1, 2, 4};
+    static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
+    static const double texels[] = {1, 0.75, 1, 2, 4};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
-    if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->view.quality];
+    if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
     frame->shadow_texels = texels[frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
     frame->cut = cut[frame->view.quality];
@@ -1558,6 +1569,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
     memset(&material, 0, sizeof material);
     spsi_material_lobes(volume, &material);
     if (volume->transfer) {
+        frame->classifies = 1;
         material.table = table;
         material.shading = volume->shading;
         material.gradient_scale = 1 / fmaxf(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
@@ -3132,6 +3144,28 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
     return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
 }
 
+#define SPSI_PARTS 4 /* of a slab, where it is classified or shaded by polygons */
+
+/* value + slope x + bend x^2, x from -1/2 to 1/2 through a slab. */
+typedef struct spsi_parabola {
+    spsi_v value, slope, bend;
+} spsi_parabola;
+
+/* The parabola whose means over a slab and the ones before and after are given. */
+static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, spsi_v after) {
+    spsi_parabola p;
+    p.slope = spsi_mul(spsi_set(0.5f), spsi_sub(after, before));
+    p.bend = spsi_fma(spsi_set(0.5f), spsi_add(before, after), spsi_sub(spsi_set(0), here));
+    p.value = spsi_fma(p.bend, spsi_set(-1.0f / 12), here);
+    return p;
+}
+
+/* Its mean over one of SPSI_PARTS parts. */
+static inline spsi_v spsi_parabola_mean(const spsi_parabola *p, int part) {
+    const float width = 1.0f / SPSI_PARTS, x = ((float)part + 0.5f) * width - 0.5f;
+    return spsi_fma(p->bend, spsi_set(x * x + width * width / 12), spsi_fma(p->slope, spsi_set(x), p->value));
+}
+
 typedef struct spsi_light_shader {
     const spsi_frame *frame;
     const spsi_rays *rays;
@@ -3145,27 +3179,34 @@ static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t a
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
 }
 
-/* Optical depth of one slab for a vector of texels. */
+/* Optical depth of one slab for a vector of texels; `at`: the slab's place in a channel. What is classified follows a
+   parabola through the slabs before and after, as it does for the eye. */
 static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
-                                      spsi_v per_slab) {
+                                      spsi_v per_slab, spsi_v slabs) {
+    const spsi_v part_length = spsi_mul(spsi_mul(per_slab, length), spsi_set(1.0f / SPSI_PARTS));
     spsi_v depth = spsi_set(0);
     for (int c = 0; c < shader->frame->light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
         const spsi_v sum = spsi_sheet_sum(tile, c, at);
-        spsi_v looks[4];
+        spsi_parabola value;
+        if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
         if (material < 0) {
             depth = spsi_fma(sum, length, depth);
             continue;
         }
-        if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-        spsi_classify(&shader->frame->materials[material], spsi_div(sum, per_slab), looks);
-        depth = spsi_fma(looks[3], spsi_mul(per_slab, length), depth);
+        value = spsi_parabola_through(spsi_sheet_sum(tile, c, at - tile->sheet_size), sum,
+                                      spsi_sheet_sum(tile, c, at + tile->sheet_size));
+        for (int part = 0; part < SPSI_PARTS; ++part) {
+            const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, part), slabs);
+            depth = spsi_fma(spsi_classify_extinction(&shader->frame->materials[material], mean), part_length, depth);
+        }
     }
     return depth;
 }
 
 /* Adds a tile's sheets to the planes, slab after slab. */
 static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_tile *tile, int last_x) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     spsi_planes *planes = shader->planes;
     for (int y = tile->y0; y <= tile->y1; ++y)
         for (int x = tile->x0; x <= last_x; x += SPSI_LANES) {
@@ -3173,7 +3214,8 @@ static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_ti
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
             const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
-            const spsi_v per_slab = spsi_abs(spsi_div(spsi_set(1), spsi_linear_slope(&shader->slab, at, (float)y)));
+            const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
+            const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
             const int count = spsi_least(SPSI_LANES, last_x - x + 1);
             float lanes[SPSI_LANES] = {0};
             memcpy(lanes, planes->depth[SPSI_CHUNK] + to, (size_t)count * sizeof(float));
@@ -3182,8 +3224,8 @@ static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_ti
                 spsi_store(lanes, depth);
                 memcpy(planes->depth[k] + to, lanes, (size_t)count * sizeof(float));
                 if (k == SPSI_CHUNK) break;
-                const spsi_v sheet =
-                    spsi_light_sheet(shader, tile, from + (size_t)k * tile->sheet_size, length, per_slab);
+                const spsi_v sheet = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size,
+                                                      length, per_slab, slabs);
                 const spsi_v behind = spsi_min(spsi_add(depth, sheet), spsi_set(SPSI_DEPTH_MAX));
                 depth = spsi_select(spsi_less(depth, spsi_set(SPSI_LIGHT_END)), behind, depth);
             }
@@ -3207,7 +3249,9 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
    14 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
    A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
    way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
-   polygon in the light's way ends that share; one in the eye's way cuts the slab (section 12) and shares with it. */
+   polygon in the light's way ends that share; one in the eye's way cuts the slab (section 12) and shares with it.
+   A transfer function is not linear, so a slab's mean value says too little: what is classified is shaded in SPSI_PARTS
+   parts, whose means come from the parabola through the means of three slabs; x is then a share of optical depth. */
 
 #define SPSI_CELL 16 /* texels on a side of a depth map's cells */
 
@@ -3240,14 +3284,21 @@ typedef struct spsi_shader {
     float end_depth;                       /* optical depth at which a ray ends */
 } spsi_shader;
 
+/* Where the rays of a vector of pixels cross the slabs, and where they end. */
+typedef struct spsi_line {
+    int x, y;
+    spsi_v at;          /* x coordinates */
+    spsi_v base, scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
+    spsi_v polygon;     /* d of the polygon, or infinity */
+} spsi_line;
+
 /* What a vector of pixels knows about its rays. */
 typedef struct spsi_pixels {
-    int x, y;
-    spsi_v at, length;            /* x coordinates; world length per t */
-    spsi_v slab_base, slab_scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
-    spsi_v polygon;               /* d of the polygon, or infinity */
-    spsi_v polygon_slab;          /* its slab coordinate, from the first slab of all */
-    spsi_v toward[3];             /* unit direction from the eye */
+    spsi_line line;
+    spsi_line around[4]; /* of the neighbours at x - 1, x + 1, y - 1, y + 1, where there are gradients */
+    spsi_v length;       /* world length per t */
+    spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
+    spsi_v toward[3];    /* unit direction from the eye */
     spsi_v light_base[3], light_slope[3];
 } spsi_pixels;
 
@@ -3272,28 +3323,40 @@ static spsi_sample *spsi_samples_reserve(sps_context *context, int count) {
     return memory ? (spsi_sample *)(void *)(memory + (beyond ? SPSI_SAMPLE_ALIGNMENT - beyond : 0)) : NULL;
 }
 
-static void spsi_pixels_build(const spsi_shader *shader, int x, int y, int width, spsi_pixels *p) {
+/* The depth of polygons at pixels that may lie outside of the image, which repeats its edge. */
+static inline spsi_v spsi_polygons_around(const spsi_shader *shader, int x, int y) {
     const spsi_rays *eye = &shader->frame->eye;
-    const float fy = (float)y;
-    const spsi_v one = spsi_set(1), at = spsi_add(spsi_set((float)x), spsi_iota());
-    spsi_v slope, inverse_length;
-    p->x = x;
-    p->y = y;
-    p->at = at;
-    p->length = spsi_ray_lengths(eye, at, fy);
-    inverse_length = spsi_div(one, p->length);
-    slope = spsi_linear_slope(&shader->slab, at, fy);
-    slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
-    p->slab_base = spsi_sub(spsi_linear_base(&shader->slab, at, fy), spsi_set((float)shader->first_slab));
-    p->slab_scale = spsi_div(one, slope);
-    p->polygon = p->polygon_slab = spsi_set(SPSI_INFINITY);
-    if (shader->hits && width > 0) {
-        const spsi_hit *hits = shader->hits + (size_t)y * (size_t)eye->width + (size_t)x;
-        float depth[SPSI_LANES];
-        for (int i = 0; i < SPSI_LANES; ++i) depth[i] = i < width ? hits[i].depth : SPSI_INFINITY;
-        p->polygon = spsi_load(depth);
-        p->polygon_slab = spsi_fma(p->polygon, slope, spsi_linear_base(&shader->slab, at, fy));
+    const int row = spsi_least(spsi_most(y, 0), eye->height - 1);
+    float depth[SPSI_LANES];
+    if (!shader->hits) return spsi_set(SPSI_INFINITY);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const int column = spsi_least(spsi_most(x + i, 0), eye->width - 1);
+        depth[i] = shader->hits[(size_t)row * (size_t)eye->width + (size_t)column].depth;
     }
+    return spsi_load(depth);
+}
+
+static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
+    spsi_v slope;
+    line->x = x;
+    line->y = y;
+    line->at = spsi_add(spsi_set((float)x), spsi_iota());
+    slope = spsi_linear_slope(&shader->slab, line->at, (float)y);
+    slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
+    line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
+    line->scale = spsi_div(spsi_set(1), slope);
+    line->polygon = spsi_polygons_around(shader, x, y);
+}
+
+static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
+    const float fy = (float)y;
+    spsi_v at, inverse_length;
+    spsi_line_build(shader, x, y, &p->line);
+    at = p->line.at;
+    p->length = spsi_ray_lengths(&shader->frame->eye, at, fy);
+    inverse_length = spsi_div(spsi_set(1), p->length);
+    p->polygon_slab =
+        spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
     for (int i = 0; i < 3; ++i) {
         p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
         p->light_base[i] = spsi_linear_base(&shader->light_rays[i], at, fy);
@@ -3301,18 +3364,18 @@ static void spsi_pixels_build(const spsi_shader *shader, int x, int y, int width
     }
 }
 
-static inline spsi_v spsi_plane_depth(const spsi_pixels *p, int k) {
-    return spsi_mul(spsi_sub(spsi_set((float)k), p->slab_base), p->slab_scale);
+static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
+    return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
 }
 
 /* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
-static inline void spsi_slab_range(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v *enter,
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = &shader->frame->eye;
-    const spsi_v a = spsi_plane_depth(p, k), b = spsi_plane_depth(p, k + 1);
+    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
     const float near_d = eye->near_depth > -DBL_MAX ? (float)(eye->near_depth - eye->depth_reference) : -FLT_MAX;
-    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), p->polygon);
-    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), p->polygon));
+    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
+    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
 }
 
 static inline spsi_v spsi_lookup_planes(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v d) {
@@ -3393,34 +3456,19 @@ static inline int spsi_map_may_shade(const spsi_depth_map *map, int face, spsi_v
     return (wide & ~clear) != 0;
 }
 
-/* The depth of polygons at pixels that may lie outside of the image, which repeats its edge. */
-static inline spsi_v spsi_polygons_around(const spsi_shader *shader, int x, int y) {
-    const spsi_rays *eye = &shader->frame->eye;
-    const int row = spsi_least(spsi_most(y, 0), eye->height - 1);
-    float depth[SPSI_LANES];
-    if (!shader->hits) return spsi_set(SPSI_INFINITY);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const int column = spsi_least(spsi_most(x + i, 0), eye->width - 1);
-        depth[i] = shader->hits[(size_t)row * (size_t)eye->width + (size_t)column].depth;
-    }
-    return spsi_load(depth);
-}
-
-/* The mean value of a classified material in slab k at pixels (x, y), and the middle of their ways there. Gives which
-   of them are good: where a polygon leaves less than a quarter of the slab, the mean says little. */
-static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel, int x, int y, int k,
-                                     spsi_v *value, spsi_v *middle) {
+/* The mean value of a classified material in slab k along a line, and the middle of the way there. Gives where it is
+   good: where a polygon leaves less than a quarter of the slab, the mean says little. */
+static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel,
+                                     const spsi_line *line, int k, spsi_v *value, spsi_v *middle) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const size_t at = (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
-    spsi_pixels p;
+    const size_t at =
+        (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
     spsi_v enter, leave, way;
-    spsi_pixels_build(shader, x, y, 0, &p);
-    p.polygon = spsi_polygons_around(shader, x, y);
-    spsi_slab_range(shader, &p, k, &enter, &leave);
+    spsi_slab_range(shader, line, k, &enter, &leave);
     way = spsi_sub(leave, enter);
     *middle = spsi_mul(spsi_set(0.5f), spsi_add(enter, leave));
     *value = spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_set(FLT_MIN * 16)));
-    return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(p.slab_scale)), way);
+    return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(line->scale)), way);
 }
 
 /* World position at depth d, relative to the shader's position origin. */
@@ -3441,51 +3489,111 @@ static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
     return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
 }
 
-/* A slab on a vector of rays: its samples, and where they lie. */
+/* A slab on a vector of rays. Where a volume is classified it is shaded in parts, in the light's order. */
 typedef struct spsi_slab {
-    int k, sample_count;
-    spsi_sample *samples;
-    spsi_v enter, leave, middle; /* depths along the ray */
-    spsi_v first, last;          /* shares of the slab, in the light's order, between which the ray is in it */
-    spsi_v depth;                /* optical depth of all samples */
-    spsi_v before, after;        /* optical depth between eye and the slab's first and last plane, light's order */
+    int k, part_count, material_count;
+    spsi_sample *samples;                 /* material_count for each part */
+    spsi_v enter, leave;                  /* depths along the ray */
+    spsi_v first, last;                   /* shares of the slab, in the light's order, between which the ray is in it */
+    spsi_v light[2];                      /* optical depth between the light and these two ends */
+    spsi_v lit[SPSI_PARTS];               /* share of each part that polygons leave in the light */
+    spsi_v depth, part_depth[SPSI_PARTS]; /* optical depth of all samples */
 } spsi_slab;
 
-/* Fills a sample's normal and surface share from central differences: between neighbours along x and y in the same
-   sheet, and between the sheets before and after; one-sided where a polygon cuts a neighbour away. The three ways are
-   not square to each other, so the gradient g is solved from way . g = difference. No volume spanned by the ways: no
-   gradient, wholly gas. */
-static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
-                                 const spsi_slab *slab, int channel, spsi_v here, spsi_sample *sample) {
-    const spsi_material *material = &shader->frame->materials[channel];
-    static const int around[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    spsi_v way[3][3], difference[3], g[3], cofactor[3][3], own[3], determinant, size;
-    /* values relative to the largest, ways to a voxel's edge: products of three have room */
-    const float unit = material->table_scale / SPSI_TABLE_SIZE, per_length = 1 / material->voxel_length;
-    spsi_position_at(shader, p->at, (float)p->y, slab->middle, own);
-    for (int i = 0; i < 3; ++i) {
-        spsi_v value[2], end[2][3];
-        for (int side = 0; side < 2; ++side) {
-            const int sign = side ? 1 : -1;
-            const int x = p->x + sign * around[i][0], y = p->y + sign * around[i][1];
-            spsi_v middle;
-            const spsi_m good =
-                spsi_mean_value(shader, tile, channel, x, y, slab->k + sign * around[i][2], &value[side], &middle);
-            spsi_position_at(shader, spsi_add(p->at, spsi_set((float)(x - p->x))), (float)y, middle, end[side]);
-            value[side] = spsi_select(good, value[side], here);
-            for (int c = 0; c < 3; ++c) end[side][c] = spsi_select(good, end[side][c], own[c]);
-        }
-        difference[i] = spsi_mul(spsi_sub(value[1], value[0]), spsi_set(unit));
-        for (int c = 0; c < 3; ++c) way[i][c] = spsi_mul(spsi_sub(end[1][c], end[0][c]), spsi_set(per_length));
+/* One part of a slab. */
+typedef struct spsi_part {
+    const spsi_sample *samples;
+    spsi_v middle;        /* depth along the ray */
+    spsi_v depth;         /* optical depth */
+    spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
+    spsi_v lit;           /* share of it that polygons leave in the light */
+    spsi_v before, after; /* optical depth between the eye and its first and last end, in the light's order */
+} spsi_part;
+
+/* How a classified value changes within a slab: a parabola with the means of the slab and of those before and after;
+   the differences to its neighbours likewise. */
+typedef struct spsi_profile {
+    spsi_parabola value;
+    spsi_parabola aside[2];             /* from x - 1 to x + 1, and from y - 1 to y + 1 */
+    spsi_parabola along;                /* from the slab before to the slab after */
+    spsi_v cofactor[3][3], determinant; /* of the three ways that belong to these, in voxels */
+} spsi_profile;
+
+/* Values and the place of a neighbour in three slabs; those of the own ray where a polygon cuts the neighbour away. */
+static void spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *tile, const spsi_line *line, int k,
+                                   int channel, const spsi_v own[3], const spsi_v own_place[3], spsi_v value[3],
+                                   spsi_v place[3]) {
+    for (int n = 0; n < 3; ++n) {
+        spsi_v middle;
+        const spsi_m good = spsi_mean_value(shader, tile, channel, line, k + n - 1, &value[n], &middle);
+        value[n] = spsi_select(good, value[n], own[n]);
+        if (n != 1) continue;
+        spsi_position_at(shader, line->at, (float)line->y, middle, place);
+        for (int c = 0; c < 3; ++c) place[c] = spsi_select(good, place[c], own_place[c]);
     }
-    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], cofactor[i]);
-    determinant = spsi_dot_v(way[0], cofactor[0]);
-    determinant =
-        spsi_select(spsi_less(spsi_abs(determinant), spsi_set(FLT_MIN)), spsi_set(SPSI_INFINITY), determinant);
+}
+
+/* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not square to
+   each other: a gradient is solved from way . g = difference. No volume spanned by the ways: no gradient. */
+static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                                  int channel, const spsi_v own[3], const spsi_v middle[3], spsi_profile *profile) {
+    const spsi_v per_length = spsi_set(1 / shader->frame->materials[channel].voxel_length);
+    spsi_v own_place[3], place[3][2][3], way[3][3];
+    spsi_position_at(shader, p->line.at, (float)p->line.y, middle[1], own_place);
+    for (int axis = 0; axis < 2; ++axis) {
+        spsi_v value[2][3];
+        for (int side = 0; side < 2; ++side)
+            spsi_profile_neighbour(shader, tile, &p->around[2 * axis + side], k, channel, own, own_place, value[side],
+                                   place[axis][side]);
+        for (int n = 0; n < 3; ++n) value[1][n] = spsi_sub(value[1][n], value[0][n]);
+        profile->aside[axis] = spsi_parabola_through(value[1][0], value[1][1], value[1][2]);
+    }
+    for (int side = 0; side < 2; ++side)
+        spsi_position_at(shader, p->line.at, (float)p->line.y, middle[2 * side], place[2][side]);
+    for (int axis = 0; axis < 3; ++axis)
+        for (int c = 0; c < 3; ++c) way[axis][c] = spsi_mul(spsi_sub(place[axis][1][c], place[axis][0][c]), per_length);
+    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
+    profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
+    profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
+                                       spsi_set(SPSI_INFINITY), profile->determinant);
+}
+
+/* Where a polygon or the near plane cuts one of the three slabs, its mean is all that is known of the one at hand. */
+static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
+                               const spsi_slab *slab, int channel, int has_gradient, spsi_profile *profile) {
+    const spsi_v zero = spsi_set(0), two = spsi_set(2);
+    spsi_v own[3], middle[3];
+    spsi_m good[3], all;
+    for (int n = 0; n < 3; ++n)
+        good[n] = spsi_mean_value(shader, tile, channel, &p->line, slab->k + n - 1, &own[n], &middle[n]);
+    for (int n = 0; n < 3; n += 2) {
+        own[n] = spsi_select(good[n], own[n], own[1]);
+        middle[n] = spsi_select(good[n], middle[n], middle[1]);
+    }
+    all = spsi_less(spsi_mul(spsi_set(0.999f), spsi_abs(p->line.scale)), spsi_sub(slab->leave, slab->enter));
+    all = spsi_and(all, spsi_and(good[0], good[2]));
+    profile->value = spsi_parabola_through(own[0], own[1], own[2]);
+    profile->along.value = spsi_mul(two, profile->value.slope);
+    profile->along.slope = spsi_select(all, spsi_mul(spsi_set(4), profile->value.bend), zero);
+    profile->along.bend = zero;
+    profile->value.value = spsi_select(all, profile->value.value, own[1]);
+    profile->value.slope = spsi_select(all, profile->value.slope, zero);
+    profile->value.bend = spsi_select(all, profile->value.bend, zero);
+    if (has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, own, middle, profile);
+}
+
+/* A sample's normal and surface share. */
+static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile, int part,
+                                 spsi_sample *sample) {
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
+    const spsi_v scale = spsi_set(unit);
+    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], part), scale);
+    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], part), scale);
+    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, part), scale);
+    spsi_v g[3], size;
     for (int c = 0; c < 3; ++c) {
-        g[c] = spsi_mul(difference[0], cofactor[0][c]);
-        g[c] = spsi_fma(difference[1], cofactor[1][c], spsi_fma(difference[2], cofactor[2][c], g[c]));
-        g[c] = spsi_div(g[c], determinant);
+        g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
+        g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
     }
     size = spsi_sqrt(spsi_dot_v(g, g));
     for (int c = 0; c < 3; ++c)
@@ -3494,29 +3602,41 @@ static void spsi_sample_gradient(const spsi_shader *shader, const spsi_tile *til
     sample->has_normal = 1;
 }
 
-/* Reads one material's part of slab k. */
-static inline void spsi_sample_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
-                                     const spsi_slab *slab, int channel, size_t at, spsi_sample *sample) {
-    const spsi_material *material = &shader->frame->materials[channel];
-    const spsi_v sum = spsi_sheet_sum(tile, channel, at), way = spsi_sub(slab->leave, slab->enter);
-    const spsi_v most = spsi_set(SPSI_DEPTH_MAX);
-    sample->has_normal = 0;
-    sample->surface = spsi_set(0);
-    sample->value_length = spsi_mul(sum, p->length);
-    if (!material->table) {
-        sample->depth = spsi_min(spsi_mul(sample->value_length, spsi_set(material->extinction)), most);
+/* The parts of a slab of gas, which is even throughout. */
+static void spsi_samples_gas(const spsi_material *material, spsi_v value_length, int channel, spsi_slab *slab) {
+    const spsi_v sum = spsi_mul(value_length, spsi_set(1.0f / (float)slab->part_count));
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        sample->has_normal = 0;
+        sample->surface = spsi_set(0);
+        sample->value_length = sum;
+        sample->depth = spsi_min(spsi_mul(sum, spsi_set(material->extinction)), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->albedo[c]);
-        return;
+        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
-    {
-        const spsi_v mean = spsi_div(sum, spsi_max(way, spsi_set(FLT_MIN * 16)));
+}
+
+/* The parts of a slab of what is classified, which follow its profile. */
+static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
+                                    spsi_slab *slab) {
+    const spsi_material *material = &shader->frame->materials[channel];
+    const spsi_v share = spsi_set(1.0f / (float)slab->part_count);
+    const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
+    const int surface = shader->frame->has_gradient && material->shading == SPS_SHADING_SURFACE;
+    spsi_profile profile;
+    memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
+    spsi_profile_build(shader, tile, p, slab, channel, surface, &profile);
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
         spsi_v looks[4];
-        spsi_classify(material, mean, looks);
-        sample->depth = spsi_min(spsi_mul(looks[3], spsi_mul(way, p->length)), most);
+        spsi_classify(material, spsi_parabola_mean(&profile.value, part), looks);
+        sample->has_normal = 0;
+        sample->surface = sample->value_length = spsi_set(0);
+        sample->depth = spsi_min(spsi_mul(looks[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->colour[c] = looks[c];
-        if (material->shading != SPS_SHADING_SURFACE || !shader->frame->has_gradient) return;
-        if (spsi_bits(spsi_less(spsi_set(0), sample->depth)))
-            spsi_sample_gradient(shader, tile, p, slab, channel, mean, sample);
+        if (surface && spsi_bits(spsi_less(spsi_set(0), sample->depth)))
+            spsi_sample_gradient(material, &profile, part, sample);
+        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
 }
 
@@ -3564,7 +3684,7 @@ static void spsi_light_at(const spsi_shader *shader, const sps_light *light, con
     } else {
         const float nearest = (float)(0.25 * shader->sweep->thickness * shader->sweep->thickness);
         spsi_v square, inverse;
-        spsi_position_at(shader, p->at, (float)p->y, d, travel);
+        spsi_position_at(shader, p->line.at, (float)p->line.y, d, travel);
         for (int i = 0; i < 3; ++i)
             travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
         square = spsi_max(spsi_dot_v(travel, travel), spsi_set(nearest));
@@ -3575,17 +3695,17 @@ static void spsi_light_at(const spsi_shader *shader, const sps_light *light, con
 }
 
 /* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
-static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
+static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                            const sps_light *light, spsi_v carried, spsi_v radiance[3]) {
     spsi_v travel[3], irradiance;
-    spsi_light_at(shader, light, p, slab->middle, travel, &irradiance);
+    spsi_light_at(shader, light, p, part->middle, travel, &irradiance);
     irradiance = spsi_mul(irradiance, carried);
-    for (int m = 0; m < slab->sample_count; ++m) {
+    for (int m = 0; m < shader->frame->material_count; ++m) {
         const spsi_material *material = &shader->frame->materials[m];
         spsi_v response[3], share;
         if (!material->scatters) continue;
-        share = spsi_mul(irradiance, slab->samples[m].depth);
-        spsi_sample_response(material, &slab->samples[m], p->toward, travel, response);
+        share = spsi_mul(irradiance, part->samples[m].depth);
+        spsi_sample_response(material, &part->samples[m], p->toward, travel, response);
         for (int c = 0; c < shader->frame->channels; ++c)
             radiance[c] =
                 spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(light->color[c])),
@@ -3593,51 +3713,55 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
     }
 }
 
-/* The share of a ray's way through a slab that polygons leave in the light. The way is looked at in four parts, since a
-   shadow's edge may cross it sideways. */
-static spsi_v spsi_lit_share(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab) {
-    enum { parts = 4 };
+/* The shares of the parts of a ray's way through a slab that polygons leave in the light: a shadow's edge may cross the
+   way sideways, so one look at the whole would not do. */
+static void spsi_lit_shares(const spsi_shader *shader, const spsi_pixels *p, spsi_slab *slab) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / (float)parts));
-    spsi_v share[parts], sum = spsi_set(0);
-    int shaded = 0;
-    for (int i = 0; i < parts; ++i) share[i] = spsi_set(1);
+    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
+    for (int i = 0; i < SPSI_PARTS; ++i) slab->lit[i] = spsi_set(1);
     for (int face = 0; face < shader->map->face_count; ++face) {
-        if (!spsi_map_may_shade(shader->map, face, p->at, (float)p->y, from, to)) continue;
-        shaded = 1;
-        for (int i = 0; i < parts; ++i) {
+        if (!spsi_map_may_shade(shader->map, face, p->line.at, (float)p->line.y, from, to)) continue;
+        for (int i = 0; i < SPSI_PARTS; ++i) {
             const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-            share[i] = spsi_min(share[i], spsi_map_share(shader->map, face, p->at, (float)p->y, d0, d1));
+            slab->lit[i] =
+                spsi_min(slab->lit[i], spsi_map_share(shader->map, face, p->line.at, (float)p->line.y, d0, d1));
         }
     }
-    if (!shaded) return spsi_set(1);
-    for (int i = 0; i < parts; ++i) sum = spsi_add(sum, share[i]);
-    return spsi_mul(sum, spsi_set(1.0f / (float)parts));
+    if (slab->part_count > 1) return;
+    for (int i = 1; i < SPSI_PARTS; ++i) slab->lit[0] = spsi_add(slab->lit[0], slab->lit[i]);
+    slab->lit[0] = spsi_mul(slab->lit[0], spsi_set(1.0f / SPSI_PARTS));
 }
 
-/* Light of the sweep's own light: through its planes, ended by polygons. */
-static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
-                              spsi_v radiance[3]) {
-    const spsi_v d0 = spsi_plane_depth(p, slab->k), d1 = spsi_plane_depth(p, slab->k + 1);
+/* What the sweep's own light is when it enters and leaves a slab where the ray does. */
+static void spsi_slab_light(const spsi_shader *shader, const spsi_pixels *p, spsi_slab *slab) {
+    const spsi_v d0 = spsi_plane_depth(&p->line, slab->k), d1 = spsi_plane_depth(&p->line, slab->k + 1);
     const spsi_v a0 = spsi_lookup_planes(shader, p, slab->k, d0), a1 = spsi_lookup_planes(shader, p, slab->k + 1, d1);
-    const spsi_v lit = spsi_lit_share(shader, p, slab);
-    const spsi_v last = spsi_mix(slab->first, slab->last, lit);
+    slab->light[0] = spsi_mix(a0, a1, slab->first);
+    slab->light[1] = spsi_mix(a0, a1, slab->last);
+    spsi_lit_shares(shader, p, slab);
+}
+
+/* Light of the sweep's own light: through its planes, ended by polygons. Within a slab, what is in the light's way
+   grows as what is in the eye's does: both are the same matter. */
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
+                              const spsi_part *part, spsi_v radiance[3]) {
+    const spsi_v end_share = spsi_mix(part->first, part->last, part->lit);
     spsi_v start, end;
-    if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
-    start = spsi_add(spsi_mix(a0, a1, slab->first), slab->before);
-    end = spsi_add(spsi_mix(a0, a1, last), spsi_mix(slab->before, slab->after, lit));
-    spsi_add_light(shader, p, slab, shader->light, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
+    if (!spsi_bits(spsi_less(spsi_set(0), part->lit))) return;
+    start = spsi_add(spsi_mix(slab->light[0], slab->light[1], part->first), part->before);
+    end = spsi_add(spsi_mix(slab->light[0], slab->light[1], end_share), spsi_mix(part->before, part->after, part->lit));
+    spsi_add_light(shader, p, part, shader->light, spsi_mul(part->lit, spsi_mean_transmittance(start, end)), radiance);
 }
 
 /* Ambient light, emission, and lights without shadow. */
-static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
+static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 spsi_v radiance[3]) {
     const sps_scene *scene = shader->frame->scene;
-    const spsi_v mean = spsi_mean_transmittance(slab->before, slab->after);
-    for (int m = 0; m < slab->sample_count; ++m) {
+    const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
+    for (int m = 0; m < shader->frame->material_count; ++m) {
         const spsi_material *material = &shader->frame->materials[m];
-        const spsi_sample *sample = &slab->samples[m];
+        const spsi_sample *sample = &part->samples[m];
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
             if (material->scatters && shader->frame->has_ambient)
@@ -3648,7 +3772,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     }
     for (int i = 0; i < scene->light_count && shader->frame->lit_count > shader->frame->shadow_count; ++i)
         if (!spsi_black(scene->lights[i].color) && !spsi_light_shadows(shader->frame, &scene->lights[i]))
-            spsi_add_light(shader, p, slab, &scene->lights[i], mean, radiance);
+            spsi_add_light(shader, p, part, &scene->lights[i], mean, radiance);
 }
 
 /* --- polygons: one pixel at a time, in double precision --- */
@@ -3809,7 +3933,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
 static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
                               spsi_v *depth, spsi_v radiance[3], spsi_v *distance) {
     const spsi_m here =
-        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->polygon, spsi_set(SPSI_INFINITY)));
+        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
     const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), *depth));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
     float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
@@ -3817,14 +3941,14 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
     for (int i = 0; i < width; ++i)
         if (bits >> i & 1) {
             float sent[3];
-            spsi_surface_radiance(shader, p->x + i, p->y, sent);
+            spsi_surface_radiance(shader, p->line.x + i, p->line.y, sent);
             for (int c = 0; c < 3; ++c) lanes[c][i] = sent[c];
             opaque[i] = SPSI_DEPTH_MAX;
         }
     for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_fma(spsi_load(lanes[c]), open, radiance[c]);
     {
         const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
-        const spsi_v beyond = spsi_add(p->polygon, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->eye.depth_reference));
         const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
         *distance = spsi_fma(is, d, *distance);
         *depth = spsi_min(spsi_add(*depth, covered), spsi_set(SPSI_DEPTH_MAX));
@@ -3834,58 +3958,72 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
 /* --- a tile --- */
 
 /* Reads slab k of a vector of pixels; gives 0 where it holds nothing. */
-static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, spsi_v depth,
+static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = shader->frame->material_count;
-    const size_t at =
-        (size_t)(k + margin) * tile->sheet_size + (size_t)((p->y - tile->y0) * tile->pitch + (p->x - tile->x0));
-    const spsi_v zero = spsi_set(0);
-    spsi_v any = zero, way, whole;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
+    const size_t at = (size_t)(k + margin) * tile->sheet_size +
+                      (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
+    const spsi_v zero = spsi_set(0), whole = spsi_abs(p->line.scale);
+    spsi_v any = zero;
     for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
     if (!spsi_bits(spsi_less(zero, any))) return 0;
     slab->k = k;
-    slab->sample_count = count;
-    spsi_slab_range(shader, p, k, &slab->enter, &slab->leave);
-    way = spsi_sub(slab->leave, slab->enter);
-    whole = spsi_abs(p->slab_scale);
-    slab->middle = spsi_mul(spsi_set(0.5f), spsi_add(slab->enter, slab->leave));
+    spsi_slab_range(shader, &p->line, k, &slab->enter, &slab->leave);
     slab->first = zero;
     slab->last = spsi_set(1);
     if (tile->clamped) {
-        const spsi_v a = spsi_plane_depth(p, k);
+        const spsi_v a = spsi_plane_depth(&p->line, k), way = spsi_sub(slab->leave, slab->enter);
         const spsi_v from =
             spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
         slab->first = spsi_clamp(from, zero, spsi_set(1));
         slab->last = spsi_clamp(spsi_add(from, spsi_div(way, whole)), slab->first, spsi_set(1));
     }
-    slab->depth = zero;
-    for (int m = 0; m < count; ++m) {
-        spsi_sample_build(shader, tile, p, slab, m, at, &slab->samples[m]);
-        slab->depth = spsi_add(slab->depth, slab->samples[m].depth);
-    }
-    slab->before = shader->sweep->back_to_front ? slab->depth : depth;
-    slab->after = shader->sweep->back_to_front ? zero : spsi_add(depth, slab->depth);
+    slab->depth = slab->light[0] = slab->light[1] = zero;
+    for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = slab->lit[i] = zero;
+    for (int m = 0; m < count; ++m)
+        if (shader->frame->materials[m].table)
+            spsi_samples_classified(shader, tile, p, m, slab);
+        else
+            spsi_samples_gas(&shader->frame->materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m, slab);
+    for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
+    if (shader->light && shader->frame->scatters) spsi_slab_light(shader, p, slab);
     return 1;
 }
 
-/* Composites slab k. */
-static void spsi_add_slab(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, spsi_v *depth,
-                          spsi_v radiance[3], spsi_v *distance) {
+/* The i-th part of a slab behind which (front to back), or in front of which, the ray has gathered `depth`. The first
+   part begins where the one before, `part` itself, has ended. */
+static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
+    const float count = (float)slab->part_count;
+    const spsi_v share = spsi_div(slab->part_depth[i], spsi_max(slab->depth, spsi_set(FLT_MIN)));
+    part->samples = slab->samples + i * slab->material_count;
+    part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
+    part->depth = slab->part_depth[i];
+    part->first = i > 0 ? part->last : spsi_set(0);
+    part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
+    part->lit = slab->lit[i];
+    part->before = backwards ? part->depth : depth;
+    part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
+}
+
+/* Composites one part of a slab. */
+static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
+                          spsi_v *depth, spsi_v radiance[3], spsi_v *distance) {
     const spsi_v zero = spsi_set(0);
-    const spsi_v through = spsi_exp(spsi_sub(zero, slab->depth));
     if (shader->sweep->back_to_front) {
+        const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
         for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_mul(radiance[c], through);
         *distance = spsi_mul(*distance, through);
     }
-    if (shader->light && shader->frame->scatters) spsi_add_shadowed(shader, p, slab, radiance);
-    if (shader->unshadowed) spsi_add_unshadowed(shader, p, slab, radiance);
-    if (shader->distance) {
-        const spsi_v weight = spsi_sub(spsi_exp(spsi_sub(zero, spsi_min(slab->before, slab->after))),
-                                       spsi_exp(spsi_sub(zero, spsi_max(slab->before, slab->after))));
-        const spsi_v beyond = spsi_add(slab->middle, spsi_set((float)shader->frame->eye.depth_reference));
-        *distance = spsi_fma(weight, spsi_mul(beyond, p->length), *distance);
+    if (shader->light && shader->frame->scatters) spsi_add_shadowed(shader, p, slab, part, radiance);
+    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, radiance);
+    if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
+        const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
+        const spsi_v far_depth = spsi_add(part->middle, spsi_set((float)shader->frame->eye.depth_reference));
+        *distance = spsi_fma(covered, spsi_mul(far_depth, p->length), *distance);
     }
-    *depth = spsi_min(spsi_add(*depth, slab->depth), spsi_set(SPSI_DEPTH_MAX));
+    *depth = spsi_min(spsi_add(*depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
@@ -3895,10 +4033,15 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
     const size_t to = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
     spsi_pixels p;
     spsi_slab slab;
+    spsi_part part;
     spsi_v depth = spsi_load(shader->depth + to), radiance[3], distance = spsi_set(0);
     int held = 0;
     slab.samples = samples;
-    spsi_pixels_build(shader, x, y, width, &p);
+    slab.material_count = shader->frame->material_count;
+    slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
+    spsi_pixels_build(shader, x, y, &p);
+    for (int i = 0; i < 4 && slab_count > 0 && shader->frame->has_gradient; ++i)
+        spsi_line_build(shader, x + (i == 1) - (i == 0), y + (i == 3) - (i == 2), &p.around[i]);
     for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_load(shader->radiance[c] + to);
     if (shader->distance) distance = spsi_load(shader->distance + to);
     for (int k = 0; k < slab_count; ++k) {
@@ -3906,8 +4049,11 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
         const float next = k + 1 == slab_count ? high : (float)(shader->first_slab + k + 1);
         if (shader->hits && shader->sweep->back_to_front)
             spsi_add_surfaces(shader, &p, width, first, next, &depth, radiance, &distance);
-        if (spsi_slab_build(shader, tile, &p, k, depth, &slab)) {
-            spsi_add_slab(shader, &p, &slab, &depth, radiance, &distance);
+        if (spsi_slab_build(shader, tile, &p, k, &slab)) {
+            for (int i = 0; i < slab.part_count; ++i) {
+                spsi_part_build(shader, &slab, i, depth, &part);
+                spsi_add_part(shader, &p, &slab, &part, &depth, radiance, &distance);
+            }
             held += width;
         }
         if (shader->hits && !shader->sweep->back_to_front)
@@ -3949,23 +4095,30 @@ typedef struct spsi_run {
     spsi_sample *samples; /* one per material, per worker */
     float *sheets;        /* sheet_floats per worker */
     size_t sheet_floats;
-    uint64_t (*counts)[5];  /* per worker: visits and fragments for lights and for the eye, pixels shaded */
-    int margin, slab_count; /* slabs to composite in this chunk; 0: polygons only */
-    float low, high;        /* polygons between these slab coordinates belong to this chunk */
+    uint64_t (*counts)[5];   /* per worker: visits and fragments for lights and for the eye, pixels shaded */
+    int margin, slab_margin; /* about a tile */
+    int slab_count;          /* to composite in this chunk; 0: polygons only */
+    float low, high;         /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
     uint64_t *open;                         /* per tile of the region: its patches whose rays have not all ended */
     float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
 } spsi_run;
 
+/* Slabs before and after a chunk that a tile takes in too: what is classified follows its profile from slab to slab. */
+static int spsi_slab_margin(const spsi_frame *frame) { return frame->classifies; }
+
+/* Pixels about a tile of the eye's that it takes in too: gradients ask their neighbours. */
+static int spsi_pixel_margin(const spsi_frame *frame) { return frame->has_gradient; }
+
 static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
-    const int margin = frame->has_gradient ? 1 : 0;
-    return (size_t)frame->material_count *
-               (size_t)((SPSI_CHUNK + 2 * margin) * (SPSI_TILE_WIDTH + 2 * margin) * (SPSI_TILE_HEIGHT + 2 * margin)) +
+    const int pixels = 2 * spsi_pixel_margin(frame), slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame);
+    return (size_t)frame->material_count * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
            2 * SPSI_LANES;
 }
 
 static size_t spsi_light_sheet_floats(const spsi_frame *frame) {
-    return (size_t)frame->light_channel_count * (SPSI_CHUNK * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT) + 2 * SPSI_LANES;
+    const int slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame);
+    return (size_t)(frame->light_channel_count * slabs) * (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT) + 2 * SPSI_LANES;
 }
 
 static size_t spsi_worker_floats(const spsi_frame *frame) {
@@ -4014,7 +4167,7 @@ static void spsi_span_task(void *data, int index, int worker) {
     for (int i = index * 256; i < last; ++i) {
         const spsi_brick *brick = &run->bricks[i];
         const spsi_medium *medium = &run->frame->media[brick->medium];
-        const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->margin + 1e-3;
+        const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->slab_margin + 1e-3;
         double low = HUGE_VAL, high = -HUGE_VAL;
         spsi_span *span = &job->spans[i];
         for (int corner = 0; corner < 8; ++corner) {
@@ -4041,7 +4194,7 @@ static int spsi_span_meets(const short tiles[4], int x, int y) {
 static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
     const spsi_sweep *sweep = run->sweep;
     const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
-    const int first_slab = run->shader.first_slab - (for_light ? 0 : run->margin);
+    const int first_slab = run->shader.first_slab - run->slab_margin;
     const double eye_slab = (spsi_dot(sweep->normal, rays->origin) - sweep->start) / sweep->thickness;
     int touched = 0;
     tile->eye_slab = (float)(eye_slab - first_slab);
@@ -4075,7 +4228,7 @@ static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_ray
     tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
     tile->x1 = spsi_least(tile->x0 + tile->pitch, rays->width + margin) - 1;
     tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, rays->height + margin) - 1;
-    tile->slab_count = SPSI_CHUNK + 2 * margin;
+    tile->slab_count = SPSI_CHUNK + 2 * run->slab_margin;
     tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
     tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
     tile->sheets = run->sheets + (size_t)worker * run->sheet_floats;
@@ -4121,7 +4274,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->frame->eye.width, height = run->frame->eye.height;
     const float *range = run->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
-    spsi_sample *samples = run->samples + (size_t)worker * (size_t)run->frame->material_count;
+    spsi_sample *samples = run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS);
     int touched = 0;
     spsi_tile tile;
     if (!run->open[index]) return;
@@ -4165,9 +4318,9 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
             float lanes[SPSI_LANES], depths[SPSI_LANES];
             const int width = spsi_least(SPSI_LANES, x1 - x);
             spsi_pixels p;
-            spsi_pixels_build(&run->shader, x, y, width, &p);
+            spsi_pixels_build(&run->shader, x, y, &p);
             spsi_store(lanes, p.polygon_slab);
-            spsi_store(depths, p.polygon);
+            spsi_store(depths, p.line.polygon);
             for (int i = 0; i < width; ++i)
                 if (depths[i] < SPSI_INFINITY) {
                     low = lanes[i] < low ? lanes[i] : low;
@@ -4291,7 +4444,7 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
     run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
     run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
                                         run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
-    run->samples = spsi_samples_reserve(context, run->frame->material_count);
+    run->samples = spsi_samples_reserve(context, run->frame->material_count * SPSI_PARTS);
     if (!job.spans || !run->chunk_bricks || !run->sheets || !run->samples) return context->result;
     /* the counters follow the last worker's sheets, rounded up to their alignment */
     run->counts =
@@ -4310,7 +4463,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     run->frame = frame;
     run->sweep = sweep;
     run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    run->margin = frame->has_gradient ? 1 : 0;
+    run->margin = spsi_pixel_margin(frame);
+    run->slab_margin = spsi_slab_margin(frame);
     shader->frame = frame;
     shader->sweep = sweep;
     shader->faces = faces;
@@ -4700,7 +4854,8 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
-    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) + spsi_sample_bytes(context, frame->material_count);
+    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) +
+           spsi_sample_bytes(context, frame->material_count * SPSI_PARTS);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
     if (sweep->light >= 0 && frame->medium_count > 0 && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);

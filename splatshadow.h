@@ -269,14 +269,14 @@ typedef struct sps_scene {
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
-/* What each quality sets:      slab of a gas,  shadow texels   rays end at    kernels end at   ripple of a constant
-                              of what is classified  per voxel  transmittance     (voxels)     grid (rms, largest) */
+/* What each quality sets:   slab (voxels) of a   shadow texels   rays end at   kernels end   ripple of a constant
+                             gas, classified        per voxel    transmittance  at (voxels)    grid (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,       /*  2     1.4       0.75            0.01             1.82           0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM,      /*  1     0.7       1               0.003            2.15           0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,        /*  0.5   0.4       2               0.0005           2.5            0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA        /*  0.25  0.2       4               0.00005          2.5            0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2     1.4             0.75         0.01            1.82        0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1     0.7             1            0.003           2.15        0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5   0.4             2            0.0005          2.5         0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25  0.2             4            0.00005         2.5         0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {

@@ -679,6 +679,101 @@ static void bench_accuracy(void) {
     ex_session_end(&session);
 }
 
+/* ======================================================================================== what is classified */
+
+#define DENSE_GRID 32 /* voxels of unit size */
+#define DENSE_SIZE 96 /* pixels */
+
+typedef enum dense_shape { DENSE_BALL, DENSE_HALF_SPACE } dense_shape;
+
+/* A ball of radius 12 whose edge is a voxel wide, or all that is below the middle: optical depth 3 per voxel. */
+static int dense_read(void *user, const int lo[3], const int size[3], float *out) {
+    const dense_shape shape = *(const dense_shape *)user;
+    for (int z = lo[2]; z < lo[2] + size[2]; ++z)
+        for (int y = lo[1]; y < lo[1] + size[1]; ++y)
+            for (int x = lo[0]; x < lo[0] + size[0]; ++x) {
+                const double at[3] = {x - 15.5, y - 15.5, z - 15.5};
+                *out++ = shape == DENSE_HALF_SPACE ? (float)(at[2] < 0)
+                                                   : (float)fmin(1, fmax(0, 12.5 - sqrt(ex_dot(at, at))));
+            }
+    return 0;
+}
+
+static void dense_frame(frame *f, dense_shape *shape, const sps_transfer *transfer, sps_shading shading) {
+    static const double direction[3] = {1, -1, -1};
+    frame_begin(f, DENSE_SIZE, DENSE_SIZE);
+    for (int i = 0; i < 3; ++i) {
+        f->volume.size[i] = DENSE_GRID;
+        f->volume.placement.origin[i] = -0.5 * DENSE_GRID;
+        f->volume.placement.axis[i][i] = DENSE_GRID;
+        f->light.color[i] = (float)PI;
+    }
+    f->volume.read_fn = dense_read, f->volume.user = shape, f->volume.revision = 1 + (uint64_t)*shape;
+    f->volume.transfer = transfer, f->volume.shading = shading;
+    memcpy(f->light.direction, direction, sizeof direction);
+    f->view.position[2] = 100;
+    f->view.ortho_height = *shape == DENSE_BALL ? 40 : 12;
+}
+
+/* Root mean square and largest difference from the reference over its brightest, and the dimmest and brightest of a
+   surface that is even in the reference. */
+static void dense_errors(const float *rgba, const float *reference, double errors[2], double range[2]) {
+    double sum = 0, largest = 0, peak = 0;
+    range[0] = HUGE_VAL, range[1] = 0;
+    for (int i = 0; i < DENSE_SIZE * DENSE_SIZE; ++i) {
+        const double value = (double)rgba[4 * i], exact = (double)reference[4 * i], error = fabs(value - exact);
+        sum += error * error;
+        largest = fmax(largest, error), peak = fmax(peak, exact);
+        range[0] = fmin(range[0], value / exact), range[1] = fmax(range[1], value / exact);
+    }
+    errors[0] = sqrt(sum) / DENSE_SIZE / peak;
+    errors[1] = largest / peak;
+}
+
+static void dense_reference(ex_session *session, dense_shape shape, const sps_transfer *transfer, float *out) {
+    frame f;
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = out;
+    dense_frame(&f, &shape, transfer, SPS_SHADING_SURFACE);
+    stop_if(sps_reference(session->context, &f.scene, &f.view, 0.25, &image), session);
+    frame_end(&f);
+}
+
+static void bench_classified(void) {
+    static const char *const names[4] = {"draft", "medium", "high", "ultra"};
+    static const sps_transfer_point points[2] = {{0.05f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 3}};
+    static float references[2][4 * DENSE_SIZE * DENSE_SIZE];
+    const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+    ex_session session;
+    session_begin(&session, WORKERS);
+    for (int shape = DENSE_BALL; shape <= DENSE_HALF_SPACE; ++shape)
+        dense_reference(&session, (dense_shape)shape, &transfer, references[shape]);
+    printf("\nWhat is classified: optical depth 3 per voxel, shaded as a surface; against sps_reference at step 0.25\n"
+           "             a ball of radius 12             a flat surface, even in the reference\n"
+           "           rmse    largest      ms           dimmest  brightest\n");
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {
+        printf("  %-7s", names[quality - 1]);
+        for (int s = DENSE_BALL; s <= DENSE_HALF_SPACE; ++s) {
+            dense_shape shape = (dense_shape)s;
+            double errors[2], range[2];
+            frame f;
+            contender c;
+            dense_frame(&f, &shape, &transfer, SPS_SHADING_SURFACE);
+            f.view.quality = (sps_quality)quality;
+            contender_set(&c, &session, &f, 0);
+            race(&c, 1, 3);
+            dense_errors(f.rgba, references[shape], errors, range);
+            if (shape == DENSE_BALL)
+                printf(" %6.2f %%  %6.1f %%  %6.1f", 100 * errors[0], 100 * errors[1], 1e3 * c.seconds);
+            else
+                printf("           %+6.1f %%  %+6.1f %%\n", 100 * (range[0] - 1), 100 * (range[1] - 1));
+            frame_end(&f);
+        }
+    }
+    ex_session_end(&session);
+}
+
 /* ==================================================================================================== main */
 
 int main(int argc, char **argv) {
@@ -694,6 +789,9 @@ int main(int argc, char **argv) {
         bench_splatting();
         bench_empty_space();
     }
-    if (accuracy) bench_accuracy();
+    if (accuracy) {
+        bench_accuracy();
+        bench_classified();
+    }
     return 0;
 }

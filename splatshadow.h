@@ -762,6 +762,8 @@ static const float *spsi_bad_colour(const float c[3], float most) {
 
 static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
 static int spsi_grey(const float c[3]) { return !(c[0] < c[1] || c[0] > c[1] || c[1] < c[2] || c[1] > c[2]); }
+static inline float spsi_lower(float a, float b) { return a < b ? a : b; } /* inline, as fminf seldom is */
+static inline float spsi_higher(float a, float b) { return a > b ? a : b; }
 static int spsi_least(int a, int b) { return a < b ? a : b; }
 static int spsi_most(int a, int b) { return a > b ? a : b; }
 
@@ -2895,10 +2897,10 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
                                  float *channel) {
     const float height = f->half_height[i], width = f->half_width[i];
     /* cut as floats: a footprint may be wider than an int tells */
-    const int y0 = (int)fmaxf(ceilf(f->y[i] - height), (float)tile->y0);
-    const int y1 = (int)fminf(floorf(f->y[i] + height), (float)tile->y1);
-    const int x0 = (int)fmaxf(ceilf(f->x[i] - width), (float)tile->x0);
-    const int x1 = (int)fminf(floorf(f->x[i] + width), (float)tile->x1);
+    const int y0 = (int)spsi_higher(ceilf(f->y[i] - height), (float)tile->y0);
+    const int y1 = (int)spsi_lower(floorf(f->y[i] + height), (float)tile->y1);
+    const int x0 = (int)spsi_higher(ceilf(f->x[i] - width), (float)tile->x0);
+    const int x1 = (int)spsi_lower(floorf(f->x[i] + width), (float)tile->x1);
     const int clamped = tile->clamped && (f->depth[i] + s->reach_depth > tile->nearest_limit ||
                                           f->depth[i] - s->reach_depth < s->eye_near);
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;

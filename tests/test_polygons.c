@@ -227,7 +227,8 @@ static void test_watertight(void) {
     check_random random = {7};
     for (int n = 0; n < 4; ++n) {
         const double origin[3] = {-1, -1, 0}, u[3] = {2, 0, 0.3}, v[3] = {0, 2, -0.2};
-        const double far_origin[3] = {-40, -2, -80}, far_u[3] = {80, 0, 0}, far_v[3] = {0, 0.5, 160};
+        /* rows of triangles of 5 units, one of which reaches from 2.5 before the camera to 2.5 behind it */
+        const double far_origin[3] = {-40, -2, -77.5}, far_u[3] = {80, 0, 0}, far_v[3] = {0, 0.5, 160};
         check_scene s;
         start(&s, 64, 64, 1.5);
         add_shattered(&random, 32, origin, u, v, 0);
@@ -241,7 +242,7 @@ static void test_watertight(void) {
         add_shattered(&random, 32, far_origin, far_u, far_v, 0);
         check_set3(s.view.position, 0.3, 0.1, 0);
         check_set3(s.view.target, 0, -3, -4);
-        s.view.field_of_view = 0.6;
+        s.view.field_of_view = 1; /* from 9 to 66 degrees below the horizon */
         s.view.near_distance = n & 1 ? 0.1 : 0;
         check_covered_once(&s, "across the near plane");
     }
@@ -289,9 +290,10 @@ static void test_near_distance(void) {
     }
 }
 
-/* Triangles of no area change no bit, and are counted. */
+/* Triangles of no area change no bit, and are counted. One is far away: it would spread the depth map's texels. */
 static void test_degenerate(void) {
     static const double p[4][3] = {{0, 0, 1}, {1, 0, 1}, {2, 0, 1}, {0.3, 0.4, 0.5}};
+    static const double far_off[3] = {500, -700, 3};
     check_scene s;
     sps_stats_report stats;
     for (int with = 0; with < 2; ++with) {
@@ -300,6 +302,7 @@ static void test_degenerate(void) {
             check_add_corners(&body, p[0], p[1], p[2]); /* on a line */
             check_add_corners(&body, p[0], p[3], p[0]);
             check_add_corners(&body, p[3], p[3], p[3]);
+            check_add_corners(&body, far_off, p[0], far_off);
         }
         add_square(&body, 0.7, 0.2);
         if (with) add_square(&body, 0.7, 0.2); /* the same again: covered by itself, and no acne */
@@ -310,7 +313,7 @@ static void test_degenerate(void) {
         if (!check_render(context, &s, with ? image_b : image_a)) return;
     }
     sps_stats(context, &stats);
-    CHECK(stats.triangles_degenerate == 3);
+    CHECK(stats.triangles_degenerate == 4);
     CHECK(stats.triangles == 6);
     CHECK(memcmp(image_a, image_b, sizeof(float) * 4 * 17 * 13) == 0);
 }

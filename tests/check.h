@@ -338,19 +338,23 @@ static inline sps_volume *check_add_volume(check_scene *s, int nx, int ny, int n
     return volume;
 }
 
-static inline sps_light *check_add_directional(check_scene *s, double x, double y, double z, double irradiance) {
+/* The next light of the scene, white: set its direction or position. */
+static inline sps_light *check_add_light(check_scene *s, sps_light_kind kind, double strength) {
     sps_light *light = &s->light[s->scene.light_count++];
-    light->kind = SPS_LIGHT_DIRECTIONAL;
+    light->kind = kind;
+    check_color(light->color, strength, strength, strength);
+    return light;
+}
+
+static inline sps_light *check_add_directional(check_scene *s, double x, double y, double z, double irradiance) {
+    sps_light *light = check_add_light(s, SPS_LIGHT_DIRECTIONAL, irradiance);
     check_set3(light->direction, x, y, z);
-    check_color(light->color, irradiance, irradiance, irradiance);
     return light;
 }
 
 static inline sps_light *check_add_point(check_scene *s, double x, double y, double z, double intensity) {
-    sps_light *light = &s->light[s->scene.light_count++];
-    light->kind = SPS_LIGHT_POINT;
+    sps_light *light = check_add_light(s, SPS_LIGHT_POINT, intensity);
     check_set3(light->position, x, y, z);
-    check_color(light->color, intensity, intensity, intensity);
     return light;
 }
 

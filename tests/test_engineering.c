@@ -679,11 +679,22 @@ static int renders_reading(sps_context *context, const mixed *m, int line) {
 
 #define RENDERS_READING(context, m) renders_reading((context), (m), __LINE__)
 
+/* The small scene with voxels that may be kept (revision 0: they may not), and the context that is to keep them. */
+static sps_context *keeping_build(mixed *m, uint64_t revision) {
+    mixed_build_small(m);
+    m->s.volume[0].revision = m->s.volume[1].revision = revision;
+    return check_context(NULL);
+}
+
+static void keeping_free(mixed *m, sps_context *context) {
+    sps_destroy(context);
+    mixed_free(m);
+}
+
 static void test_revision(void) {
-    sps_context *context = check_context(NULL);
     sps_plan_report report;
     mixed m;
-    mixed_build_small(&m);
+    sps_context *context = keeping_build(&m, 0);
     CHECK(RENDERS_READING(context, &m));
     CHECK(RENDERS_READING(context, &m)); /* revision 0: never kept */
     m.s.volume[0].revision = m.s.volume[1].revision = 5;
@@ -698,16 +709,13 @@ static void test_revision(void) {
     CHECK(!RENDERS_READING(context, &m));
     m.s.volume[0].size[0] = 10;
     CHECK(RENDERS_READING(context, &m));
-    sps_destroy(context);
-    mixed_free(&m);
+    keeping_free(&m, context);
 }
 
 /* What may change without reading again, and what may not: in either case the image is the fresh one. */
 static void test_revision_and_looks(void) {
-    sps_context *context = check_context(NULL);
     mixed m;
-    mixed_build_small(&m);
-    m.s.volume[0].revision = m.s.volume[1].revision = 1;
+    sps_context *context = keeping_build(&m, 1);
     CHECK(RENDERS_READING(context, &m));
     m.s.view.position[0] = -0.7;
     m.s.volume[0].extinction = 0.3f;
@@ -720,8 +728,7 @@ static void test_revision_and_looks(void) {
     RENDERS_READING(context, &m);
     m.threshold = 0.1;
     CHECK(RENDERS_READING(context, &m)); /* more of the values show */
-    sps_destroy(context);
-    mixed_free(&m);
+    keeping_free(&m, context);
 }
 
 /* Transfer functions given by points: the same shape stretched over twice the values shows fewer voxels or more,
@@ -729,12 +736,10 @@ static void test_revision_and_looks(void) {
 static void test_revision_and_points(void) {
     static const sps_transfer_point narrow[] = {{0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 9}};
     static const sps_transfer_point wide[] = {{0.4f, {1, 1, 1}, 0}, {0.8f, {1, 1, 1}, 9}};
-    sps_context *context = check_context(NULL);
     mixed m;
-    mixed_build_small(&m);
+    sps_context *context = keeping_build(&m, 1);
     m.s.volume[0] = m.s.volume[1];
     m.s.scene.volume_count = 1;
-    m.s.volume[0].revision = 1;
     m.s.volume[0].size[0] = m.s.volume[0].size[1] = m.s.volume[0].size[2] = 24;
     m.transfer.eval_fn = NULL;
     m.transfer.point_count = 2;
@@ -744,16 +749,13 @@ static void test_revision_and_points(void) {
     RENDERS_READING(context, &m);
     m.transfer.points = wide;
     RENDERS_READING(context, &m);
-    sps_destroy(context);
-    mixed_free(&m);
+    keeping_free(&m, context);
 }
 
 /* A gas in place of a classified volume with the same provider, size and revision, and back. */
 static void test_revision_and_kind(void) {
-    sps_context *context = check_context(NULL);
     mixed m;
-    mixed_build_small(&m);
-    m.s.volume[0].revision = m.s.volume[1].revision = 1;
+    sps_context *context = keeping_build(&m, 1);
     RENDERS_READING(context, &m);
     m.s.volume[1].transfer = NULL;
     m.s.volume[1].extinction = 2;
@@ -764,16 +766,13 @@ static void test_revision_and_kind(void) {
     RENDERS_READING(context, &m);
     m.s.scene.volume_count = 2;
     RENDERS_READING(context, &m);
-    sps_destroy(context);
-    mixed_free(&m);
+    keeping_free(&m, context);
 }
 
 /* A call that fails half-way through the voxels leaves none behind that would be taken for good. */
 static void test_revision_and_failure(void) {
-    sps_context *context = check_context(NULL);
     mixed m;
-    mixed_build_small(&m);
-    m.s.volume[0].revision = m.s.volume[1].revision = 1;
+    sps_context *context = keeping_build(&m, 1);
     CHECK(RENDERS_READING(context, &m));
     m.s.volume[0].revision = 2;
     m.calls = 0;
@@ -782,8 +781,7 @@ static void test_revision_and_failure(void) {
     m.fail_at = 0;
     m.s.volume[0].revision = 1;
     CHECK(RENDERS_READING(context, &m));
-    sps_destroy(context);
-    mixed_free(&m);
+    keeping_free(&m, context);
 }
 
 /* ------------------------------------------------------------------------------------------------ the interface */

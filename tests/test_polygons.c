@@ -683,6 +683,62 @@ static void test_polygon_shadow_in_medium(void) {
     }
 }
 
+/* What a column at x sends: gas of 1 in height over a floor, lit where rays of slope 0.75 pass a roof at 1.5 beyond
+   `edge`. */
+static double half_lit_column(double x, double edge, double sigma) {
+    const double lit = fmin(fmax(0.5 - (1.5 - (x - edge) / 0.75), 0), 1);
+    const double surface = x - 0.75 * 2.5 > edge ? exp(-sigma * 2.25) * 0.7 / PI * 3 * 0.8 : 0;
+    return 3 * ISOTROPIC * slab_radiance(sigma * lit, 1.25 * sigma * lit) + surface;
+}
+
+/* A roof over gas and floor, once of polygons, once of voxels all but solid, one layer of them: both shadow both. Where
+   the polygons' edge lies is known to half a texel and to a quarter of a sheet, as above. The voxels' is soft: kernels
+   reach 2.5 / 8 along and up, so 1.25 times that on a slanted ray; a texel of half a voxel and, by the eye's way
+   through it, a sheet of half a voxel are added. The image lies between those with the edge as far to either side. */
+static void test_dense_stand_in(void) {
+    for (int voxels = 0; voxels < 2; ++voxels) {
+        const double sigma = 0.6, reach = voxels ? 2.5 / 8 * 1.25 + 0.0625 * 1.25 + 0.0625 * 0.75 * 1.2 : 0.011 * 0.75;
+        const double origin[3] = {-3, -1, 1.5}, u[3] = {3, 0, 0}, v[3] = {0, 2, 0};
+        check_scene s;
+        sps_volume *gas;
+        int dark = 0, bright = 0;
+        start(&s, 63, 3, 0.15);
+        add_square(&ground, 5, -1);
+        check_add_mesh(&s, &ground, 0.7);
+        gas = add_slab(&s, 45, 8, sigma);
+        gas->placement.origin[0] += 1.3;
+        check_color(gas->albedo, 1, 1, 1);
+        if (voxels) {
+            sps_volume *roof = check_add_volume(&s, 24, 16, 1, check_box(-3, -1, 1.5 - 0.0625, 0, 1, 1.5 + 0.0625));
+            roof->read_fn = check_read_constant;
+            roof->user = &one;
+            roof->extinction = 800; /* 100 in all */
+        } else {
+            check_add_quad(&body, origin, u, v);
+            check_add_mesh(&s, &body, 0.5);
+        }
+        check_add_directional(&s, 0.75, 0, -1, 3);
+        s.view.position[0] = s.view.target[0] = 1.5;
+        s.view.near_distance = 9.1; /* between the roof and the gas */
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 63; i < 126; ++i) {
+            const double x = 1.5 + (i - 63 - 31) * 0.05, seen = (double)image_a[4 * i];
+            const double low = half_lit_column(x, reach, sigma), high = half_lit_column(x, -reach, sigma);
+            const double above = 0.5 - (1.5 - x / 0.75); /* smooth faces, as above */
+            const double face =
+                fabs(above) < 0.35 + reach / 0.75 || fabs(above - 1) < 0.35 + reach / 0.75 ? 0.4 * 0.65 / 8 : 0;
+            const double slack = 3 * ISOTROPIC * sigma * face + high * sigma * 2.25 * RIPPLE + 1e-4 * high;
+            if (!CHECK(seen >= low - slack && seen <= high + slack))
+                printf("    voxels %d: %g at x = %g, not within %g and %g\n", voxels, seen, x, low - slack,
+                       high + slack);
+            dark += high <= 0;
+            bright += x > 0.75 * 2.5 + reach;
+            if (high <= 0) CHECK(seen <= slack);
+        }
+        CHECK(dark > 3 && bright > 3);
+    }
+}
+
 /* -------------------------------------------------------------------------------------------- against the reference */
 
 static double blob(const void *user, const double p[3]) {
@@ -753,6 +809,7 @@ int main(void) {
     RUN(test_polygon_slides);
     RUN(test_volume_shadow_on_plane);
     RUN(test_polygon_shadow_in_medium);
+    RUN(test_dense_stand_in);
     RUN(test_mixed_scene);
     sps_destroy(context);
     check_free_triangles(&ground);

@@ -137,16 +137,14 @@ COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 COMPILE_wide_sanitized = clang $(STANDARD) -O2 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# What runs where: all of it, unless the time calls for less.
-TESTS_native    = $(TESTS)
+# What runs where: all of it, unless the time calls for less. Random scenes: the same three hundred each time, and
+# `make fuzz` for others.
+TESTS_native    = $(TESTS) fuzz
 TESTS_sanitized = $(TESTS)
 TESTS_cpp       = test_engineering test_plan
 TESTS_baseline  = test_transport test_simd
-TESTS_unoptimized = $(TESTS)
-TESTS_threads   = $(TESTS)
-TESTS_wide_sanitized = $(TESTS)
 ifdef SPLATSHADOW_LONG
-$(foreach configuration,$(CONFIGURATIONS),$(eval TESTS_$(configuration) = $$(TESTS)))
+$(foreach configuration,$(CONFIGURATIONS),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 endif
 
 # The header by itself, with every warning an error: compiler_standard_variant; examples likewise. In C99 to an object,

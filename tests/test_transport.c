@@ -1165,7 +1165,7 @@ static void test_scaled_and_moved(void) {
         check_add_point(&s, 1, 3, 1.5, 4);
         s.view.quality = SPS_QUALITY_HIGH;
         hold_blobs(&s);
-        if (!check_render(context, &s, image_a)) return;
+        if (n == 0 && !check_render(context, &s, image_a)) return;
         for (int i = 0; i < 3; ++i) {
             double *points[4];
             points[0] = &s.volume[0].placement.origin[i], points[1] = &s.view.position[i];

@@ -316,6 +316,20 @@ static void test_matrix_arguments(void) {
     }
 }
 
+/* Two axes that are the same make a placement flat however they lie, though rounding may leave a determinant of some
+   1e-17 where it ought to be 0; which it is must not be a matter of the compiler. */
+static void test_flat_placements(void) {
+    check_random random = {3};
+    for (int n = 0; n < 50; ++n) {
+        check_scene s;
+        sps_volume *volume = uniform_build(&s, 4, 1);
+        for (int i = 0; i < 9; ++i) volume->placement.axis[i / 3][i % 3] = check_next(&random) - 0.5;
+        memcpy(volume->placement.axis[n % 3], volume->placement.axis[(n + 1) % 3], 3 * sizeof(double));
+        if (!CHECK(render_fresh(&s, rgba) == SPS_ERROR_ARGUMENT) || !CHECK(strstr(sentence, "volume[0].placement")))
+            printf("    placement %d\n", n);
+    }
+}
+
 /* 65 volumes are too many if they hold voxels, and fine if they do not. */
 static void test_too_many_volumes(void) {
     static sps_volume volumes[65];
@@ -1015,6 +1029,7 @@ int main(void) {
     test_arguments();
     test_image_argument();
     test_matrix_arguments();
+    test_flat_placements();
     test_too_many_volumes();
     test_largest_volume();
     test_bad_values();

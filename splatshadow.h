@@ -1311,14 +1311,16 @@ static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
 /* Copies a placement with the identity for all-zero axes; gives 0 where it is not finite or flat. */
 static int spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
+    double determinant, room = 1e-14;
     int zero = 1;
-    double determinant;
     *to = *from;
     for (int i = 0; i < 9; ++i) zero &= axes[i] == 0.0;
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
     if (spsi_bad_coordinate(to->origin, 3) || spsi_bad_coordinate(&to->axis[0][0], 9)) return 0;
+    /* what rounding leaves of a flat one is no volume */
     determinant = spsi_determinant(to->axis[0], to->axis[1], to->axis[2]);
-    return fabs(determinant) > 0 && fabs(determinant) <= DBL_MAX;
+    for (int i = 0; i < 3; ++i) room *= spsi_length(to->axis[i]);
+    return fabs(determinant) > room && fabs(determinant) <= DBL_MAX;
 }
 
 static int spsi_volume_present(const sps_volume *volume) {

@@ -768,6 +768,154 @@ static void test_scales_and_origins(void) {
     }
 }
 
+/* The eye among coarse voxels, whose kernels are then integrated along each ray: lengths appear there in their sixth
+   power. Scaled by powers of 2, nothing is rounded otherwise but what is compared with constants. */
+static void test_scales_of_near_voxels(void) {
+    static const int powers[] = {-40, -27, -13, 13, 23, 33};
+    const sps_transfer_point points[2] = {{0.1f, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 2}};
+    for (int classified = 0; classified < 2; ++classified)
+        for (size_t i = 0; i <= sizeof powers / sizeof *powers; ++i) {
+            const double scale = i > 0 ? ldexp(1, powers[i - 1]) : 1;
+            sps_transfer_point scaled[2];
+            const sps_transfer transfer = {scaled, 2, NULL, NULL, 0};
+            check_scene s;
+            sps_volume *volume = uniform_build(&s, 8, 1 / scale);
+            memcpy(scaled, points, sizeof points);
+            scaled[1].extinction /= (float)scale;
+            if (classified) volume->transfer = &transfer, volume->shading = SPS_SHADING_SURFACE;
+            for (int k = 0; k < 3; ++k) {
+                volume->placement.origin[k] *= scale, volume->placement.axis[k][k] *= scale;
+                volume->albedo[k] = 0.8f;
+            }
+            check_add_directional(&s, 1, -1, -1, 3);
+            check_set3(s.view.position, 0.2 * scale, 0.3 * scale, 3 * scale);
+            check_set3(s.view.target, 0, 0, 0);
+            s.view.field_of_view = 0.5;
+            RENDERS(&s, i > 0 ? rgba : other);
+            if (i > 0 && !CHECK(check_largest(rgba, other, 4 * PIXELS) < 1e-4))
+                printf("    2^%d, classified %d: off by %g\n", powers[i - 1], classified,
+                       check_largest(rgba, other, 4 * PIXELS));
+        }
+}
+
+/* What lies far away, and is seen by nobody, changes nothing: a small triangle that comes first, or a backdrop, black
+   as the background is, behind a gas with its shadows. */
+static void test_far_things(void) {
+    static const double far_away[] = {1e3, 1e6, 1e9};
+    for (int backdrop = 0; backdrop < 2; ++backdrop)
+        for (size_t i = 0; i <= sizeof far_away / sizeof *far_away; ++i) {
+            const double d = i > 0 ? far_away[i - 1] : 0;
+            check_triangles triangles = {NULL, 0, 0, 0, 0};
+            check_scene s;
+            uniform_build(&s, 8, 1);
+            for (int k = 0; k < 3; ++k) s.volume[0].albedo[k] = 0.8f;
+            check_add_directional(&s, 1, -1, -1, 3);
+            check_set3(s.view.position, 0, 4, 10);
+            s.view.field_of_view = 0.5;
+            if (backdrop) {
+                const double origin[3] = {-d, -d, -d}, u[3] = {2 * d, 0, 0}, v[3] = {0, 2 * d, 0};
+                if (i > 0) check_add_quad(&triangles, origin, u, v);
+            } else {
+                const double origin[3] = {0, 1, d}, u[3] = {0.02, 0, 0}, v[3] = {0, 0.02, 0};
+                const double floor[3] = {-4, -1.1, -4}, x[3] = {8, 0, 0}, z[3] = {0, 0, 8};
+                if (i > 0) check_add_quad(&triangles, origin, u, v);
+                check_add_quad(&triangles, floor, x, z);
+                s.light[0].no_shadow =
+                    1; /* depth maps are fitted to the meshes, and coarse where these lie far apart */
+            }
+            check_add_mesh(&s, &triangles, backdrop ? 0 : 0.5);
+            RENDERS(&s, i > 0 ? rgba : other);
+            for (int k = 3; k < 4 * PIXELS && backdrop; k += 4) rgba[k] = other[k]; /* it does count in alpha */
+            if (i > 0 && !CHECK(check_largest(rgba, other, 4 * PIXELS) < 1e-6))
+                printf("    %s at %g: off by %g\n", backdrop ? "backdrop" : "triangle", d,
+                       check_largest(rgba, other, 4 * PIXELS));
+            check_free_triangles(&triangles);
+        }
+}
+
+/* The roof's shadow of a point light that goes away with its intensity growing is that of a directional light; rays
+   part by (width / distance), which moves an edge by 3 / distance of a pixel's 0.1 here: none is that close to one. */
+static void test_far_point_lights(void) {
+    static const double distances[] = {1e4, 1e5, 1e6, 1e7};
+    for (size_t i = 0; i <= sizeof distances / sizeof *distances; ++i) {
+        const double floor[3] = {-4, -1, -4}, x[3] = {8, 0, 0}, z[3] = {0, 0, 8};
+        const double roof[3] = {-1.013, -0.6, -1.013}, u[3] = {2.03, 0, 0}, w[3] = {0, 0, 2.03};
+        check_triangles triangles = {NULL, 0, 0, 0, 0};
+        check_scene s;
+        check_clear(&s, SIDE, SIDE);
+        check_set3(s.view.position, 0, 8, 5);
+        s.view.field_of_view = 0.9;
+        check_add_quad(&triangles, floor, x, z);
+        check_add_quad(&triangles, roof, u, w);
+        check_add_mesh(&s, &triangles, 0.5);
+        if (i > 0) {
+            const double d = distances[i - 1];
+            check_add_point(&s, -0.8 * d, 0.6 * d, 0, 3 * d * d);
+        } else {
+            check_add_directional(&s, 0.8, -0.6, 0, 3);
+        }
+        RENDERS(&s, i > 0 ? rgba : other);
+        CHECK(sane(rgba, PIXELS, 1));
+        if (i > 0 && !CHECK(check_rms(rgba, other, 4 * PIXELS) < 100 / distances[i - 1] + 1e-5))
+            printf("    at %g: off by %g\n", distances[i - 1], check_rms(rgba, other, 4 * PIXELS));
+        check_free_triangles(&triangles);
+    }
+}
+
+/* A picture of ever fewer nanometres: right, until footprints would leave the range of floats, and then refused. */
+static void test_zoom(void) {
+    int refused = 0;
+    for (int power = 0; power >= -30; power -= 3) {
+        check_scene s;
+        sps_result result;
+        uniform_build(&s, 8, 1);
+        s.view.ortho_height = pow(10, power);
+        result = render_fresh(&s, rgba);
+        if (result == SPS_OK) {
+            CHECK(!refused);
+            /* the pixels' own depth: 2, of kernels cut at 3.3 standard deviations */
+            CHECK_NEAR(optical_depth(middle(rgba)), 2, 0.01);
+        } else {
+            CHECK(result == SPS_ERROR_UNSUPPORTED || result == SPS_ERROR_ARGUMENT);
+            refused = 1;
+        }
+    }
+    CHECK(refused);
+}
+
+/* A faint box is where a dense one is: its middle is 10 away. */
+static void test_faint_distance(void) {
+    static const double extinctions[] = {1e-12, 1e-9, 1e-7, 1e-3};
+    sps_context *context = sps_create(NULL);
+    for (size_t i = 0; i < sizeof extinctions / sizeof *extinctions; ++i) {
+        check_scene s;
+        uniform_build(&s, 16, extinctions[i]);
+        if (!check_render_depth(context, &s, rgba, depth)) continue;
+        CHECK_NEAR(depth[SIDE / 2 * SIDE + SIDE / 2], 10, 0.01);
+    }
+    sps_destroy(context);
+}
+
+/* Numbers at the ends of their ranges, where products pass those of floats: capped, and never NaN or infinite. */
+static void test_caps(void) {
+    for (int n = 0; n < 4; ++n) {
+        mixed m;
+        mixed_build(&m);
+        if (n < 2) {
+            m.s.volume[0].transfer = &m.transfer;
+            m.s.volume[0].shading = SPS_SHADING_SURFACE;
+            m.s.volume[0].gradient_full = n == 0 ? 1e-39f : 1e-30f;
+        } else { /* a light of 1e18 a hair's breadth above the floor, or in a gas that is small */
+            sps_light *light = check_add_point(&m.s, 0, n == 2 ? -1 + 1e-11 : 0, 0, 1e18);
+            light->no_shadow = 1;
+            if (n == 3) mixed_transform(&m, 1e-12, 0), check_color(light->color, 1e18, 1e18, 1e18);
+        }
+        RENDERS(&m.s, rgba);
+        if (!CHECK(sane(rgba, PIXELS, 1e33))) printf("    case %d\n", n);
+        mixed_free(&m);
+    }
+}
+
 /* ------------------------------------------------------------------------------------------------- the camera */
 
 /* Of a uniform cube of depth 2 in 16 voxels: from the middle half is seen; from a face, all but the half kernel that
@@ -1040,6 +1188,7 @@ int main(void) {
     test_large_and_small_values();
     test_optical_depths();
     test_largest_allowed();
+    test_caps();
     test_many_thin_slabs();
     test_empty_scenes();
     test_no_image();
@@ -1048,6 +1197,11 @@ int main(void) {
     test_no_lights();
     test_uneven_voxels();
     test_scales_and_origins();
+    test_scales_of_near_voxels();
+    test_far_things();
+    test_far_point_lights();
+    test_zoom();
+    test_faint_distance();
     test_camera_inside();
     test_wide_camera();
     test_up();

@@ -152,7 +152,8 @@ endif
 CHECK_COMPILERS = gcc clang
 CHECK_STANDARDS = c99 c11 c++11
 CHECK_VARIANTS = plain sse2 avx2 avx512 face
-VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD
+# near and far are what windows.h makes of them
+VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD -Dnear= -Dfar=
 VARIANT_sse2   = -DSPLATSHADOW_IMPLEMENTATION
 VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma
 # gcc 12's own AVX-512 header warns of sign conversions where its intrinsics are macros, at -O0

@@ -3306,6 +3306,11 @@ typedef struct spsi_pixels {
     spsi_v light_base[3], light_slope[3];
 } spsi_pixels;
 
+/* What a vector of rays has gathered so far. */
+typedef struct spsi_gathered {
+    spsi_v depth, radiance[3], distance; /* distance: weighted by coverage */
+} spsi_gathered;
+
 /* One material's part of a sheet. */
 typedef struct spsi_sample {
     spsi_v depth, value_length; /* optical depth; integral of value over world length */
@@ -3935,10 +3940,10 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
 /* Adds the polygons of a vector of pixels whose slab lies in [low, high) to what the ray has gathered, and makes the
    ray opaque. */
 static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
-                              spsi_v *depth, spsi_v radiance[3], spsi_v *distance) {
+                              spsi_gathered *sum) {
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
-    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), *depth));
+    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
     float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
     if (!bits) return;
@@ -3949,13 +3954,14 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
             for (int c = 0; c < 3; ++c) lanes[c][i] = sent[c];
             opaque[i] = SPSI_DEPTH_MAX;
         }
-    for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_fma(spsi_load(lanes[c]), open, radiance[c]);
+    for (int c = 0; c < shader->frame->channels; ++c)
+        sum->radiance[c] = spsi_fma(spsi_load(lanes[c]), open, sum->radiance[c]);
     {
         const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
         const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->eye.depth_reference));
         const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
-        *distance = spsi_fma(is, d, *distance);
-        *depth = spsi_min(spsi_add(*depth, covered), spsi_set(SPSI_DEPTH_MAX));
+        sum->distance = spsi_fma(is, d, sum->distance);
+        sum->depth = spsi_min(spsi_add(sum->depth, covered), spsi_set(SPSI_DEPTH_MAX));
     }
 }
 
@@ -4013,32 +4019,70 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
 
 /* Composites one part of a slab. */
 static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
-                          spsi_v *depth, spsi_v radiance[3], spsi_v *distance) {
+                          spsi_gathered *sum) {
     const spsi_v zero = spsi_set(0);
     if (shader->sweep->back_to_front) {
         const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
-        for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_mul(radiance[c], through);
-        *distance = spsi_mul(*distance, through);
+        for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
+        sum->distance = spsi_mul(sum->distance, through);
     }
-    if (shader->light && shader->frame->scatters) spsi_add_shadowed(shader, p, slab, part, radiance);
-    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, radiance);
+    if (shader->light && shader->frame->scatters) spsi_add_shadowed(shader, p, slab, part, sum->radiance);
+    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
     if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
         const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
-        const spsi_v far_depth = spsi_add(part->middle, spsi_set((float)shader->frame->eye.depth_reference));
-        *distance = spsi_fma(covered, spsi_mul(far_depth, p->length), *distance);
+        const spsi_v t = spsi_add(part->middle, spsi_set((float)shader->frame->eye.depth_reference));
+        sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
     }
-    *depth = spsi_min(spsi_add(*depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
+    sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
+}
+
+/* Composites slab k and the polygons between the slab coordinates `low` and `high`; gives 0 where it held nothing. */
+static int spsi_add_slab(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int width, int k,
+                         float low, float high, spsi_slab *slab, spsi_gathered *sum) {
+    const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, tile, p, k, slab);
+    spsi_part part;
+    if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
+    for (int i = 0; i < slab->part_count && held; ++i) {
+        spsi_part_build(shader, slab, i, sum->depth, &part);
+        spsi_add_part(shader, p, slab, &part, sum);
+    }
+    if (shader->hits && !backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
+    return held;
+}
+
+static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
+    sum->depth = spsi_load(shader->depth + from);
+    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all the same */
+    sum->distance = shader->distance ? spsi_load(shader->distance + from) : spsi_set(0);
+}
+
+static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi_gathered *sum) {
+    spsi_store(shader->depth + to, sum->depth);
+    for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->radiance[c] + to, sum->radiance[c]);
+    if (shader->distance) spsi_store(shader->distance + to, sum->distance);
+}
+
+/* Ends the rays that little comes through any more where the chunk ends: what is left is taken as seen there, so that
+   no bright background shines through, and nothing later adds to them, whether their patch is looked at again or not.
+ */
+static void spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int slab_count, spsi_gathered *sum) {
+    const spsi_v most = spsi_set(SPSI_DEPTH_MAX);
+    const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
+    const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, slab_count), p->line.polygon),
+                              spsi_set((float)shader->frame->eye.depth_reference));
+    const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+    sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
+    sum->depth = spsi_select(open, sum->depth, most);
 }
 
 /* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
    from the very first, the polygons that belong to it. Gives the number of slabs that held something. */
 static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, spsi_sample *samples, int x, int y,
                              int width, int slab_count, float low, float high) {
-    const size_t to = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    spsi_gathered sum;
     spsi_pixels p;
     spsi_slab slab;
-    spsi_part part;
-    spsi_v depth = spsi_load(shader->depth + to), radiance[3], distance = spsi_set(0);
     int held = 0;
     slab.samples = samples;
     slab.material_count = shader->frame->material_count;
@@ -4046,27 +4090,15 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
     spsi_pixels_build(shader, x, y, &p);
     for (int i = 0; i < 4 && slab_count > 0 && shader->frame->has_gradient; ++i)
         spsi_line_build(shader, x + (i == 1) - (i == 0), y + (i == 3) - (i == 2), &p.around[i]);
-    for (int c = 0; c < shader->frame->channels; ++c) radiance[c] = spsi_load(shader->radiance[c] + to);
-    if (shader->distance) distance = spsi_load(shader->distance + to);
+    spsi_gathered_load(shader, at, &sum);
     for (int k = 0; k < slab_count; ++k) {
         const float first = k == 0 ? low : (float)(shader->first_slab + k);
         const float next = k + 1 == slab_count ? high : (float)(shader->first_slab + k + 1);
-        if (shader->hits && shader->sweep->back_to_front)
-            spsi_add_surfaces(shader, &p, width, first, next, &depth, radiance, &distance);
-        if (spsi_slab_build(shader, tile, &p, k, &slab)) {
-            for (int i = 0; i < slab.part_count; ++i) {
-                spsi_part_build(shader, &slab, i, depth, &part);
-                spsi_add_part(shader, &p, &slab, &part, &depth, radiance, &distance);
-            }
-            held += width;
-        }
-        if (shader->hits && !shader->sweep->back_to_front)
-            spsi_add_surfaces(shader, &p, width, first, next, &depth, radiance, &distance);
+        held += width * spsi_add_slab(shader, tile, &p, width, k, first, next, &slab, &sum);
     }
-    if (slab_count == 0) spsi_add_surfaces(shader, &p, width, low, high, &depth, radiance, &distance);
-    spsi_store(shader->depth + to, depth);
-    for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->radiance[c] + to, radiance[c]);
-    if (shader->distance) spsi_store(shader->distance + to, distance);
+    if (slab_count == 0) spsi_add_surfaces(shader, &p, width, low, high, &sum);
+    if (slab_count > 0 && !shader->sweep->back_to_front) spsi_end_rays(shader, &p, slab_count, &sum);
+    spsi_gathered_store(shader, at, &sum);
     return held;
 }
 

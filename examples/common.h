@@ -695,17 +695,56 @@ static inline unsigned char ex_srgb_code(float linear) {
     return (unsigned char)(255.0f * code + 0.5f);
 }
 
+/* A file that is being written. The first failure stands; closing belongs to it, since a full disk may show only
+   when the last buffer goes out. */
+typedef struct ex_output {
+    FILE *file;
+    const char *path;
+    int failure; /* errno of the first failure, 0 without one */
+} ex_output;
+
+static inline int ex_output_begin(ex_output *output, const char *path, ex_error *error) {
+    output->path = path;
+    output->failure = 0;
+    output->file = fopen(path, "wb");
+    return output->file ? 0 : ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
+}
+
+static inline void ex_output_note(ex_output *output, int failed) {
+    if (failed && !output->failure) output->failure = errno ? errno : EIO;
+}
+
+static inline void ex_output_bytes(ex_output *output, const void *data, size_t size) {
+    errno = 0;
+    ex_output_note(output, fwrite(data, 1, size, output->file) != size);
+}
+
+static inline int ex_output_end(ex_output *output, ex_error *error) {
+    errno = 0;
+    ex_output_note(output, fclose(output->file) != 0);
+    if (!output->failure) return 0;
+    return ex_fail(error, "%s: writing failed: %s", output->path, strerror(output->failure));
+}
+
 #ifndef EX_NO_PNG
+static inline void ex_png_bytes(void *output, void *data, int size) {
+    ex_output_bytes((ex_output *)output, data, (size_t)size);
+}
+
 /* RGB of an RGBA image as it stands (premultiplied, over its background), times `exposure`, clamped. */
 static inline int ex_write_png(const char *path, const float *rgba, int width, int height, float exposure,
                                ex_error *error) {
     const size_t count = (size_t)width * (size_t)height;
+    ex_output output;
+    if (ex_output_begin(&output, path, error)) return 1;
     unsigned char *codes = (unsigned char *)ex_allocate(count, 3);
     for (size_t i = 0; i < count; ++i)
         for (size_t c = 0; c < 3; ++c) codes[3 * i + c] = ex_srgb_code(exposure * rgba[4 * i + c]);
-    const int written = stbi_write_png(path, width, height, 3, codes, 3 * width);
+    const int encoded = stbi_write_png_to_func(ex_png_bytes, &output, width, height, 3, codes, 3 * width);
     free(codes);
-    return written ? 0 : ex_fail(error, "%s: cannot be written", path);
+    if (!encoded) errno = ENOMEM; /* the only failure that the encoder has */
+    ex_output_note(&output, !encoded);
+    return ex_output_end(&output, error);
 }
 #endif
 
@@ -713,20 +752,21 @@ static inline int ex_write_png(const char *path, const float *rgba, int width, i
    little endian, bottom row first. */
 static inline int ex_write_pfm(const char *path, const float *rgba, int width, int height, int first_channel,
                                int channels, ex_error *error) {
-    FILE *file = fopen(path, "wb");
-    if (!file) return ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
+    ex_output output;
+    char header[64];
+    if (ex_output_begin(&output, path, error)) return 1;
     const size_t row_count = (size_t)width * (size_t)channels;
     float *row = (float *)ex_allocate(row_count, sizeof *row);
-    int failed = fprintf(file, "%s\n%d %d\n-1.0\n", channels == 3 ? "PF" : "Pf", width, height) < 0;
-    for (int y = height - 1; y >= 0 && !failed; --y) {
+    snprintf(header, sizeof header, "%s\n%d %d\n-1.0\n", channels == 3 ? "PF" : "Pf", width, height);
+    ex_output_bytes(&output, header, strlen(header));
+    for (int y = height - 1; y >= 0 && !output.failure; --y) {
         const float *from = rgba + 4 * (size_t)y * (size_t)width + first_channel;
         for (size_t i = 0; i < row_count; ++i) row[i] = from[4 * (i / (size_t)channels) + i % (size_t)channels];
         ex_little_endian(row, row_count, sizeof *row);
-        failed = fwrite(row, sizeof *row, row_count, file) != row_count;
+        ex_output_bytes(&output, row, row_count * sizeof *row);
     }
     free(row);
-    failed |= fclose(file) != 0;
-    return failed ? ex_fail(error, "%s: writing failed: %s", path, strerror(errno)) : 0;
+    return ex_output_end(&output, error);
 }
 
 /* ================================================================================================== >>clock */

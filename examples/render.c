@@ -436,13 +436,12 @@ static void make_view(const arguments *all, sps_view *view) {
 
 /* ================================================================================================= reports */
 
+/* clang-format does not come to rest on these lists. */
+/* clang-format off */
 #define PLAN_COUNTS(X)                                                                                                 \
-    X(sweep_count)                                                                                                     \
-    X(color_channels)                                                                                                  \
-    X(sheet_channels)                                                                                                  \
-    X(slab_count)                                                                                                      \
-    X(shadow_width)                                                                                                    \
-    X(shadow_height) X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(voxels_read) X(bytes)
+    X(sweep_count) X(color_channels) X(sheet_channels) X(slab_count) X(shadow_width) X(shadow_height)                  \
+    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(voxels_read) X(bytes)
+/* clang-format on */
 
 static int print_plan(ex_session *session, const sps_scene *scene, const sps_view *view, ex_error *error) {
     sps_plan_report plan;
@@ -459,35 +458,40 @@ static int print_plan(ex_session *session, const sps_scene *scene, const sps_vie
     return 0;
 }
 
+/* clang-format off */
 #define STATS_SECONDS(X)                                                                                               \
     X(seconds_gather) X(seconds_polygons) X(seconds_bin) X(seconds_light) X(seconds_eye) X(seconds_total)
 #define STATS_COUNTS(X)                                                                                                \
-    X(range_calls)                                                                                                     \
-    X(read_calls)                                                                                                      \
-    X(eval_calls)                                                                                                      \
-    X(triangle_calls)                                                                                                  \
-    X(background_calls)                                                                                                \
-    X(blocks_skipped) X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced) X(triangles)                      \
-        X(triangles_degenerate) X(pixels_of_polygons) X(slabs) X(slabs_empty) X(eye_footprints) X(eye_fragments)         \
-            X(light_footprints) X(light_fragments) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes)            \
-                X(bytes_peak)
+    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(background_calls) X(blocks_skipped)                 \
+    X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced)                                                     \
+    X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(slabs) X(slabs_empty)                                 \
+    X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
+    X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
+/* clang-format on */
 
 static int write_stats(const char *path, const sps_context *context, ex_error *error) {
     sps_stats_report stats;
-    FILE *file = fopen(path, "w");
-    if (!file) return ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
+    ex_output output;
+    if (ex_output_begin(&output, path, error)) return 1;
     sps_stats(context, &stats);
-    fputs("{\n", file);
-#define WRITE_SECONDS(field) fprintf(file, "  \"%s\": %.9g,\n", #field, stats.field);
-#define WRITE_COUNT(field)   fprintf(file, "  \"%s\": %" PRIu64 ",\n", #field, (uint64_t)stats.field);
+    fputs("{\n", output.file);
+#define WRITE_SECONDS(field) fprintf(output.file, "  \"%s\": %.9g,\n", #field, stats.field);
+#define WRITE_COUNT(field)   fprintf(output.file, "  \"%s\": %" PRIu64 ",\n", #field, (uint64_t)stats.field);
     STATS_SECONDS(WRITE_SECONDS)
     STATS_COUNTS(WRITE_COUNT)
 #undef WRITE_SECONDS
 #undef WRITE_COUNT
-    fprintf(file, "  \"version\": %d\n}\n", sps_version());
-    int failed = ferror(file);
-    failed |= fclose(file);
-    return failed ? ex_fail(error, "%s: writing failed", path) : 0;
+    fprintf(output.file, "  \"version\": %d\n}\n", sps_version());
+    errno = 0;
+    ex_output_note(&output, ferror(output.file) || fflush(output.file) != 0);
+    return ex_output_end(&output, error);
+}
+
+/* What --plan and --help say may go to a full disk as well. */
+static int finish_standard_output(ex_error *error) {
+    errno = 0;
+    if (fflush(stdout) == 0 && !ferror(stdout)) return 0;
+    return ex_fail(error, "standard output: writing failed: %s", strerror(errno ? errno : EIO));
 }
 
 /* ============================================================================================ the program */
@@ -563,10 +567,8 @@ int main(int argc, char **argv) {
     if (parse(argc, argv, &all, &error) == 0) {
         if (all.help) {
             print_help();
-            free_arguments(&all);
-            return 0;
-        }
-        if (check(&all, &error) == 0) {
+            status = 0;
+        } else if (check(&all, &error) == 0) {
             sps_volume *volumes = (sps_volume *)ex_allocate(most, sizeof *volumes);
             sps_mesh *meshes = (sps_mesh *)ex_allocate(most, sizeof *meshes);
             status = run(&all, volumes, meshes, &error);
@@ -574,6 +576,7 @@ int main(int argc, char **argv) {
             free(meshes);
         }
     }
+    if (status == 0 && finish_standard_output(&error)) status = 2;
     if (status) fprintf(stderr, "render: %s\n", error.text);
     free_arguments(&all);
     return status;

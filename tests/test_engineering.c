@@ -1,9 +1,11 @@
 /* What holds whatever the picture: failures of every hook leave nothing behind, memory stays within the plan, and the
-   same scene gives the same bits for any number of workers, any region, any context and any order of calls. */
+   same scene gives the same bits for any number of workers, any region, any context and any order of calls. And what
+   the command line, build/render, says to its user. */
 
 #include "check.h"
 #include "splatshadow.h" /* once more, below its own implementation */
 #include <pthread.h>
+#include <sys/wait.h>
 
 /* ------------------------------------------------------------------------------------ a scene that uses everything */
 
@@ -926,6 +928,125 @@ static void test_quick_start(void) {
     free(hello);
 }
 
+/* -------------------------------------------------------------------------------------------- the command line */
+
+/* build/render is run in a folder of its own below build/, where it finds these files. */
+static char render_folder[] = "build/command_line.XXXXXX";
+
+typedef struct outcome {
+    int status;
+    char said[2000]; /* on standard error */
+} outcome;
+
+static int read_file(const char *name, char *text, size_t size) {
+    char path[200];
+    FILE *file;
+    size_t got = 0;
+    snprintf(path, sizeof path, "%s/%s", render_folder, name);
+    file = fopen(path, "rb");
+    if (!file) return 0;
+    got = fread(text, 1, size - 1, file);
+    text[got] = 0;
+    fclose(file);
+    return (int)got;
+}
+
+static void write_file(const char *name, const void *data, size_t size) {
+    char path[200];
+    FILE *file;
+    snprintf(path, sizeof path, "%s/%s", render_folder, name);
+    file = fopen(path, "wb");
+    if (CHECK(file && fwrite(data, 1, size, file) == size)) fclose(file);
+}
+
+static outcome run_render(const char *options) {
+    static char command[4000];
+    outcome result;
+    int status;
+    snprintf(command, sizeof command, "cd %s && ../render %s 2>said", render_folder, options);
+    status = system(command);
+    result.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    read_file("said", result.said, sizeof result.said);
+    return result;
+}
+
+/* One line, without what a terminal would take for a command. */
+static int is_one_line(const char *said) {
+    const size_t length = strlen(said);
+    for (size_t i = 0; i + 1 < length; ++i)
+        if ((unsigned char)said[i] < 32 || (unsigned char)said[i] == 127) return 0;
+    return strncmp(said, "render: ", 8) == 0 && length > 10 && said[length - 1] == '\n';
+}
+
+typedef struct complaint {
+    const char *options;
+    int status;
+    const char *words; /* what the line has to hold; NULL: nothing may be said */
+} complaint;
+
+static void check_complaints(const complaint *list, size_t count) {
+    for (size_t i = 0; i < count; ++i) {
+        const outcome got = run_render(list[i].options);
+        const int right = list[i].words ? is_one_line(got.said) && strstr(got.said, list[i].words) : got.said[0] == 0;
+        if (!CHECK(got.status == list[i].status) || !CHECK(right))
+            printf("    render %s\n    gives %d, and says: %s\n", list[i].options, got.status, got.said);
+    }
+}
+
+#define CHECK_COMPLAINTS(list) check_complaints((list), sizeof(list) / sizeof *(list))
+
+#define SMALL  "--width 5 --height 4 "                /* what most of these tests are content with */
+#define VOLUME "--volume two.raw --size 2,2,2 " SMALL /* the same with something to see */
+
+static void test_full_disk(void) {
+    static const complaint full[] = {{VOLUME "--out /dev/full", 2, "/dev/full: "},
+                                     {VOLUME "--pfm /dev/full", 2, "/dev/full: "},
+                                     {VOLUME "--alpha-pfm /dev/full", 2, "/dev/full: "},
+                                     {VOLUME "--stats /dev/full", 2, "/dev/full: "},
+                                     {VOLUME "--out a.png --stats /dev/full", 2, "No space left"},
+                                     {VOLUME "--width 500 --pfm /dev/full", 2, "No space left"},
+                                     {VOLUME "--plan >/dev/full", 2, "standard output: "},
+                                     {"--help >/dev/full", 2, "standard output: "}};
+    FILE *device = fopen("/dev/full", "wb");
+    if (!device) {
+        printf("skipped: a full disk: there is no /dev/full here\n");
+        return;
+    }
+    fclose(device);
+    CHECK_COMPLAINTS(full);
+}
+
+/* All four files at once, each of the size that it has to be. */
+static void test_files_written(void) {
+    static const complaint all[] = {
+        {VOLUME "--out a.png --pfm a.pfm --alpha-pfm b.pfm --stats a.json", 0, NULL},
+        {VOLUME "--out missing/a.png", 2, "missing/a.png"},
+    };
+    char text[4000];
+    CHECK_COMPLAINTS(all);
+    CHECK(read_file("a.png", text, sizeof text) > 60 && memcmp(text, "\x89PNG\r\n\x1a\n", 8) == 0);
+    CHECK(read_file("a.pfm", text, sizeof text) == 12 + 4 * 3 * 20 && memcmp(text, "PF\n5 4\n-1.0\n", 12) == 0);
+    CHECK(read_file("b.pfm", text, sizeof text) == 12 + 4 * 20 && memcmp(text, "Pf\n5 4\n-1.0\n", 12) == 0);
+    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 100\n}\n"));
+}
+
+static void test_command_line(void) {
+    static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
+    char command[200];
+    FILE *program = fopen("build/render", "rb");
+    if (!program || !mkdtemp(render_folder)) {
+        printf("skipped: the command line: run this in the top folder, after make build/render\n");
+        if (program) fclose(program);
+        return;
+    }
+    fclose(program);
+    write_file("two.raw", two, sizeof two);
+    test_full_disk();
+    test_files_written();
+    snprintf(command, sizeof command, "rm -r %s", render_folder);
+    CHECK(system(command) == 0);
+}
+
 static void test_failures(mixed *m) {
     test_every_allocation(m, RENDER, 15);
     test_every_allocation(m, REFERENCE, 8);
@@ -970,6 +1091,7 @@ int main(void) {
     test_version_and_names();
     test_clock(&m);
     test_quick_start();
+    test_command_line();
     mixed_free(&m);
     mixed_free(&small);
     return check_report();

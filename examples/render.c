@@ -10,11 +10,13 @@
 
 #define LARGEST 1e18 /* what the library takes; keeps conversions to float finite as well */
 
-#define NO_REGION (-1) /* width and height where --region is not given */
-
 /* ============================================================================================== arguments */
 
+typedef uint64_t option_set; /* a bit for each place in the table of options */
+
+/* `given` comes first wherever options have fields: what was said about this one. */
 typedef struct volume_arguments {
+    option_set given;
     const char *file, *transfer_file;
     int size[3], type, shading;
     double box[6], extinction, albedo[3], emission[3];
@@ -26,19 +28,22 @@ typedef struct volume_arguments {
 } volume_arguments;
 
 typedef struct mesh_arguments {
+    option_set given;
     const char *file;
     double color[3];
     ex_mesh mesh;
 } mesh_arguments;
 
-/* Every list is as long as argv, which no list can outgrow. */
+/* Every list is as long as argv, which no list can outgrow. The first volume and the first mesh are there before their
+   file is known, for the options that stand before it. */
 typedef struct arguments {
+    option_set given;
     volume_arguments *volumes;
     mesh_arguments *meshes;
     sps_light *lights;
     int volume_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
-    int camera_given, width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
+    int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
@@ -127,11 +132,6 @@ static int set_choice(const option_rule *rule, arguments *all, void *place, cons
     return 0;
 }
 
-static int set_camera(const option_rule *rule, arguments *all, void *place, const char *value) {
-    all->camera_given = 1;
-    return set_reals(rule, all, place, value);
-}
-
 static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value) {
     volume_arguments *volume = (volume_arguments *)place;
     double g[3] = {0, 0, 0};
@@ -148,13 +148,20 @@ static int set_phase(const option_rule *rule, arguments *all, void *place, const
     return 0;
 }
 
+static void default_volume(volume_arguments *volume) {
+    volume->extinction = 1;
+    for (int i = 0; i < 3; ++i) volume->albedo[i] = 0.8, volume->box[3 + i] = 1;
+}
+
+static void default_mesh(mesh_arguments *mesh) {
+    for (int i = 0; i < 3; ++i) mesh->color[i] = 0.8;
+}
+
 static int add_volume(const option_rule *rule, arguments *all, void *place, const char *value) {
     volume_arguments *volume = all->volumes + all->volume_count;
     if (set_text(rule, all, &volume->file, value)) return 1;
     (void)place;
-    volume->extinction = 1;
-    for (int i = 0; i < 3; ++i) volume->albedo[i] = 0.8, volume->box[3 + i] = 1;
-    ++all->volume_count;
+    if (all->volume_count++ > 0) default_volume(volume);
     return 0;
 }
 
@@ -162,8 +169,7 @@ static int add_mesh(const option_rule *rule, arguments *all, void *place, const 
     mesh_arguments *mesh = all->meshes + all->mesh_count;
     if (set_text(rule, all, &mesh->file, value)) return 1;
     (void)place;
-    for (int i = 0; i < 3; ++i) mesh->color[i] = 0.8;
-    ++all->mesh_count;
+    if (all->mesh_count++ > 0) default_mesh(mesh);
     return 0;
 }
 
@@ -196,7 +202,7 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
 
 /* clang-format off */
 static const option_rule options[] = {
-    {"--volume", "FILE", "raw voxels, x fastest; repeatable, and the next nine are about the latest", add_volume, SCENE, 0, NO_NUMBERS},
+    {"--volume", "FILE", "raw voxels, x fastest; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
     {"--size", "X,Y,Z", "voxels along each axis; needed", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
     {"--type", "u8|u16|f32", "u8 (usual) and u16 stand for 0..1; little endian", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
     {"--box", "x0,y0,z0,x1,y1,z1", "corners in the world; usually 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, ANY},
@@ -207,8 +213,8 @@ static const option_rule options[] = {
     {"--transfer", "FILE", "lines: value r g b extinction; instead of extinction and albedo", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--shading", "gas|surface", "what a transfer function's colours mean", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--mesh", "FILE.obj", "opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
-    {"--mesh-color", "r,g,b", "of the latest mesh; usually 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
-    {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_camera, OF_SCENE(camera), 6, ANY},
+    {"--mesh-color", "r,g,b", "usually 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
+    {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_reals, OF_SCENE(camera), 6, ANY},
     {"--up", "x,y,z", "usually 0,1,0", set_reals, OF_SCENE(up), 3, ANY},
     {"--fov", "DEG", "vertical angle; usually 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
     {"--ortho", "HEIGHT", "orthographic instead; world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-18, LARGEST, NULL},
@@ -236,7 +242,9 @@ static const option_rule options[] = {
 enum { OPTION_COUNT = sizeof options / sizeof options[0] };
 
 static void print_help(void) {
-    puts("usage: render [options], in any order\n");
+    puts("usage: render [options], in any order\n\n"
+         "An option of a volume is about the --volume before it; those before the first --volume are about the first.\n"
+         "The same goes for meshes. Of an option that is given twice, the last counts.\n");
     for (int i = 0; i < OPTION_COUNT; ++i) {
         char left[80];
         snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
@@ -253,18 +261,20 @@ static const option_rule *find_option(const char *name) {
     return NULL;
 }
 
-/* The struct that the option's field is in: the arguments, or the latest volume or mesh; NULL if there is none. */
-static char *find_owner(const option_rule *rule, arguments *all) {
-    if (rule->owner == SCENE) return (char *)all;
-    if (rule->owner == VOLUME) return all->volume_count ? (char *)&all->volumes[all->volume_count - 1] : NULL;
-    return all->mesh_count ? (char *)&all->meshes[all->mesh_count - 1] : NULL;
+/* Whether an option is in a set. */
+static int has(option_set given, const char *name) { return (int)(given >> (find_option(name) - options) & 1); }
+
+/* The struct that the option's field is in: the arguments, or the latest volume or mesh, or else the first to come. */
+static void *find_owner(const option_rule *rule, arguments *all) {
+    if (rule->owner == SCENE) return all;
+    if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
+    return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
 }
 
 static int apply_option(const option_rule *rule, arguments *all, const char *value, ex_error *error) {
-    char *fields = find_owner(rule, all);
-    if (!fields)
-        return ex_fail(error, "%s stands before any %s", rule->name, rule->owner == VOLUME ? "--volume" : "--mesh");
-    if (rule->apply(rule, all, fields + rule->offset, value) == 0) return 0;
+    void *owner = find_owner(rule, all);
+    *(option_set *)owner |= (option_set)1 << (rule - options);
+    if (rule->apply(rule, all, (char *)owner + rule->offset, value) == 0) return 0;
     if (rule->lo < rule->hi && rule->lo > -LARGEST)
         return ex_fail(error, "%s: '%.80s' is not %s within the range %g..%g", rule->name, value, rule->form, rule->lo,
                        rule->hi);
@@ -289,11 +299,23 @@ static int parse(int argc, char **argv, arguments *all, ex_error *error) {
 static int check_volumes(const arguments *all, ex_error *error) {
     for (int i = 0; i < all->volume_count; ++i) {
         const volume_arguments *volume = &all->volumes[i];
-        if (volume->size[0] == 0) return ex_fail(error, "--volume %s has no --size", volume->file);
+        if (!has(volume->given, "--size"))
+            return ex_fail(error, "--volume %s has no --size%s", volume->file, i > 0 ? " after it" : "");
         for (int a = 0; a < 3; ++a)
             if (volume->box[a] == volume->box[3 + a])
                 return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
     }
+    return 0;
+}
+
+/* Options that were about a first volume or a first mesh, and then none came. */
+static int check_owners(const arguments *all, ex_error *error) {
+    const option_set lost =
+        (all->volume_count ? 0 : all->volumes[0].given) | (all->mesh_count ? 0 : all->meshes[0].given);
+    for (int i = 0; i < OPTION_COUNT; ++i)
+        if (lost >> i & 1)
+            return ex_fail(error, "%s: there is no %s that it could be about", options[i].name,
+                           options[i].owner == VOLUME ? "--volume" : "--mesh");
     return 0;
 }
 
@@ -302,9 +324,10 @@ static int check(const arguments *all, ex_error *error) {
     const int *region = all->region;
     const char *files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
     int writes = all->plan;
-    if (check_volumes(all, error)) return 1;
-    if (all->fov > 0 && all->ortho > 0) return ex_fail(error, "--fov and --ortho exclude each other");
-    if (region[2] > 0 || region[3] > 0 || region[0] > 0 || region[1] > 0) {
+    if (check_owners(all, error) || check_volumes(all, error)) return 1;
+    if (has(all->given, "--fov") && has(all->given, "--ortho"))
+        return ex_fail(error, "--fov and --ortho exclude each other");
+    if (has(all->given, "--region")) {
         if (region[2] < 1 || region[3] < 1 || region[0] + region[2] > all->width || region[1] + region[3] > all->height)
             return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],
                            region[1], region[2], region[3], all->width, all->height);
@@ -422,12 +445,12 @@ static void make_view(const arguments *all, sps_view *view) {
     if (all->ortho > 0)
         view->ortho_height = all->ortho;
     else
-        view->field_of_view = (all->fov > 0 ? all->fov : 40) * degree;
+        view->field_of_view = all->fov * degree;
     memcpy(view->up, all->up, sizeof view->up);
     memcpy(view->position, all->camera, sizeof view->position);
     memcpy(view->target, all->camera + 3, sizeof view->target);
-    if (!all->camera_given) frame_scene(all, view);
-    if (all->region[2] != NO_REGION) memcpy(view->region, all->region, sizeof view->region);
+    if (!has(all->given, "--camera")) frame_scene(all, view);
+    memcpy(view->region, all->region, sizeof view->region);
     view->quality = (sps_quality)all->quality;
     view->slab = all->slab;
     view->shadow_size = all->shadow_size;
@@ -562,8 +585,10 @@ int main(int argc, char **argv) {
     all.meshes = (mesh_arguments *)ex_allocate(most, sizeof *all.meshes);
     all.lights = (sps_light *)ex_allocate(most, sizeof *all.lights);
     all.width = all.height = 512;
-    all.region[2] = all.region[3] = NO_REGION;
     all.up[1] = 1;
+    all.fov = 40;
+    default_volume(all.volumes);
+    default_mesh(all.meshes);
     if (parse(argc, argv, &all, &error) == 0) {
         if (all.help) {
             print_help();

@@ -1030,8 +1030,80 @@ static void test_files_written(void) {
     CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 100\n}\n"));
 }
 
+/* Renders with the options in turn from `first` on, or backwards (step -1); tells whether that picture comes out. */
+static int same_picture(const char *const *list, int count, int first, int step, const char *same) {
+    char options[1000] = "", picture[400];
+    outcome got;
+    for (int i = 0; i < count; ++i) {
+        strcat(options, list[(first + step * i + count * count) % count]);
+        strcat(options, " ");
+    }
+    got = run_render(options);
+    memset(picture, 0, sizeof picture);
+    read_file("order.pfm", picture, sizeof picture);
+    if (CHECK(got.status == 0 && got.said[0] == 0) && CHECK(memcmp(picture, same, sizeof picture) == 0)) return 1;
+    printf("    render %s\n    gives %d, and says: %s\n", options, got.status, got.said);
+    return 0;
+}
+
+/* Two lights stay in their order: a sum of floats depends on it. */
+static void test_any_order(void) {
+    static const char *const list[] = {"--volume two.raw",
+                                       "--size 2,2,2",
+                                       "--type u8",
+                                       "--box -1,-1,-1,1,2,1",
+                                       "--extinction 3",
+                                       "--albedo 0.9,0.2,0.4",
+                                       "--emission 0.1,0,0",
+                                       "--phase 0.5,-0.3,0.2",
+                                       "--mesh corner.obj",
+                                       "--mesh-color 1,0.2,0",
+                                       "--camera 1,2,5,0,0,0",
+                                       "--up 1,1,0",
+                                       "--fov 30",
+                                       "--light directional,-1,-1,-1,2,2,2 --light point,9,9,9,50,40,30",
+                                       "--ambient 0.1,0.1,0.2",
+                                       "--background 0,0,0.1",
+                                       "--region 0,1,5,3",
+                                       "--width 5",
+                                       "--height 4",
+                                       "--slab 0.5",
+                                       "--shadow-size 9",
+                                       "--quality high",
+                                       "--threads 1",
+                                       "--pfm order.pfm"};
+    const int count = sizeof list / sizeof *list;
+    char picture[400];
+    memset(picture, 0, sizeof picture);
+    CHECK(run_render("--volume two.raw --size 2,2,2 --box -1,-1,-1,1,2,1 --extinction 3 --albedo 0.9,0.2,0.4 "
+                     "--emission 0.1,0,0 --phase 0.5,-0.3,0.2 --mesh corner.obj --mesh-color 1,0.2,0 --width 5 "
+                     "--height 4 --camera 1,2,5,0,0,0 --up 1,1,0 --fov 30 --light directional,-1,-1,-1,2,2,2 "
+                     "--light point,9,9,9,50,40,30 --ambient 0.1,0.1,0.2 --background 0,0,0.1 --region 0,1,5,3 "
+                     "--slab 0.5 --shadow-size 9 --quality high --pfm order.pfm")
+              .status == 0);
+    CHECK(read_file("order.pfm", picture, sizeof picture) == 12 + 4 * 3 * 15);
+    for (int first = 0; first < count; ++first) {
+        if (!same_picture(list, count, first, 1, picture)) return;
+        if (!same_picture(list, count, first, -1, picture)) return;
+    }
+}
+
+/* Options before the first volume are the first's, the others' follow theirs; the same for meshes. */
+static void test_owners(void) {
+    static const complaint owners[] = {
+        {"--size 2,2,2 --volume two.raw --volume two.raw --size 2,2,2 --plan >plan", 0, NULL},
+        {"--size 2,2,2 --volume two.raw --volume two.raw --plan", 2, "--volume two.raw has no --size after it"},
+        {"--volume two.raw --plan", 2, "--volume two.raw has no --size"},
+        {"--size 2,2,1 --volume two.raw --size 2,2,2 --plan >plan", 0, NULL}, /* of two, the last */
+        {"--mesh-color 1,0,0 --mesh corner.obj --plan >plan", 0, NULL},
+        {"--size 2,2,2 --plan", 2, "--size: there is no --volume"},
+        {"--mesh-color 1,0,0 --plan", 2, "--mesh-color: there is no --mesh"}};
+    CHECK_COMPLAINTS(owners);
+}
+
 static void test_command_line(void) {
     static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
+    static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n";
     char command[200];
     FILE *program = fopen("build/render", "rb");
     if (!program || !mkdtemp(render_folder)) {
@@ -1041,8 +1113,11 @@ static void test_command_line(void) {
     }
     fclose(program);
     write_file("two.raw", two, sizeof two);
+    write_file("corner.obj", corner, strlen(corner));
     test_full_disk();
     test_files_written();
+    test_any_order();
+    test_owners();
     snprintf(command, sizeof command, "rm -r %s", render_folder);
     CHECK(system(command) == 0);
 }

@@ -206,18 +206,18 @@ static const option_rule options[] = {
     {"--size", "X,Y,Z", "voxels along each axis; needed", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
     {"--type", "u8|u16|f32", "u8 (usual) and u16 stand for 0..1; little endian", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
     {"--box", "x0,y0,z0,x1,y1,z1", "corners in the world; usually 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, ANY},
-    {"--extinction", "S", "gas: per world unit at value 1; usually 1", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
-    {"--albedo", "r,g,b", "gas: usually 0.8,0.8,0.8", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
-    {"--emission", "r,g,b", "gas: radiance per world unit at value 1", set_reals, OF_VOLUME(emission), 3, POSITIVE},
-    {"--phase", "g[,g2,w]", "gas: Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w", set_phase, VOLUME, 0, 1, -0.99, 0.99, NULL},
-    {"--transfer", "FILE", "lines: value r g b extinction; instead of extinction and albedo", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
-    {"--shading", "gas|surface", "what a transfer function's colours mean", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
+    {"--extinction", "S", "gas without --transfer: per world unit at value 1; usually 1", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
+    {"--albedo", "r,g,b", "without --transfer; usually 0.8,0.8,0.8", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
+    {"--emission", "r,g,b", "gas without --transfer: radiance per world unit at value 1", set_reals, OF_VOLUME(emission), 3, POSITIVE},
+    {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w", set_phase, VOLUME, 0, 1, -0.99, 0.99, NULL},
+    {"--transfer", "FILE", "lines: value r g b extinction; instead of --extinction, --albedo and --emission", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
+    {"--shading", "gas|surface", "how voxels answer to light; without --transfer, surface means one of --albedo", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--mesh", "FILE.obj", "opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
     {"--mesh-color", "r,g,b", "usually 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
     {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_reals, OF_SCENE(camera), 6, ANY},
     {"--up", "x,y,z", "usually 0,1,0", set_reals, OF_SCENE(up), 3, ANY},
-    {"--fov", "DEG", "vertical angle; usually 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
-    {"--ortho", "HEIGHT", "orthographic instead; world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-18, LARGEST, NULL},
+    {"--fov", "DEG", "perspective: vertical angle; usually 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
+    {"--ortho", "HEIGHT", "instead of --fov: orthographic, world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-18, LARGEST, NULL},
     {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, ANY},
     {"--ambient", "r,g,b", "radiance from everywhere", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything", set_reals, OF_SCENE(background), 3, POSITIVE},
@@ -228,13 +228,13 @@ static const option_rule options[] = {
     {"--shadow-size", "N", "texels along a shadow buffer's longer side", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
     {"--quality", "draft|medium|high|ultra", "usually medium", set_choice, OF_SCENE(quality), 1, 0, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
-    {"--reference", NULL, "brute-force ray marching instead: slow, for comparing", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching instead, with neither sheets nor shadow buffers: slow, for comparing", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--threads", "N", "usually one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
     {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
     {"--stats", "FILE.json", "what the render did and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
-    {"--plan", NULL, "says what would run, and why, and renders nothing", set_flag, OF_SCENE(plan), NO_NUMBERS},
+    {"--plan", NULL, "says what would run, and why; renders and writes nothing; not for --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
 };
 /* clang-format on */
@@ -296,6 +296,20 @@ static int parse(int argc, char **argv, arguments *all, ex_error *error) {
     return 0;
 }
 
+/* A setting that cannot show is a mistake: of two ways to say how a volume looks, only one can be meant. */
+static int check_look(const volume_arguments *volume, ex_error *error) {
+    static const char *const by_gas[] = {"--extinction", "--albedo", "--emission"};
+    for (int i = 0; i < 3 && volume->transfer_file; ++i)
+        if (has(volume->given, by_gas[i]))
+            return ex_fail(error,
+                           "%s and --transfer of %s exclude each other: a transfer function's lines say all that",
+                           by_gas[i], volume->file);
+    if (volume->shading && has(volume->given, "--emission"))
+        return ex_fail(error, "--emission and --shading surface of %s exclude each other: only a gas glows",
+                       volume->file);
+    return 0;
+}
+
 static int check_volumes(const arguments *all, ex_error *error) {
     for (int i = 0; i < all->volume_count; ++i) {
         const volume_arguments *volume = &all->volumes[i];
@@ -304,6 +318,7 @@ static int check_volumes(const arguments *all, ex_error *error) {
         for (int a = 0; a < 3; ++a)
             if (volume->box[a] == volume->box[3 + a])
                 return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
+        if (check_look(volume, error)) return 1;
     }
     return 0;
 }
@@ -326,7 +341,10 @@ static int check(const arguments *all, ex_error *error) {
     int writes = all->plan;
     if (check_owners(all, error) || check_volumes(all, error)) return 1;
     if (has(all->given, "--fov") && has(all->given, "--ortho"))
-        return ex_fail(error, "--fov and --ortho exclude each other");
+        return ex_fail(error, "--fov (perspective) and --ortho (orthographic) exclude each other: give one of them");
+    if (all->plan && all->reference)
+        return ex_fail(error, "--plan and --reference exclude each other: a plan is about sheets and sweeps, and "
+                              "--reference has none");
     if (has(all->given, "--region")) {
         if (region[2] < 1 || region[3] < 1 || region[0] + region[2] > all->width || region[1] + region[3] > all->height)
             return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],

@@ -1101,8 +1101,26 @@ static void test_owners(void) {
     CHECK_COMPLAINTS(owners);
 }
 
+/* What cannot both be meant. */
+static void test_exclusions(void) {
+    static const complaint both[] = {
+        {SMALL "--fov 30 --ortho 2 --out a.png", 2, "--fov (perspective) and --ortho (orthographic) exclude"},
+        {SMALL "--ortho 2 --fov 30 --out a.png", 2, "--fov (perspective) and --ortho (orthographic) exclude"},
+        {VOLUME "--transfer look.txt --extinction 1 --out a.png", 2, "--extinction and --transfer of two.raw"},
+        {"--albedo 0.8,0.8,0.8 --transfer look.txt " VOLUME "--out a.png", 2, "--albedo and --transfer of two.raw"},
+        {VOLUME "--emission 0,0,0 --transfer look.txt --out a.png", 2, "--emission and --transfer of two.raw"},
+        {VOLUME "--emission 1,1,1 --shading surface --out a.png", 2, "--emission and --shading surface of two.raw"},
+        {VOLUME "--plan --reference >plan", 2, "--plan and --reference exclude"},
+        {VOLUME "--transfer look.txt --phase 0.3 --shading surface --out a.png", 0, NULL},
+        {VOLUME "--albedo 1,1,1 --extinction 9 --shading surface --out a.png", 0, NULL},
+        {VOLUME "--transfer look.txt --volume two.raw --size 2,2,2 --extinction 5 --out a.png", 0, NULL},
+        {VOLUME "--reference --quality high --shadow-size 9 --out a.png", 0, NULL}}; /* to compare one with the other */
+    CHECK_COMPLAINTS(both);
+}
+
 static void test_command_line(void) {
     static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
+    static const char look[] = "# value r g b extinction\n0.1 0.9 0.5 0.2 0\n1 0.9 0.5 0.2 8 # dense\n";
     static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n";
     char command[200];
     FILE *program = fopen("build/render", "rb");
@@ -1114,10 +1132,12 @@ static void test_command_line(void) {
     fclose(program);
     write_file("two.raw", two, sizeof two);
     write_file("corner.obj", corner, strlen(corner));
+    write_file("look.txt", look, strlen(look));
     test_full_disk();
     test_files_written();
     test_any_order();
     test_owners();
+    test_exclusions();
     snprintf(command, sizeof command, "rm -r %s", render_folder);
     CHECK(system(command) == 0);
 }

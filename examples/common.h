@@ -37,7 +37,7 @@
 #endif
 
 typedef struct ex_error {
-    char text[512];
+    char text[1024];
 } ex_error;
 
 #ifdef __GNUC__
@@ -46,14 +46,31 @@ typedef struct ex_error {
 #define EX_PRINTF
 #endif
 
-/* Fills the error; returns 1, so that a caller can return it on. */
+/* Fills the error; returns 1, so that a caller can return it on. Names of files and the like may hold newlines and
+   what a terminal takes for a command: these become question marks, so that an error is one line. */
 static inline int ex_fail(ex_error *error, const char *format, ...) EX_PRINTF;
 static inline int ex_fail(ex_error *error, const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
     vsnprintf(error->text, sizeof error->text, format, arguments);
     va_end(arguments);
+    for (char *at = error->text; *at; ++at)
+        if ((unsigned char)*at < ' ' || *at == 127) *at = '?';
     return 1;
+}
+
+typedef struct ex_quote {
+    char text[64];
+} ex_quote;
+
+/* The beginning of a text that may hold anything, as printable characters. */
+static inline ex_quote ex_quoted(const char *text) {
+    ex_quote quote;
+    const size_t most = sizeof quote.text - 1, length = strlen(text);
+    for (size_t i = 0; i < most && i < length; ++i) quote.text[i] = text[i] >= ' ' && text[i] <= '~' ? text[i] : '?';
+    quote.text[length < most ? length : most] = '\0';
+    if (length > most) memcpy(quote.text + most - 3, "...", 3);
+    return quote;
 }
 
 /* ================================================================================================= >>memory */

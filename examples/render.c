@@ -8,7 +8,9 @@
 #include <inttypes.h>
 #include <limits.h>
 
-#define LARGEST 1e18 /* what the library takes; keeps conversions to float finite as well */
+/* What the library takes; conversions to float stay finite as well. */
+#define LARGEST  1e18 /* extinctions and colours */
+#define FARTHEST 1e15 /* coordinates */
 
 /* ============================================================================================== arguments */
 
@@ -51,12 +53,12 @@ typedef enum option_owner { SCENE = 0, VOLUME, MESH } option_owner; /* whose fie
 
 typedef struct option_rule {
     const char *name, *form, *help; /* form NULL: takes no value */
-    int (*apply)(const struct option_rule *rule, arguments *all, void *place, const char *value);
+    int (*apply)(const struct option_rule *rule, arguments *all, void *place, const char *value, ex_error *error);
     option_owner owner;
     size_t offset;            /* of the field in its owner */
     int count;                /* of numbers */
     double lo, hi;            /* each number's range */
-    const char *const *names; /* of a choice, by number */
+    const char *const *names; /* of a choice, by number; those below lo are not for users */
 } option_rule;
 
 static const char *const type_names[] = {"u8", "u16", "f32", NULL};
@@ -64,17 +66,33 @@ static const char *const shading_names[] = {"gas", "surface", NULL};
 
 /* ================================================================================================ handlers */
 
+/* Every handler sets its field, or fills `error` and returns 1. */
+
+static int malformed(const option_rule *rule, const char *value, ex_error *error) {
+    return ex_fail(error, "%s: '%s' is not %s", rule->name, ex_quoted(value).text, rule->form);
+}
+
+static int unfit(const option_rule *rule, const char *value, const char *why, ex_error *error) {
+    return ex_fail(error, "%s: '%s' will not do: %s", rule->name, ex_quoted(value).text, why);
+}
+
+static int outside(const option_rule *rule, const char *value, const char *what, double lo, double hi,
+                   ex_error *error) {
+    return ex_fail(error, "%s: '%s' is out of range: %s must be within %g..%g", rule->name, ex_quoted(value).text, what,
+                   lo, hi);
+}
+
 /* Reads up to `most` comma-separated decimal numbers; returns how many, or -1. Strict: no blanks, no hexadecimals,
-   nothing that is not finite, nothing behind. */
+   nothing behind. What is too large for a double is infinite: within no range. */
 static int read_numbers(const char *text, int most, double *out) {
     int count = 0;
     if (text[strspn(text, "+-.,0123456789eE")] != '\0') return -1;
     for (;;) {
         char *end;
         if (count == most) return -1;
-        const double number = strtod(text, &end);
-        if (end == text || !(fabs(number) <= DBL_MAX)) return -1;
-        out[count++] = number;
+        out[count] = strtod(text, &end);
+        if (end == text) return -1;
+        ++count;
         if (*end == '\0') return count;
         if (*end != ',') return -1;
         text = end + 1;
@@ -87,57 +105,65 @@ static int within(const double *numbers, int count, double lo, double hi) {
     return 1;
 }
 
-static int set_reals(const option_rule *rule, arguments *all, void *place, const char *value) {
+static int set_reals(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     double numbers[8];
     (void)all;
-    if (read_numbers(value, rule->count, numbers) != rule->count) return 1;
-    if (!within(numbers, rule->count, rule->lo, rule->hi)) return 1;
+    if (read_numbers(value, rule->count, numbers) != rule->count) return malformed(rule, value, error);
+    if (!within(numbers, rule->count, rule->lo, rule->hi))
+        return outside(rule, value, rule->form, rule->lo, rule->hi, error);
     memcpy(place, numbers, (size_t)rule->count * sizeof *numbers);
     return 0;
 }
 
-static int set_integers(const option_rule *rule, arguments *all, void *place, const char *value) {
+static int set_integers(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    double numbers[8];
     int *out = (int *)place;
     (void)all;
-    if (value[strspn(value, "+-,0123456789")] != '\0') return 1;
-    for (int i = 0; i < rule->count; ++i) {
-        char *end;
-        const long number = strtol(value, &end, 10);
-        if (end == value || (double)number < rule->lo || (double)number > rule->hi) return 1;
-        if (*end != (i + 1 < rule->count ? ',' : '\0')) return 1;
-        out[i] = (int)number;
-        value = end + 1;
-    }
+    if (value[strspn(value, "+-,0123456789")] != '\0' || read_numbers(value, rule->count, numbers) != rule->count)
+        return malformed(rule, value, error);
+    if (!within(numbers, rule->count, rule->lo, rule->hi))
+        return outside(rule, value, rule->form, rule->lo, rule->hi, error);
+    for (int i = 0; i < rule->count; ++i) out[i] = (int)numbers[i];
     return 0;
 }
 
-static int set_text(const option_rule *rule, arguments *all, void *place, const char *value) {
-    (void)rule, (void)all;
-    if (*value == '\0') return 1;
+static int set_text(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    (void)all;
+    if (*value == '\0') return malformed(rule, value, error);
     *(const char **)place = value;
     return 0;
 }
 
-static int set_flag(const option_rule *rule, arguments *all, void *place, const char *value) {
-    (void)rule, (void)all, (void)value;
+static int set_flag(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    (void)rule, (void)all, (void)value, (void)error;
     *(int *)place = 1;
     return 0;
 }
 
-static int set_choice(const option_rule *rule, arguments *all, void *place, const char *value) {
+static int set_choice(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     const int choice = ex_find_name(rule->names, value);
     (void)all;
-    if (choice < 0) return 1;
+    if (choice < rule->lo) return malformed(rule, value, error);
     *(int *)place = choice;
     return 0;
 }
 
-static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value) {
+static int set_camera(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    const double *camera = (const double *)place;
+    if (set_reals(rule, all, place, value, error)) return 1;
+    if (camera[0] == camera[3] && camera[1] == camera[4] && camera[2] == camera[5])
+        return unfit(rule, value, "position and target are the same point", error);
+    return 0;
+}
+
+static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     volume_arguments *volume = (volume_arguments *)place;
     double g[3] = {0, 0, 0};
     (void)all;
     const int count = read_numbers(value, 3, g);
-    if ((count != 1 && count != 3) || !within(g, 2, rule->lo, rule->hi) || !within(g + 2, 1, 0, 1)) return 1;
+    if (count != 1 && count != 3) return malformed(rule, value, error);
+    if (!within(g, 2, rule->lo, rule->hi)) return outside(rule, value, "g and g2", rule->lo, rule->hi, error);
+    if (!within(g + 2, 1, 0, 1)) return outside(rule, value, "w", 0, 1, error);
     const double weights[2] = {1 - g[2], g[2]};
     volume->lobe_count = 0;
     for (int i = 0; i < 2; ++i) {
@@ -157,35 +183,37 @@ static void default_mesh(mesh_arguments *mesh) {
     for (int i = 0; i < 3; ++i) mesh->color[i] = 0.8;
 }
 
-static int add_volume(const option_rule *rule, arguments *all, void *place, const char *value) {
+static int add_volume(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     volume_arguments *volume = all->volumes + all->volume_count;
-    if (set_text(rule, all, &volume->file, value)) return 1;
     (void)place;
+    if (set_text(rule, all, &volume->file, value, error)) return 1;
     if (all->volume_count++ > 0) default_volume(volume);
     return 0;
 }
 
-static int add_mesh(const option_rule *rule, arguments *all, void *place, const char *value) {
+static int add_mesh(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     mesh_arguments *mesh = all->meshes + all->mesh_count;
-    if (set_text(rule, all, &mesh->file, value)) return 1;
     (void)place;
+    if (set_text(rule, all, &mesh->file, value, error)) return 1;
     if (all->mesh_count++ > 0) default_mesh(mesh);
     return 0;
 }
 
-static int add_light(const option_rule *rule, arguments *all, void *place, const char *value) {
-    static const char *const kinds[] = {"directional,", "point,", NULL};
+static int add_light(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    static const char *const kinds[] = {"directional,", "point,"};
     double numbers[6];
     sps_light *light = all->lights + all->light_count;
     (void)place;
-    const int kind = strncmp(value, kinds[0], strlen(kinds[0])) == 0   ? 0
-                     : strncmp(value, kinds[1], strlen(kinds[1])) == 0 ? 1
-                                                                       : -1;
-    if (kind < 0 || read_numbers(value + strlen(kinds[kind]), 6, numbers) != 6) return 1;
-    if (!within(numbers, 3, rule->lo, rule->hi) || !within(numbers + 3, 3, 0, rule->hi)) return 1;
-    if (kind == 0 && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0) return 1;
-    light->kind = kind == 0 ? SPS_LIGHT_DIRECTIONAL : SPS_LIGHT_POINT;
-    memcpy(kind == 0 ? light->direction : light->position, numbers, 3 * sizeof *numbers);
+    const int point = strncmp(value, kinds[1], strlen(kinds[1])) == 0;
+    if (!point && strncmp(value, kinds[0], strlen(kinds[0])) != 0) return malformed(rule, value, error);
+    if (read_numbers(value + strlen(kinds[point]), 6, numbers) != 6) return malformed(rule, value, error);
+    if (!within(numbers, 3, rule->lo, rule->hi))
+        return outside(rule, value, point ? "x,y,z" : "dx,dy,dz", rule->lo, rule->hi, error);
+    if (!within(numbers + 3, 3, 0, LARGEST)) return outside(rule, value, "r,g,b", 0, LARGEST, error);
+    if (!point && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
+        return unfit(rule, value, "the direction is zero", error);
+    light->kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
+    memcpy(point ? light->position : light->direction, numbers, 3 * sizeof *numbers);
     for (int i = 0; i < 3; ++i) light->color[i] = (float)numbers[3 + i];
     ++all->light_count;
     return 0;
@@ -197,7 +225,7 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
 #define OF_VOLUME(field) VOLUME, offsetof(volume_arguments, field)
 #define OF_MESH(field)   MESH, offsetof(mesh_arguments, field)
 #define NO_NUMBERS       0, 0, 0, NULL
-#define ANY              -LARGEST, LARGEST, NULL /* ranges of numbers */
+#define COORDINATES      -FARTHEST, FARTHEST, NULL /* ranges of numbers */
 #define POSITIVE         0, LARGEST, NULL
 
 /* clang-format off */
@@ -205,7 +233,7 @@ static const option_rule options[] = {
     {"--volume", "FILE", "raw voxels, x fastest; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
     {"--size", "X,Y,Z", "voxels along each axis; needed", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
     {"--type", "u8|u16|f32", "u8 (usual) and u16 stand for 0..1; little endian", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
-    {"--box", "x0,y0,z0,x1,y1,z1", "corners in the world; usually 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, ANY},
+    {"--box", "x0,y0,z0,x1,y1,z1", "corners in the world; usually 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
     {"--extinction", "S", "gas without --transfer: per world unit at value 1; usually 1", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "without --transfer; usually 0.8,0.8,0.8", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "gas without --transfer: radiance per world unit at value 1", set_reals, OF_VOLUME(emission), 3, POSITIVE},
@@ -214,11 +242,11 @@ static const option_rule options[] = {
     {"--shading", "gas|surface", "how voxels answer to light; without --transfer, surface means one of --albedo", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--mesh", "FILE.obj", "opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
     {"--mesh-color", "r,g,b", "usually 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
-    {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_reals, OF_SCENE(camera), 6, ANY},
-    {"--up", "x,y,z", "usually 0,1,0", set_reals, OF_SCENE(up), 3, ANY},
+    {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
+    {"--up", "x,y,z", "usually 0,1,0", set_reals, OF_SCENE(up), 3, COORDINATES},
     {"--fov", "DEG", "perspective: vertical angle; usually 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
-    {"--ortho", "HEIGHT", "instead of --fov: orthographic, world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-18, LARGEST, NULL},
-    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, ANY},
+    {"--ortho", "HEIGHT", "instead of --fov: orthographic, world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-15, FARTHEST, NULL},
+    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, COORDINATES},
     {"--ambient", "r,g,b", "radiance from everywhere", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--width", "W", "pixels; usually 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
@@ -226,7 +254,7 @@ static const option_rule options[] = {
     {"--region", "x,y,w,h", "renders this part of the image only", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
     {"--slab", "VOXELS", "sheet thickness, the main knob; with --reference, the step", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--quality", "draft|medium|high|ultra", "usually medium", set_choice, OF_SCENE(quality), 1, 0, 0, ex_quality_names},
+    {"--quality", "draft|medium|high|ultra", "usually medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching instead, with neither sheets nor shadow buffers: slow, for comparing", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--threads", "N", "usually one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
@@ -274,11 +302,7 @@ static void *find_owner(const option_rule *rule, arguments *all) {
 static int apply_option(const option_rule *rule, arguments *all, const char *value, ex_error *error) {
     void *owner = find_owner(rule, all);
     *(option_set *)owner |= (option_set)1 << (rule - options);
-    if (rule->apply(rule, all, (char *)owner + rule->offset, value) == 0) return 0;
-    if (rule->lo < rule->hi && rule->lo > -LARGEST)
-        return ex_fail(error, "%s: '%.80s' is not %s within the range %g..%g", rule->name, value, rule->form, rule->lo,
-                       rule->hi);
-    return ex_fail(error, "%s: '%.80s' is not %s", rule->name, value, rule->form);
+    return rule->apply(rule, all, (char *)owner + rule->offset, value, error);
 }
 
 static int parse(int argc, char **argv, arguments *all, ex_error *error) {

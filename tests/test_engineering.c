@@ -1118,6 +1118,52 @@ static void test_exclusions(void) {
     CHECK_COMPLAINTS(both);
 }
 
+/* Each line names the option, and the number that is wrong. */
+static void test_bad_values(void) {
+    static const complaint bad[] = {
+        {"--bogus", 2, "unknown option '--bogus'"},
+        {"two.raw", 2, "unknown option 'two.raw'"},
+        {"$(printf '\\033[31m')", 2, "unknown option '?[31m'"},
+        {"--size", 2, "--size needs a value: X,Y,Z"},
+        {"--size --plan", 2, "--size needs a value: X,Y,Z"},
+        {"--size 2,2", 2, "--size: '2,2' is not X,Y,Z"},
+        {"--size 2,2,2,2", 2, "--size: '2,2,2,2' is not X,Y,Z"},
+        {"--size 2,2,2.0", 2, "--size: '2,2,2.0' is not X,Y,Z"},
+        {"--size 2,2,0", 2, "--size: '2,2,0' is out of range: X,Y,Z must be within 1..65536"},
+        {"--size 2,2,99999999999999999999", 2, "X,Y,Z must be within 1..65536"},
+        {"--size ''", 2, "--size: '' is not X,Y,Z"},
+        {"--size \"$(printf '2\\n2')\"", 2, "--size: '2?2' is not X,Y,Z"},
+        {"--type u32", 2, "--type: 'u32' is not u8|u16|f32"},
+        {"--quality default", 2, "--quality: 'default' is not draft|medium|high|ultra"},
+        {"--box 0,0,0,1,1,1e17", 2, "must be within -1e+15..1e+15"},
+        {"--box 0,0,0,1,1,nan", 2, "--box: '0,0,0,1,1,nan' is not x0,y0,z0,x1,y1,z1"},
+        {VOLUME "--box 0,0,0,1,0,1 --plan", 2, "--box of two.raw: no extent along y"},
+        {"--extinction -1", 2, "--extinction: '-1' is out of range: S must be within 0..1e+18"},
+        {"--extinction 1e999", 2, "--extinction: '1e999' is out of range: S must be within 0..1e+18"},
+        {"--albedo 0.5,0.5,1.5", 2, "r,g,b must be within 0..1"},
+        {"--phase .5,.5", 2, "--phase: '.5,.5' is not g[,g2,w]"},
+        {"--phase .5,.5,2", 2, "--phase: '.5,.5,2' is out of range: w must be within 0..1"},
+        {"--phase 1", 2, "--phase: '1' is out of range: g and g2 must be within -0.99..0.99"},
+        {"--phase .5,-1,0", 2, "g and g2 must be within -0.99..0.99"},
+        {"--camera 0,0,0,0,0,0", 2, "--camera: '0,0,0,0,0,0' will not do: position and target are the same point"},
+        {"--camera 0,0,0,0,0,1e16", 2, "must be within -1e+15..1e+15"},
+        {"--fov 0", 2, "--fov: '0' is out of range: DEG must be within 0.001..177"},
+        {"--ortho 1e16", 2, "--ortho: '1e16' is out of range: HEIGHT must be within 1e-15..1e+15"},
+        {"--light sun,0,0,1,1,1,1", 2, "--light: 'sun,0,0,1,1,1,1' is not directional,dx,dy,dz,r,g,b | point,x"},
+        {"--light point,0,0,1,1,1", 2, "--light: 'point,0,0,1,1,1' is not directional"},
+        {"--light directional,0,0,0,1,1,1", 2, "'directional,0,0,0,1,1,1' will not do: the direction is zero"},
+        {"--light directional,0,0,1,1,-1,1", 2, "out of range: r,g,b must be within 0..1e+18"},
+        {"--light point,0,0,1e16,1,1,1", 2, "out of range: x,y,z must be within -1e+15..1e+15"},
+        {"--width 0", 2, "--width: '0' is out of range: W must be within 1..16384"},
+        {SMALL "--region 0,0,6,1 --out a.png", 2, "--region 0,0,6,1 is empty or not within the image of 5 x 4"},
+        {SMALL "--region 0,0,0,0 --out a.png", 2, "--region 0,0,0,0 is empty"},
+        {"--slab 0", 2, "--slab: '0' is out of range"},
+        {"--threads 0", 2, "--threads: '0' is out of range: N must be within 1..1024"},
+        {"--out ''", 2, "--out: '' is not FILE.png"},
+        {VOLUME, 2, "nothing to write"}};
+    CHECK_COMPLAINTS(bad);
+}
+
 static void test_command_line(void) {
     static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
     static const char look[] = "# value r g b extinction\n0.1 0.9 0.5 0.2 0\n1 0.9 0.5 0.2 8 # dense\n";
@@ -1138,6 +1184,7 @@ static void test_command_line(void) {
     test_any_order();
     test_owners();
     test_exclusions();
+    test_bad_values();
     snprintf(command, sizeof command, "rm -r %s", render_folder);
     CHECK(system(command) == 0);
 }

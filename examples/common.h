@@ -529,15 +529,18 @@ static inline void ex_mesh_free(ex_mesh *mesh) {
 
 /* ==================================================================================================== >>obj */
 
-/* Three finite numbers after "v" or "vn"; what follows them (w, a colour) is not read. */
-static inline int ex_obj_triple(char *text, double out[3]) {
+#define EX_COORDINATE_MAX 1e15 /* what the library takes */
+
+/* Three numbers after "v" or "vn"; what follows them (w, a colour) is not read. Gives what is wrong, or NULL. */
+static inline const char *ex_obj_triple(char *text, double out[3]) {
     for (int i = 0; i < 3; ++i) {
         char *end;
         out[i] = strtod(text, &end);
-        if (end == text || !(fabs(out[i]) <= (double)FLT_MAX)) return 1;
+        if (end == text) return "not three numbers";
+        if (!(fabs(out[i]) <= EX_COORDINATE_MAX)) return "a number that is not within 1e15";
         text = end;
     }
-    return 0;
+    return NULL;
 }
 
 /* Resolves a 1-based index, or one that counts back from the latest. */
@@ -595,25 +598,27 @@ static inline int ex_obj_face(char *text, ex_builder *builder) {
     return corner_count < 3;
 }
 
-/* Positions, normals and faces; all else that the format knows is passed over. */
-static inline int ex_obj_line(char *line, ex_builder *builder) {
+/* Positions, normals and faces; all else that the format knows is passed over. Gives what is wrong, or NULL. */
+static inline const char *ex_obj_line(char *line, ex_builder *builder) {
     double triple[3];
+    const char *wrong = NULL;
     line = ex_skip_blanks(line);
     if (line[0] == 'v' && (line[1] == ' ' || line[1] == '\t')) {
-        if (ex_obj_triple(line + 1, triple)) return 1;
-        ex_add_position(builder, triple[0], triple[1], triple[2]);
+        wrong = ex_obj_triple(line + 1, triple);
+        if (!wrong) ex_add_position(builder, triple[0], triple[1], triple[2]);
     } else if (line[0] == 'v' && line[1] == 'n' && (line[2] == ' ' || line[2] == '\t')) {
-        if (ex_obj_triple(line + 2, triple)) return 1;
-        ex_add_normal(builder, triple[0], triple[1], triple[2]);
+        wrong = ex_obj_triple(line + 2, triple);
+        if (!wrong) ex_add_normal(builder, triple[0], triple[1], triple[2]);
     } else if (line[0] == 'f' && (line[1] == ' ' || line[1] == '\t')) {
-        return ex_obj_face(line + 1, builder);
+        if (ex_obj_face(line + 1, builder)) wrong = "not a face, or an index that is not there";
     }
-    return 0;
+    return wrong;
 }
 
 /* Reads a Wavefront OBJ file. crease_degrees as in ex_mesh_build. */
 static inline int ex_mesh_load(ex_mesh *mesh, const char *path, double crease_degrees, ex_error *error) {
     ex_builder builder;
+    const char *wrong = NULL;
     char *text = NULL, *line;
     size_t length = 0;
     int line_number = 0, failed = 0;
@@ -621,12 +626,12 @@ static inline int ex_mesh_load(ex_mesh *mesh, const char *path, double crease_de
     memset(&builder, 0, sizeof builder);
     if (ex_read_text(path, &text, &length, error)) return 1;
     char *rest = text;
-    while (!failed && (line = ex_next_line(&rest, text + length)) != NULL) {
+    while (!wrong && (line = ex_next_line(&rest, text + length)) != NULL) {
         ++line_number;
-        failed = ex_obj_line(line, &builder);
+        wrong = ex_obj_line(line, &builder);
     }
-    if (failed)
-        ex_fail(error, "%s:%d: malformed, or an index that is not there: %.60s", path, line_number, line);
+    if (wrong)
+        failed = ex_fail(error, "%s:%d: %s: '%s'", path, line_number, wrong, ex_quoted(line).text);
     else if (builder.corner_count == 0)
         failed = ex_fail(error, "%s: no faces", path);
     if (failed)
@@ -679,8 +684,8 @@ static inline int ex_transfer_load(ex_transfer *transfer, const char *path, ex_e
             (sps_transfer_point *)ex_grow(transfer->points, transfer->point_count, &capacity, sizeof *transfer->points);
         sps_transfer_point *point = transfer->points + transfer->point_count;
         if (ex_transfer_line(line, point))
-            failed =
-                ex_fail(error, "%s:%d: not `value r g b extinction`, or out of range: %.60s", path, line_number, line);
+            failed = ex_fail(error, "%s:%d: not `value r g b extinction`, or out of range: '%s'", path, line_number,
+                             ex_quoted(line).text);
         else if (transfer->point_count > 0 && !(point->value > point[-1].value))
             failed = ex_fail(error, "%s:%d: values must rise from line to line", path, line_number);
         ++transfer->point_count;

@@ -43,6 +43,7 @@ typedef struct arguments {
     volume_arguments *volumes;
     mesh_arguments *meshes;
     sps_light *lights;
+    const char **light_texts;
     int volume_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
@@ -215,7 +216,7 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
     light->kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
     memcpy(point ? light->position : light->direction, numbers, 3 * sizeof *numbers);
     for (int i = 0; i < 3; ++i) light->color[i] = (float)numbers[3 + i];
-    ++all->light_count;
+    all->light_texts[all->light_count++] = value;
     return 0;
 }
 
@@ -508,9 +509,51 @@ static void make_view(const arguments *all, sps_view *view) {
     X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(voxels_read) X(bytes)
 /* clang-format on */
 
-static int print_plan(ex_session *session, const sps_scene *scene, const sps_view *view, ex_error *error) {
+/* The option that a field of the library comes from; NULL where none is. */
+static const char *find_field(const arguments *all, const char *sentence) {
+    static const char *const fields[][2] = {
+        {"view.slab", "--slab"},       {"view.field_of_view", "--fov"},    {"view.ortho_height", "--ortho"},
+        {"view.position", "--camera"}, {"scene.volume_count", "--volume"}, {"scene.mesh_count", "--mesh"}};
+    for (size_t i = 0; i < sizeof fields / sizeof *fields; ++i) {
+        if (strncmp(sentence, fields[i][0], strlen(fields[i][0])) != 0) continue;
+        if (strcmp(fields[i][1], "--camera") == 0 && !has(all->given, "--camera"))
+            return "--camera (not given, so that all of the scene is in view)";
+        return fields[i][1];
+    }
+    return NULL;
+}
+
+/* What the user calls that which a sentence of the library begins with: a field, or an element of a list. */
+static void name_subject(const arguments *all, const char *sentence, char *out, size_t size) {
+    int index = -1;
+    const char *option = find_field(all, sentence);
+    snprintf(out, size, "%s%s", option ? option : "", option ? ": " : "");
+    if (sscanf(sentence, "volume[%d]", &index) == 1 && index >= 0 && index < all->volume_count)
+        snprintf(out, size, "%s %s: ", strstr(sentence, "placement") ? "--box of" : "--volume",
+                 all->volumes[index].file);
+    else if (sscanf(sentence, "mesh[%d]", &index) == 1 && index >= 0 && index < all->mesh_count)
+        snprintf(out, size, "--mesh %s: ", all->meshes[index].file);
+    else if (sscanf(sentence, "light[%d]", &index) == 1 && index >= 0 && index < all->light_count)
+        snprintf(out, size, "--light %s: ", all->light_texts[index]);
+}
+
+/* Hands on what the library says of a failure, with the option's name before it. Returns the exit status: 2 where the
+   user can mend an option or a file. */
+static int explain(const arguments *all, const ex_session *session, sps_result result, ex_error *error) {
+    const char *sentence = sps_error(session->context), *way_out = "";
+    char subject[600];
+    name_subject(all, sentence, subject, sizeof subject);
+    if (result == SPS_ERROR_UNSUPPORTED && strstr(sentence, "cosine"))
+        way_out = " (--no-shadows and --reference have no such limit)";
+    ex_fail(error, "%s%s%s", subject, sentence, way_out);
+    return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? 2 : 1;
+}
+
+static int print_plan(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
+                      ex_error *error) {
     sps_plan_report plan;
-    if (sps_plan(session->context, scene, view, &plan)) return ex_fail(error, "%s", sps_error(session->context));
+    const sps_result result = sps_plan(session->context, scene, view, &plan);
+    if (result != SPS_OK) return explain(all, session, result, error);
     printf("%-16s %-9s %14s  %s\n", "pass", "runs", "bytes", "why");
     for (int i = 0; i < SPS_PASS_COUNT; ++i) {
         char runs[16] = "left out";
@@ -583,7 +626,7 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
     ex_progress_end(&session->progress);
     int status = 0;
     if (result != SPS_OK)
-        status = ex_fail(error, "%s", sps_error(session->context));
+        status = explain(all, session, result, error);
     else if (write_files(all, session, image.rgba, width, height, error))
         status = 2;
     free(image.rgba);
@@ -601,7 +644,7 @@ static int run(arguments *all, sps_volume *volumes, sps_mesh *meshes, ex_error *
     make_view(all, &view);
     if (ex_session_begin(&session, all->threads, error)) return 1;
     const int status =
-        all->plan ? print_plan(&session, &scene, &view, error) : render(all, &session, &scene, &view, error);
+        all->plan ? print_plan(all, &session, &scene, &view, error) : render(all, &session, &scene, &view, error);
     ex_session_end(&session);
     return status;
 }
@@ -615,6 +658,7 @@ static void free_arguments(arguments *all) {
     free(all->volumes);
     free(all->meshes);
     free(all->lights);
+    free(all->light_texts);
 }
 
 int main(int argc, char **argv) {
@@ -626,6 +670,7 @@ int main(int argc, char **argv) {
     all.volumes = (volume_arguments *)ex_allocate(most, sizeof *all.volumes);
     all.meshes = (mesh_arguments *)ex_allocate(most, sizeof *all.meshes);
     all.lights = (sps_light *)ex_allocate(most, sizeof *all.lights);
+    all.light_texts = (const char **)ex_allocate(most, sizeof *all.light_texts);
     all.width = all.height = 512;
     all.up[1] = 1;
     all.fov = 40;

@@ -1164,6 +1164,58 @@ static void test_bad_values(void) {
     CHECK_COMPLAINTS(bad);
 }
 
+/* What only the library can tell is told by the option's name. */
+static void test_library_errors(void) {
+    static const complaint library[] = {
+        {VOLUME "--slab 1e-6 --out a.png", 2, "--slab: view.slab is 1e-06; it makes more than 2^20 slabs"},
+        {VOLUME "--slab 1e-6 --plan", 2, "--slab: view.slab is 1e-06"},
+        {VOLUME "--box -1e15,0,0,1e15,1,1 --camera 1,2,3,0,0,0 --out a.png", 2, "--box of two.raw: "},
+        {VOLUME "--box -1e15,0,0,1e15,1,1 --out a.png", 2, "--camera (not given, so that all of the scene is in view)"},
+        {VOLUME "--ortho 1e-15 --camera 1e15,0,0,0,0,0 --out a.png", 1, "--volume two.raw: volume[0].voxel edge"},
+        {"--volume nan.raw --type f32 --size 1,1,1 " SMALL "--out a.png", 2, "--volume nan.raw: volume[0].value is "},
+        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--light point,0.5,0.5,0.5,1,1,1: light[0]"},
+        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--no-shadows and --reference have no such limit"},
+        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --no-shadows --out a.png", 0, NULL}};
+    const float not_a_number = (float)sqrt(-1.0);
+    write_file("nan.raw", &not_a_number, sizeof not_a_number);
+    CHECK_COMPLAINTS(library);
+}
+
+/* Lines that name the file and the line in it, with nothing that a terminal would act on. */
+static void test_bad_files(void) {
+    static const complaint bad[] = {
+        {"--mesh far.obj --plan", 2, "far.obj:2: a number that is not within 1e15: 'v 1e30 0 0'"},
+        {"--mesh nan.obj --plan", 2, "nan.obj:1: a number that is not within 1e15: 'v nan 0 0'"},
+        {"--mesh index.obj --plan", 2, "index.obj:4: not a face, or an index that is not there: 'f 1 2 4'"},
+        {"--mesh binary --plan", 2, "binary: no faces"},
+        {"--mesh missing.obj --plan", 2, "missing.obj: No such file"},
+        {"--mesh . --plan", 2, ".: not a regular file"},
+        {"--volume two.raw --size 3,2,2 --plan", 2, "two.raw: the file holds 8 bytes, but size 3,2,2 and type u8"},
+        {"--volume two.raw --size 2,2,2 --type u16 --plan", 2, "the file holds 8 bytes"},
+        {"--volume \"$(printf 'a\\033[2Jb\\nc')\" --size 1,1,1 --plan", 2, "a?[2Jb?c: No such file"},
+        {VOLUME "--transfer binary --plan", 2,
+         "binary:1: not `value r g b extinction`, or out of range: '"
+         "?"
+         "?"
+         "[31mA?"},
+        {VOLUME "--transfer long.txt --plan", 2, "'aaaaaaaaaaaa"},
+        {VOLUME "--transfer falling.txt --plan", 2, "falling.txt:2: values must rise from line to line"},
+        {VOLUME "--transfer empty.txt --plan", 2, "empty.txt: no lines with values"}};
+    static const char far[] = "v 0 0 0\nv 1e30 0 0\nv 0 1 0\nf 1 2 3\n", nan[] = "v nan 0 0\n";
+    static const char index[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", falling[] = "1 1 1 1 1\n0 1 1 1 1\n";
+    char line[3000];
+    memset(line, 'a', sizeof line);
+    write_file("far.obj", far, strlen(far));
+    write_file("nan.obj", nan, strlen(nan));
+    write_file("index.obj", index, strlen(index));
+    write_file("binary", "\x90\033[31mA\x07\xff\0\1\n\2", 12);
+    write_file("long.txt", line, sizeof line);
+    write_file("falling.txt", falling, strlen(falling));
+    write_file("empty.txt", "", 0);
+    CHECK_COMPLAINTS(bad);
+    CHECK(strlen(run_render(VOLUME "--transfer long.txt --plan").said) < 160);
+}
+
 static void test_command_line(void) {
     static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
     static const char look[] = "# value r g b extinction\n0.1 0.9 0.5 0.2 0\n1 0.9 0.5 0.2 8 # dense\n";
@@ -1185,6 +1237,8 @@ static void test_command_line(void) {
     test_owners();
     test_exclusions();
     test_bad_values();
+    test_library_errors();
+    test_bad_files();
     snprintf(command, sizeof command, "rm -r %s", render_folder);
     CHECK(system(command) == 0);
 }

@@ -231,54 +231,68 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
 
 /* clang-format off */
 static const option_rule options[] = {
-    {"--volume", "FILE", "raw voxels, x fastest; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
-    {"--size", "X,Y,Z", "voxels along each axis; needed", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
-    {"--type", "u8|u16|f32", "u8 (usual) and u16 stand for 0..1; little endian", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
-    {"--box", "x0,y0,z0,x1,y1,z1", "corners in the world; usually 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
-    {"--extinction", "S", "gas without --transfer: per world unit at value 1; usually 1", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
-    {"--albedo", "r,g,b", "without --transfer; usually 0.8,0.8,0.8", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
-    {"--emission", "r,g,b", "gas without --transfer: radiance per world unit at value 1", set_reals, OF_VOLUME(emission), 3, POSITIVE},
-    {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w", set_phase, VOLUME, 0, 1, -0.99, 0.99, NULL},
-    {"--transfer", "FILE", "lines: value r g b extinction; instead of --extinction, --albedo and --emission", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
-    {"--shading", "gas|surface", "how voxels answer to light; without --transfer, surface means one of --albedo", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
-    {"--mesh", "FILE.obj", "opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
-    {"--mesh-color", "r,g,b", "usually 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
-    {"--camera", "px,py,pz,tx,ty,tz", "position and target; without it, all of the scene is in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
-    {"--up", "x,y,z", "usually 0,1,0", set_reals, OF_SCENE(up), 3, COORDINATES},
-    {"--fov", "DEG", "perspective: vertical angle; usually 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
-    {"--ortho", "HEIGHT", "instead of --fov: orthographic, world height of the image", set_reals, OF_SCENE(ortho), 1, 1e-15, FARTHEST, NULL},
+    {"--volume", "FILE", "raw voxels, x fastest, no header; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
+    {"--size", "X,Y,Z", "voxels along each axis; required", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
+    {"--type", "u8|u16|f32", "little endian; u8 and u16 stand for 0..1; default u8", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
+    {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
+    {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
+    {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
+    {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
+    {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, VOLUME, 0, 1, -0.99, 0.99, NULL},
+    {"--transfer", "FILE", "lines: value r g b extinction, values (0..1 for u8 and u16) rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
+    {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
+    {"--mesh", "FILE.obj", "Wavefront OBJ, opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
+    {"--mesh-color", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
+    {"--camera", "px,py,pz,tx,ty,tz", "position and target; default: all of the scene in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
+    {"--up", "x,y,z", "default 0,1,0", set_reals, OF_SCENE(up), 3, COORDINATES},
+    {"--fov", "DEG", "perspective, vertical angle; default 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
+    {"--ortho", "HEIGHT", "orthographic, world height of the image; not with --fov", set_reals, OF_SCENE(ortho), 1, 1e-15, FARTHEST, NULL},
+    {"--width", "W", "pixels; default 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
+    {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
+    {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
     {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, COORDINATES},
-    {"--ambient", "r,g,b", "radiance from everywhere", set_reals, OF_SCENE(ambient), 3, POSITIVE},
-    {"--background", "r,g,b", "radiance behind everything", set_reals, OF_SCENE(background), 3, POSITIVE},
-    {"--width", "W", "pixels; usually 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
-    {"--height", "H", "pixels; usually 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
-    {"--region", "x,y,w,h", "renders this part of the image only", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
-    {"--slab", "VOXELS", "sheet thickness, the main knob; with --reference, the step", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
-    {"--shadow-size", "N", "texels along a shadow buffer's longer side", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--quality", "draft|medium|high|ultra", "usually medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
+    {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
+    {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
+    {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
+    {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
+    {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
-    {"--reference", NULL, "brute-force ray marching instead, with neither sheets nor shadow buffers: slow, for comparing", set_flag, OF_SCENE(reference), NO_NUMBERS},
-    {"--threads", "N", "usually one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
+    {"--reference", NULL, "brute-force ray marching: slow, for comparing; does not look at --quality, --shadow-size", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
     {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
-    {"--stats", "FILE.json", "what the render did and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
-    {"--plan", NULL, "says what would run, and why; renders and writes nothing; not for --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
+    {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
+    {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
     {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
 };
 /* clang-format on */
 
 enum { OPTION_COUNT = sizeof options / sizeof options[0] };
 
+/* What --help says before an option. */
+static const char *const headings[][2] = {
+    {"--volume",
+     "Volumes. These are about the --volume before them; those before the first --volume, about the first."},
+    {"--mesh", "Meshes, in the same way."},
+    {"--camera", "View."},
+    {"--light", "Light. Colours are linear: irradiance of a directional light, of a point light at distance 1."},
+    {"--slab", "Rendering."},
+    {"--out", "Results. At least one is required."},
+    {"--help", "Help."},
+};
+
 static void print_help(void) {
-    puts("usage: render [options], in any order\n\n"
-         "An option of a volume is about the --volume before it; those before the first --volume are about the first.\n"
-         "The same goes for meshes. Of an option that is given twice, the last counts.\n");
+    puts("usage: render [options]\n\n"
+         "Options stand in any order. Of one that is given twice and is not repeatable, the last counts.\n"
+         "Exit status: 0 done, 1 the render failed, 2 an option or a file is wrong.");
     for (int i = 0; i < OPTION_COUNT; ++i) {
         char left[80];
+        for (size_t k = 0; k < sizeof headings / sizeof *headings; ++k)
+            if (strcmp(headings[k][0], options[i].name) == 0) printf("\n%s\n", headings[k][1]);
         snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
-        if (strlen(left) > 32) printf("  %s\n", left), left[0] = '\0'; /* too long: a line of its own */
-        printf("  %-32s %s\n", left, options[i].help);
+        if (strlen(left) > 28) printf("  %s\n", left), left[0] = '\0'; /* too long: a line of its own */
+        printf("  %-28s %s\n", left, options[i].help);
     }
 }
 

@@ -1216,6 +1216,59 @@ static void test_bad_files(void) {
     CHECK(strlen(run_render(VOLUME "--transfer long.txt --plan").said) < 160);
 }
 
+/* Every option is in the help, with the words of the rest of the world. */
+static void test_help(void) {
+    static const char *const words[] = {"--volume FILE",
+                                        "--size X,Y,Z",
+                                        "--type u8|u16|f32",
+                                        "--box x0,y0,z0,x1,y1,z1",
+                                        "--extinction S",
+                                        "--albedo r,g,b",
+                                        "--emission r,g,b",
+                                        "--phase g[,g2,w]",
+                                        "--transfer FILE",
+                                        "--shading gas|surface",
+                                        "--mesh FILE.obj",
+                                        "--mesh-color r,g,b",
+                                        "--camera px,py,pz,tx,ty,tz",
+                                        "--up x,y,z",
+                                        "default 0,1,0",
+                                        "--fov DEG",
+                                        "--ortho HEIGHT",
+                                        "--light directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b",
+                                        "--ambient r,g,b",
+                                        "--background r,g,b",
+                                        "--width W",
+                                        "--height H",
+                                        "--region x,y,w,h",
+                                        "--slab VOXELS",
+                                        "--shadow-size N",
+                                        "--quality draft|medium|high|ultra",
+                                        "--no-shadows",
+                                        "--reference",
+                                        "--threads N",
+                                        "--out FILE.png",
+                                        "--pfm FILE.pfm",
+                                        "--alpha-pfm FILE.pfm",
+                                        "--stats FILE.json",
+                                        "--plan",
+                                        "required",
+                                        "\nVolumes. ",
+                                        "\nMeshes, ",
+                                        "\nView.",
+                                        "\nLight. ",
+                                        "\nRendering.",
+                                        "\nResults. ",
+                                        "--volume before them"};
+    static char help[8000];
+    CHECK(run_render("--help >help").status == 0);
+    CHECK(read_file("help", help, sizeof help) > 1000);
+    for (size_t i = 0; i < sizeof words / sizeof *words; ++i)
+        if (!CHECK(strstr(help, words[i]) != NULL)) printf("    no '%s' in --help\n", words[i]);
+    CHECK(!strstr(help, "usual") && !strstr(help, "needed") && !strstr(help, "latest"));
+    for (char *line = strtok(help, "\n"); line; line = strtok(NULL, "\n")) CHECK(strlen(line) <= 120);
+}
+
 static void test_command_line(void) {
     static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
     static const char look[] = "# value r g b extinction\n0.1 0.9 0.5 0.2 0\n1 0.9 0.5 0.2 8 # dense\n";
@@ -1239,6 +1292,7 @@ static void test_command_line(void) {
     test_bad_values();
     test_library_errors();
     test_bad_files();
+    test_help();
     snprintf(command, sizeof command, "rm -r %s", render_folder);
     CHECK(system(command) == 0);
 }

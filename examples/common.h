@@ -125,6 +125,7 @@ static inline int ex_check_writable(const char *path, ex_error *error) {
         if (access(path, W_OK) != 0) return ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
         return 0;
     }
+    if (errno != ENOENT) return ex_fail(error, "%.300s: cannot be written: %s", path, strerror(errno));
     const size_t length = slash ? (size_t)(slash - path) + 1 : 1;
     if (length >= sizeof folder) return ex_fail(error, "%.64s...: the name is too long", path);
     memcpy(folder, slash ? path : ".", length);
@@ -134,7 +135,16 @@ static inline int ex_check_writable(const char *path, ex_error *error) {
     return 0;
 }
 
-/* The whole file with a 0 byte behind it; freed by the caller. */
+/* Whether two names are of one regular file, or would be; what is no file (a terminal, a pipe) may well serve twice. */
+static inline int ex_same_file(const char *left, const char *right) {
+    struct stat a, b;
+    const int there = stat(left, &a) == 0;
+    if (there != (stat(right, &b) == 0)) return 0;
+    return there ? S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino : strcmp(left, right) == 0;
+}
+
+/* The whole file with a 0 byte behind it; freed by the caller. Blanks stand for the mark of UTF-8 that some editors
+   put before the first line. */
 static inline int ex_read_text(const char *path, char **text, size_t *length, ex_error *error) {
     uint64_t size = 0;
     FILE *file = ex_open(path, &size, error);
@@ -147,6 +157,7 @@ static inline int ex_read_text(const char *path, char **text, size_t *length, ex
     *text = (char *)ex_allocate(*length + 1, 1);
     const size_t got = fread(*text, 1, *length, file);
     fclose(file);
+    if (got >= 3 && memcmp(*text, "\xef\xbb\xbf", 3) == 0) memset(*text, ' ', 3);
     if (got == *length) return 0;
     free(*text);
     *text = NULL;

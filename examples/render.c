@@ -373,11 +373,40 @@ static int check_owners(const arguments *all, ex_error *error) {
     return 0;
 }
 
+/* The file that `path` would be written over, of those that are read; NULL if it is none of them. */
+static const char *find_input(const arguments *all, const char *path) {
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        if (ex_same_file(path, volume->file)) return "--volume";
+        if (volume->transfer_file && ex_same_file(path, volume->transfer_file)) return "--transfer";
+    }
+    for (int i = 0; i < all->mesh_count; ++i)
+        if (ex_same_file(path, all->meshes[i].file)) return "--mesh";
+    return NULL;
+}
+
+/* Files are looked at before a render, which may be long, and no scan is lost to a slip of the pen. */
+static int check_outputs(const arguments *all, ex_error *error) {
+    const char *const names[4] = {"--out", "--pfm", "--alpha-pfm", "--stats"};
+    const char *const files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
+    if (all->plan) return 0;
+    if (!all->out && !all->pfm && !all->alpha_pfm && !all->stats)
+        return ex_fail(error, "nothing to write: give --out, --pfm, --alpha-pfm, --stats or --plan; --help says more");
+    for (int i = 0; i < 4; ++i) {
+        if (!files[i]) continue;
+        const char *input = find_input(all, files[i]);
+        if (input) return ex_fail(error, "%s %s is a file that %s reads", names[i], files[i], input);
+        for (int k = 0; k < i; ++k)
+            if (files[k] && ex_same_file(files[i], files[k]))
+                return ex_fail(error, "%s and %s are the same file: %s", names[k], names[i], files[i]);
+        if (ex_check_writable(files[i], error)) return 1;
+    }
+    return 0;
+}
+
 /* What only the whole command line can tell. */
 static int check(const arguments *all, ex_error *error) {
     const int *region = all->region;
-    const char *files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
-    int writes = all->plan;
     if (check_owners(all, error) || check_volumes(all, error)) return 1;
     if (has(all->given, "--fov") && has(all->given, "--ortho"))
         return ex_fail(error, "--fov (perspective) and --ortho (orthographic) exclude each other: give one of them");
@@ -389,12 +418,7 @@ static int check(const arguments *all, ex_error *error) {
             return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],
                            region[1], region[2], region[3], all->width, all->height);
     }
-    for (int i = 0; i < 4; ++i) {
-        if (!files[i]) continue;
-        writes = 1;
-        if (!all->plan && ex_check_writable(files[i], error)) return 1;
-    }
-    return writes ? 0 : ex_fail(error, "nothing to write: give --out, --pfm, --alpha-pfm, --stats or --plan");
+    return check_outputs(all, error);
 }
 
 /* =============================================================================================== the scene */
@@ -417,6 +441,17 @@ static void make_linear_transfer(volume_arguments *volume) {
     points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
 }
 
+/* Points that no value can reach come from a table in the units of the scanner, 0..255 say: a mistake. */
+static int check_transfer(const volume_arguments *volume, ex_error *error) {
+    const ex_transfer *transfer = &volume->points;
+    if (transfer->point_count > INT_MAX) return ex_fail(error, "%s: too many lines", volume->transfer_file);
+    if (volume->type == EX_F32 || transfer->point_count < 2) return 0;
+    const double reach = (double)transfer->points[transfer->point_count - 2].value;
+    if (reach <= 1) return 0;
+    return ex_fail(error, "%s: a line's value is %g, and there are lines beyond it; %s voxels stand for 0..1",
+                   volume->transfer_file, reach, ex_type_name((ex_type)volume->type));
+}
+
 static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *error) {
     if (ex_grid_load(&from->grid, from->file, from->size, (ex_type)from->type, error)) return 1;
     memcpy(volume->size, from->size, sizeof volume->size);
@@ -431,13 +466,12 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     volume->lobes = from->lobes, volume->lobe_count = from->lobe_count;
     volume->shading = from->shading ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (from->transfer_file) {
-        if (ex_transfer_load(&from->points, from->transfer_file, error)) return 1;
+        if (ex_transfer_load(&from->points, from->transfer_file, error) || check_transfer(from, error)) return 1;
     } else if (from->shading) {
         make_linear_transfer(from);
     } else {
         return 0;
     }
-    if (from->points.point_count > INT_MAX) return ex_fail(error, "%s: too many lines", from->transfer_file);
     from->transfer.points = from->points.points, from->transfer.point_count = (int)from->points.point_count;
     volume->transfer = &from->transfer;
     return 0;
@@ -557,8 +591,10 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     const char *sentence = sps_error(session->context), *way_out = "";
     char subject[600];
     name_subject(all, sentence, subject, sizeof subject);
-    if (result == SPS_ERROR_UNSUPPORTED && strstr(sentence, "cosine"))
+    if (result == SPS_ERROR_UNSUPPORTED && strncmp(sentence, "light", 5) == 0)
         way_out = " (--no-shadows and --reference have no such limit)";
+    if (result == SPS_ERROR_UNSUPPORTED && strncmp(sentence, "view", 4) == 0)
+        way_out = " (--reference has no such limit)";
     ex_fail(error, "%s%s%s", subject, sentence, way_out);
     return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? 2 : 1;
 }

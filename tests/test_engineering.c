@@ -6,6 +6,7 @@
 #include "splatshadow.h" /* once more, below its own implementation */
 #include <pthread.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 /* ------------------------------------------------------------------------------------ a scene that uses everything */
 
@@ -1175,6 +1176,8 @@ static void test_library_errors(void) {
         {"--volume nan.raw --type f32 --size 1,1,1 " SMALL "--out a.png", 2, "--volume nan.raw: volume[0].value is "},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--light point,0.5,0.5,0.5,1,1,1: light[0]"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--no-shadows and --reference have no such limit"},
+        {VOLUME "--fov 170 --no-shadows --out a.png", 1, "--fov: view.field_of_view's cosine"},
+        {VOLUME "--fov 170 --no-shadows --out a.png", 1, "(--reference has no such limit)"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --no-shadows --out a.png", 0, NULL}};
     const float not_a_number = (float)sqrt(-1.0);
     write_file("nan.raw", &not_a_number, sizeof not_a_number);
@@ -1200,7 +1203,16 @@ static void test_bad_files(void) {
          "[31mA?"},
         {VOLUME "--transfer long.txt --plan", 2, "'aaaaaaaaaaaa"},
         {VOLUME "--transfer falling.txt --plan", 2, "falling.txt:2: values must rise from line to line"},
-        {VOLUME "--transfer empty.txt --plan", 2, "empty.txt: no lines with values"}};
+        {VOLUME "--transfer empty.txt --plan", 2, "empty.txt: no lines with values"},
+        {VOLUME "--transfer bytes.txt --plan >plan", 2,
+         "bytes.txt: a line's value is 80, and there are lines beyond it"},
+        {VOLUME "--transfer over.txt --plan >plan", 0, NULL},
+        {VOLUME "--transfer marked.txt --mesh marked.obj --plan >plan", 0, NULL},
+        {"--volume no --size 1,1,1 --out $(printf '%0300d' 7)", 2, "7: cannot be written: "}};
+    static const char bytes[] = "0 1 1 1 0\n80 1 1 1 0\n255 1 1 1 9\n", over[] = "0.5 1 1 1 0\n1 1 1 1 5\n2 1 1 1 6\n";
+    static const char marked[] = "\xef\xbb\xbf"
+                                 "0 1 1 1 0\r\n1 1 1 1 5\r\n";
+    static const char marked_mesh[] = "\xef\xbb\xbfv 0 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nf 1 2 3\r\n";
     static const char far[] = "v 0 0 0\nv 1e30 0 0\nv 0 1 0\nf 1 2 3\n", nan[] = "v nan 0 0\n";
     static const char index[] = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n", falling[] = "1 1 1 1 1\n0 1 1 1 1\n";
     char line[3000];
@@ -1212,8 +1224,30 @@ static void test_bad_files(void) {
     write_file("long.txt", line, sizeof line);
     write_file("falling.txt", falling, strlen(falling));
     write_file("empty.txt", "", 0);
+    write_file("bytes.txt", bytes, strlen(bytes));
+    write_file("over.txt", over, strlen(over));
+    write_file("marked.txt", marked, strlen(marked));
+    write_file("marked.obj", marked_mesh, strlen(marked_mesh));
     CHECK_COMPLAINTS(bad);
     CHECK(strlen(run_render(VOLUME "--transfer long.txt --plan").said) < 160);
+}
+
+/* What is read is not written over, and no file is written twice. */
+static void test_precious_files(void) {
+    static const complaint slips[] = {
+        {"--mesh corner.obj " SMALL "--out corner.obj", 2, "--out corner.obj is a file that --mesh reads"},
+        {VOLUME "--pfm ./two.raw", 2, "--pfm ./two.raw is a file that --volume reads"},
+        {VOLUME "--transfer look.txt --stats link.txt", 2, "--stats link.txt is a file that --transfer reads"},
+        {VOLUME "--out same --stats same", 2, "--out and --stats are the same file: same"},
+        {VOLUME "--pfm a.pfm --alpha-pfm ./a.pfm", 2, "--pfm and --alpha-pfm are the same file: ./a.pfm"},
+        {VOLUME "--out /dev/null --pfm /dev/null", 0, NULL},
+        {"--mesh corner.obj --out corner.obj --plan >plan", 0, NULL}};
+    static const char name[] = "/link.txt";
+    char path[200];
+    snprintf(path, sizeof path, "%s%s", render_folder, name);
+    CHECK(symlink("look.txt", path) == 0);
+    write_file("a.pfm", "", 0);
+    CHECK_COMPLAINTS(slips);
 }
 
 /* Every option is in the help, with the words of the rest of the world. */
@@ -1292,6 +1326,7 @@ static void test_command_line(void) {
     test_bad_values();
     test_library_errors();
     test_bad_files();
+    test_precious_files();
     test_help();
     snprintf(command, sizeof command, "rm -r %s", render_folder);
     CHECK(system(command) == 0);

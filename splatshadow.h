@@ -73,7 +73,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
-    about 20 bytes per relevant voxel, 24 to 60 per pixel, 72 per texel of shadow buffer, and per worker a tile of
+    about 20 bytes per relevant voxel, 24 to 60 per pixel, 76 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much, before; a memory_limit is never
     passed.
 ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
@@ -2300,8 +2300,9 @@ typedef struct spsi_raster {
     const spsi_faces *faces;
     const spsi_rays *rays;
     int *boxes;     /* four per face */
-    spsi_hit *hits; /* one of these: for the eye, */
-    float *depths;  /* for a light */
+    spsi_hit *hits; /* for the eye; or, for a light, */
+    float *depths;  /* how far away the nearest triangle is, */
+    int *numbers;   /* and which one it is */
     int pitch;      /* pixels from one row of them to the next */
 } spsi_raster;
 
@@ -2325,7 +2326,9 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
             depth = (float)(w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2]);
             if (!((double)depth + raster->rays->depth_reference > raster->rays->near_depth)) continue;
             if (raster->depths) {
-                if (depth < raster->depths[at]) raster->depths[at] = depth;
+                if (!(depth < raster->depths[at])) continue;
+                raster->depths[at] = depth;
+                raster->numbers[at] = face;
             } else if (depth < raster->hits[at].depth) {
                 const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
                 raster->hits[at] = hit;
@@ -2340,11 +2343,10 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
     const spsi_hit nothing = {SPSI_INFINITY, -1, {0, 0}};
     const size_t first = (size_t)y0 * (size_t)raster->pitch, end = (size_t)(y1 + 1) * (size_t)raster->pitch;
     (void)worker;
-    for (size_t i = first; i < end; ++i) {
-        if (raster->depths)
-            raster->depths[i] = SPSI_INFINITY;
-        else
-            raster->hits[i] = nothing;
+    for (size_t i = first; i < end && !raster->depths; ++i) raster->hits[i] = nothing;
+    for (size_t i = first; i < end && raster->depths; ++i) {
+        raster->depths[i] = SPSI_INFINITY;
+        raster->numbers[i] = -1;
     }
     for (int face = 0; face < raster->faces->count; ++face) {
         const int *box = raster->boxes + 4 * face;
@@ -2352,15 +2354,17 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
     }
 }
 
+/* For the eye, into `hits`, or for a light, into `depths` and `numbers`. */
 static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
-                           float *depths, int pitch) {
+                           float *depths, int *numbers) {
     spsi_raster raster;
     raster.faces = faces;
     raster.rays = rays;
     raster.boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     raster.hits = hits;
     raster.depths = depths;
-    raster.pitch = pitch;
+    raster.numbers = numbers;
+    raster.pitch = rays->width;
     spsi_parallel(context, (faces->count + 1023) / 1024, spsi_raster_box_task, &raster);
     spsi_parallel(context, (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT, spsi_raster_band_task, &raster);
 }
@@ -3263,6 +3267,7 @@ typedef struct spsi_depth_map {
     int face_count; /* 0: no polygons; 1; 6 for a point light among them */
     spsi_rays rays[6];
     float *depths[6];
+    int *numbers[6];         /* of the triangles that these are depths of; -1: none */
     float *nearest[6];       /* per cell: the least depth in it and in the cells around it */
     int cells[6];            /* in a row of these */
     spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays; t from its depth reference */
@@ -3794,18 +3799,21 @@ typedef struct spsi_map_point {
     double least_facing; /* where the plane is turned away so far, no depth is asked of it */
     double texel;        /* a texel's size in the world */
     double curved;       /* what a curved surface may rise by, per length */
+    double point[3];     /* in the world, */
+    double ray[3];       /* and how that changes with t */
 } spsi_map_point;
 
-static void spsi_map_point_build(const spsi_rays *rays, const double q[3], const double plane[3], double turn,
-                                 spsi_map_point *at) {
+static void spsi_map_point_build(const spsi_rays *rays, const double point[3], const double q[3], const double plane[3],
+                                 double turn, spsi_map_point *at) {
     const double grazing = 1e-5, curved_grazing = 0.02;
-    double ray[3], length;
-    spsi_ray_direction(rays, q[0], q[1], ray);
-    length = spsi_length(ray);
+    double length;
+    memcpy(at->point, point, sizeof at->point);
+    spsi_ray_direction(rays, q[0], q[1], at->ray);
+    length = spsi_length(at->ray);
     at->t = q[2] - rays->depth_reference;
     at->rise[0] = spsi_dot(plane, rays->a);
     at->rise[1] = spsi_dot(plane, rays->b);
-    at->facing = spsi_dot(plane, ray);
+    at->facing = spsi_dot(plane, at->ray);
     at->turning = rays->perspective;
     at->unit = rays->perspective ? q[2] : 1;
     at->least_facing = grazing * length;
@@ -3813,37 +3821,67 @@ static void spsi_map_point_build(const spsi_rays *rays, const double q[3], const
     at->curved = 2 * turn / fmax(fabs(at->facing) / length, curved_grazing);
 }
 
-/* Whether one texel of a depth map leaves a surface's point in the light. The texel is compared with the depth at which
-   its ray meets the surface's own tangent plane, so that a flat surface does not shade itself however grazing the
-   light. On curved meshes neighbouring facets turn by about the angle between the facet and its shading normal; what
-   they rise by over the distance to the texel is let pass. */
-static int spsi_texel_lights(const spsi_map_point *at, double texel, double dx, double dy) {
+/* How far a texel of a depth map lies before a surface's point: before the depth at which the texel's ray meets the
+   surface's own tangent plane, so that a flat surface does not shade itself however grazing the light. On curved meshes
+   neighbouring facets turn by about the angle between the facet and its shading normal; what they rise by over the
+   distance to the texel is let pass. */
+static double spsi_texel_before(const spsi_map_point *at, double texel, double dx, double dy) {
     const double rise = dx * at->rise[0] + dy * at->rise[1], facing = at->facing + at->turning * rise;
     const double own = fabs(facing) > at->least_facing ? -at->unit * rise / facing : 0;
     const double apart = at->texel * sqrt(dx * dx + dy * dy);
     const double rounding = 1e-6 * (fabs(at->t) + fabs(own) + apart); /* the texel is a float */
-    return texel >= at->t + own - at->curved * apart - rounding;
+    return at->t + own - at->curved * apart - rounding - texel;
 }
 
-/* The share of a light that a depth map lets through to a point on a surface: four texels about it, weighted. */
-static double spsi_map_visibility(const spsi_depth_map *map, const double point[3], const double normal[3],
-                                  const double plane[3]) {
+/* Whether a triangle's plane, or the triangle itself, passes before a surface's point on the map's ray through it. */
+static int spsi_face_before(const spsi_map_point *at, const spsi_face *face, int itself) {
+    const double edge = 1e-6, rounding = edge * (fabs(at->t) + at->texel); /* triangles that touch do so as floats */
+    double u[3], v[3], normal[3], offset[3], moment[3], facing, a, b;
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_along(at->point, face->position[0], -1, offset);
+    spsi_cross(u, v, normal);
+    facing = spsi_dot(normal, at->ray);
+    if (!(spsi_dot(normal, offset) / facing > rounding)) return 0;
+    spsi_cross(offset, at->ray, moment);
+    a = -spsi_dot(moment, v) / facing; /* the ray meets the plane at corner 0 + a u + b v */
+    b = spsi_dot(moment, u) / facing;
+    return !itself || (a > -edge && b > -edge && a + b < 1 + edge);
+}
+
+/* The share of a light that a depth map lets through to a point on a triangle: four texels about it, weighted. A texel
+   that lies before the point's tangent plane may belong to a triangle that joins on at a crease and rises from there;
+   then its plane, on the point's own ray, is behind the point. Close by there may be more than a crease between the
+   two, such as a step finer than a texel; there, if another of the four texels shows the point's own triangle, the
+   texel's triangle must be before the point itself. What does shade the point is before it by all of these tests. */
+static double spsi_map_visibility(const spsi_depth_map *map, const spsi_faces *faces, int number, const double point[3],
+                                  const double normal[3], const double plane[3]) {
+    const double close_by = 4; /* texels */
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        double q[3], turn[3], sum = 0, x, y;
+        double q[3], turn[3], sum = 0;
+        size_t texels[4];
+        int shown = 0;
         spsi_map_point at;
         spsi_project(rays, point, q);
         if (rays->perspective && !(q[2] > 0)) continue;
         if (!(q[0] >= 0 && q[1] >= 0 && q[0] <= rays->width - 1 && q[1] <= rays->height - 1)) continue;
         spsi_along(normal, plane, -1, turn);
-        spsi_map_point_build(rays, q, plane, spsi_length(turn), &at);
-        x = spsi_least((int)q[0], rays->width - 2);
-        y = spsi_least((int)q[1], rays->height - 2);
+        spsi_map_point_build(rays, point, q, plane, spsi_length(turn), &at);
         for (int i = 0; i < 4; ++i) {
-            const double tx = x + (i & 1), ty = y + (i >> 1);
-            const float texel = map->depths[face][(size_t)ty * (size_t)rays->width + (size_t)tx];
-            if (spsi_texel_lights(&at, (double)texel, tx - q[0], ty - q[1]))
-                sum += (1 - fabs(q[0] - tx)) * (1 - fabs(q[1] - ty));
+            const int x = spsi_least((int)q[0], rays->width - 2) + (i & 1);
+            const int y = spsi_least((int)q[1], rays->height - 2) + (i >> 1);
+            texels[i] = (size_t)y * (size_t)rays->width + (size_t)x;
+            shown |= map->numbers[face][texels[i]] == number;
+        }
+        for (int i = 0; i < 4; ++i) {
+            const double dx = (double)(texels[i] % (size_t)rays->width) - q[0];
+            const double dy = (double)(texels[i] / (size_t)rays->width) - q[1];
+            const int other = map->numbers[face][texels[i]];
+            const double before =
+                other < 0 || other == number ? 0 : spsi_texel_before(&at, (double)map->depths[face][texels[i]], dx, dy);
+            if (!(before > 0) || !spsi_face_before(&at, &faces->list[other], shown && before < close_by * at.texel))
+                sum += (1 - fabs(dx)) * (1 - fabs(dy));
         }
         return sum;
     }
@@ -3930,7 +3968,8 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         double arrives;
         if (shadows ? light != shader->light : !shader->sweep->first) continue;
         arrives = spsi_surface_irradiance(light, point, normal) / SPSI_PI;
-        if (shadows && arrives > 0) arrives *= spsi_map_visibility(shader->map, point, normal, plane);
+        if (shadows && arrives > 0)
+            arrives *= spsi_map_visibility(shader->map, shader->faces, hit->face, point, normal, plane);
         if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, point));
         for (int c = 0; c < 3; ++c)
             radiance[c] += (float)fmin(colour[c] * arrives * (double)light->color[c], (double)SPSI_RADIANCE_MAX);
@@ -4711,18 +4750,37 @@ static void spsi_map_cells_build(spsi_depth_map *map, int face) {
         }
 }
 
-/* Floats that one face of a depth map takes. */
-static size_t spsi_map_floats(const spsi_rays *rays) {
-    return (size_t)rays->width * (size_t)rays->height +
-           (size_t)spsi_map_cells(rays->width) * (size_t)spsi_map_cells(rays->height);
+static size_t spsi_map_texels(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
+
+/* Lays out the memory of a depth map: floats first, then the triangles' numbers. */
+static sps_result spsi_map_reserve(sps_context *context, spsi_depth_map *map) {
+    size_t texels = 0, cells = 0;
+    float *memory;
+    int *numbers;
+    for (int face = 0; face < map->face_count; ++face) {
+        const spsi_rays *rays = &map->rays[face];
+        texels += spsi_map_texels(rays);
+        cells += (size_t)spsi_map_cells(rays->width) * (size_t)spsi_map_cells(rays->height);
+    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS,
+                                   (texels + cells) * sizeof(float) + texels * sizeof(int), 1);
+    if (!memory) return context->result;
+    numbers = (int *)(void *)(memory + texels + cells);
+    for (int face = 0; face < map->face_count; ++face) {
+        const spsi_rays *rays = &map->rays[face];
+        map->depths[face] = memory;
+        map->nearest[face] = memory + spsi_map_texels(rays);
+        map->numbers[face] = numbers;
+        memory = map->nearest[face] + (size_t)spsi_map_cells(rays->width) * (size_t)spsi_map_cells(rays->height);
+        numbers += spsi_map_texels(rays);
+    }
+    return SPS_OK;
 }
 
 /* Rasterises the polygons as a light sees them: in one map, or in six where they lie all round a point light. */
 static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, int light,
                                  spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_map_size(frame));
-    float *memory;
-    size_t floats = 0;
     map->face_count = 0;
     if (light < 0 || faces->count == 0) return SPS_OK;
     map->face_count = 1;
@@ -4735,14 +4793,9 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
         for (int face = 0; face < 6; ++face)
             spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
     }
-    for (int face = 0; face < map->face_count; ++face) floats += spsi_map_floats(&map->rays[face]);
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
-    if (!memory) return context->result;
+    if (spsi_map_reserve(context, map)) return context->result;
     for (int face = 0; face < map->face_count; ++face) {
-        map->depths[face] = memory;
-        map->nearest[face] = memory + (size_t)map->rays[face].width * (size_t)map->rays[face].height;
-        memory += spsi_map_floats(&map->rays[face]);
-        spsi_rasterise(context, faces, &map->rays[face], NULL, map->depths[face], map->rays[face].width);
+        spsi_rasterise(context, faces, &map->rays[face], NULL, map->depths[face], map->numbers[face]);
         spsi_map_cells_build(map, face);
     }
     return SPS_OK;
@@ -4767,7 +4820,7 @@ static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *fram
     if (faces->count == 0) return SPS_OK;
     *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
     if (!*hits) return context->result;
-    spsi_rasterise(context, faces, &frame->eye, *hits, NULL, frame->eye.width);
+    spsi_rasterise(context, faces, &frame->eye, *hits, NULL, NULL);
     for (size_t i = 0; i < pixels; ++i) context->stats.pixels_of_polygons += (*hits)[i].face >= 0;
     return SPS_OK;
 }
@@ -4948,7 +5001,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             (size_t)frame->eye.width * (size_t)frame->eye.height * sizeof(spsi_hit) + SPSI_BLOCK_BYTES;
         if (frame->shadow_count > 0)
             report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
-                (size * size / 2 * 3 + 6 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) + 6 * 64) * sizeof(float);
+                (size * size / 2 * 3 + 6 * 64) * (sizeof(float) + sizeof(int)) +
+                6 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float);
     }
     for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);

@@ -423,6 +423,157 @@ static void test_convex_body(void) {
     }
 }
 
+/* How many pixels differ by more than `tolerance` of what they would be if nothing shadowed; that goes to image_b. */
+static int count_shadowed(check_scene *s, double tolerance) {
+    const int pixels = s->view.width * s->view.height;
+    int count = 0;
+    if (!check_render(context, s, image_a)) return -1;
+    s->view.no_shadows = 1;
+    if (!check_render(context, s, image_b)) return -1;
+    s->view.no_shadows = 0;
+    CHECK(largest_of(image_b, 4 * (size_t)pixels) > 0);
+    for (int i = 0; i < 4 * pixels; ++i)
+        count += !(fabs((double)image_a[i] - (double)image_b[i]) <= tolerance * (double)image_b[i]);
+    return count;
+}
+
+/* A groove of two planes, open to a light that stands above both: the texels about its crease belong to the other
+   plane, which rises before each, and shades no spot of it. Texels are 4 * 1.4 / 508 or / 1020 wide, and so are most
+   pixels. */
+static void test_groove(void) {
+    for (int n = 0; n < 24; ++n) {
+        const double turn = 0.37 * (n / 4) + 0.01, slope = n % 4 < 2 ? 0.25 : 0.9;
+        const double c = cos(turn), z = sin(turn), origin[3] = {-2 * c, -2 * z, 0}, along[3] = {4 * c, 4 * z, 0};
+        const double left[3] = {-2 * z, 2 * c, 2 * slope}, right[3] = {2 * z, -2 * c, 2 * slope};
+        check_scene s;
+        start(&s, 64, 64, 0.4);
+        check_add_quad(&body, origin, along, left);
+        check_add_quad(&body, origin, along, right);
+        check_add_mesh(&s, &body, 0.8);
+        s.view.quality = n & 1 ? SPS_QUALITY_MEDIUM : SPS_QUALITY_DRAFT;
+        if (n / 4 % 2)
+            check_add_point(&s, 0.3, -0.2, 5, 30);
+        else
+            check_add_directional(&s, 0.3, 0.2, -1, 3);
+        const int wrong = count_shadowed(&s, 1e-6);
+        if (!CHECK(wrong == 0)) printf("    turn %g, slope %g: %d values\n", turn, slope, wrong);
+    }
+}
+
+/* Steps that rise away from the light, lower than a texel is wide (2.8 / 508 or / 1020) up to some texels: each texel
+   shows another one, whose plane lies before the point's own plane and the point, and yet all is in the light. */
+static void test_fine_steps(void) {
+    static const double heights[4] = {0.0015, 0.004, 0.009, 0.016};
+    for (int n = 0; n < 16; ++n) {
+        const double turn = 0.3 + 0.5 * (n / 4), c = cos(turn), z = sin(turn), height = heights[n % 4];
+        const double across[3] = {-2 * z, 2 * c, 0}, tread[3] = {0.05 * c, 0.05 * z, 0}, riser[3] = {0, 0, height};
+        double corner[3] = {z - c, -c - z, 0};
+        check_scene s;
+        start(&s, 64, 64, 0.4);
+        for (int i = 0; i < 40; ++i) {
+            check_add_quad(&body, corner, tread, across);
+            spsi_along(corner, tread, 1, corner);
+            check_add_quad(&body, corner, riser, across);
+            spsi_along(corner, riser, 1, corner);
+        }
+        check_add_mesh(&s, &body, 0.8);
+        s.view.quality = n & 1 ? SPS_QUALITY_MEDIUM : SPS_QUALITY_DRAFT;
+        if (n & 2)
+            check_add_point(&s, -3 * c, -3 * z, 4, 30);
+        else
+            check_add_directional(&s, 0.6 * c - 0.1 * z, 0.6 * z + 0.1 * c, -1, 3);
+        const int wrong = count_shadowed(&s, 1e-6);
+        if (!CHECK(wrong == 0)) printf("    turn %g, steps of %g: %d values\n", turn, height, wrong);
+    }
+}
+
+/* Whether a light reaches all, or none, of a pixel and its eight neighbours: image_c over image_b tells its share. */
+static int evenly_lit(int width, int height, int i) {
+    double low = 1, high = 0;
+    for (int n = 0; n < 9; ++n) {
+        const int x = i % width + n % 3 - 1, y = i / width + n / 3 - 1, at = 4 * (y * width + x);
+        if (x < 0 || y < 0 || x >= width || y >= height || !(image_b[at] > 0)) continue;
+        low = fmin(low, (double)image_c[at] / (double)image_b[at]);
+        high = fmax(high, (double)image_c[at] / (double)image_b[at]);
+    }
+    return high - low < 0.01;
+}
+
+/* A box that stands on a floor, seen from either side: where it meets the floor in the light there is no dark spot, and
+   where it meets the floor in the dark there is no light. A texel (4 * 1.4 / 1020) is a quarter of a pixel: beside the
+   shadow's edge one may be half in doubt, which the box may hide from the eye but for a single pixel. */
+static void test_box_on_floor(void) {
+    for (int n = 0; n < 12; ++n) {
+        const double turn = 0.1 + 0.25 * (n / 2), c = cos(turn), z = sin(turn), up[3] = {0, 0, 0.5};
+        const double corner[4][3] = {
+            {-0.4 * c, -0.4 * z, 0}, {-0.4 * z, 0.4 * c, 0}, {0.4 * c, 0.4 * z, 0}, {0.4 * z, -0.4 * c, 0}};
+        double edge[2][3], top[3];
+        check_scene s;
+        int dark = 0, light = 0;
+        start(&s, 64, 64, 1);
+        for (int side = 0; side < 4; ++side) {
+            spsi_along(corner[(side + 1) % 4], corner[side], -1, edge[0]);
+            check_add_quad(&body, corner[side], edge[0], up);
+        }
+        spsi_along(corner[1], corner[0], -1, edge[0]);
+        spsi_along(corner[3], corner[0], -1, edge[1]);
+        spsi_along(corner[0], up, 1, top);
+        check_add_quad(&body, top, edge[0], edge[1]);
+        add_square(&ground, 2, 0);
+        check_add_mesh(&s, &body, 0.7);
+        check_add_mesh(&s, &ground, 0.5);
+        if (n & 1)
+            check_add_point(&s, 1.2, -1.9, 2.5, 30);
+        else
+            check_add_directional(&s, -0.5, 0.8, -1, 3);
+        check_set3(s.view.position, n / 2 % 2 ? 1.5 : -1.5, n / 2 % 2 ? -2 : 2, 1.5);
+        check_set3(s.view.up, 0, 0, 1);
+        s.view.field_of_view = 0.5;
+        if (count_shadowed(&s, 1e-6) < 0 || !check_march(context, &s, 1, image_c, NULL)) return;
+        for (int i = 0; i < 64 * 64; ++i) {
+            const double full = (double)image_b[4 * i], share = (double)image_a[4 * i] - (double)image_c[4 * i];
+            if (!(full > 0) || !evenly_lit(64, 64, i)) continue;
+            dark += share < -0.01 * full;
+            light += share > 0.01 * full;
+        }
+        if (!CHECK(dark <= 1) || !CHECK(light == 0)) printf("    case %d: %d too dark, %d too light\n", n, dark, light);
+    }
+}
+
+/* A roof closer to the floor than a texel is wide (8 * 1.4 / 508) keeps all light from it, be it whole or of pieces as
+   small as a texel. What is nearer than near_distance shadows and is not seen. */
+static void test_thin_roof(void) {
+    static const double heights[4] = {0.02, 0.004, 0.0005, 0.00005};
+    for (int n = 0; n < 16; ++n) {
+        const double height = heights[n % 4], origin[3] = {-0.6, -0.6, height}, u[3] = {1.2, 0, 0}, v[3] = {0, 1.2, 0};
+        const int pieces = n & 4 ? 64 : 1;
+        check_scene s;
+        start(&s, 31, 31, 0.9);
+        for (int i = 0; i < pieces * pieces; ++i) {
+            double corner[3], edge_u[3], edge_v[3];
+            for (int k = 0; k < 3; ++k) edge_u[k] = u[k] / pieces, edge_v[k] = v[k] / pieces;
+            spsi_along(origin, edge_u, i % pieces, corner);
+            spsi_along(corner, edge_v, i / pieces, corner);
+            check_add_quad(&body, corner, edge_u, edge_v);
+        }
+        add_square(&ground, 4, 0);
+        check_add_mesh(&s, &ground, 0.5);
+        s.view.quality = SPS_QUALITY_DRAFT;
+        s.view.near_distance = 10 - 0.5 * height;
+        if (n & 8)
+            check_add_point(&s, 0.5, 0.3, 3, 30);
+        else
+            check_add_directional(&s, 0.5, 0.31, -1, 3);
+        if (!check_render(context, &s, image_b)) return;
+        check_add_mesh(&s, &body, 0.5);
+        if (!check_render(context, &s, image_a)) return;
+        CHECK(image_b[4 * 480] > 0.1f); /* without the roof it is light */
+        int lit = 0;
+        for (int i = 0; i < 31 * 31; ++i) lit += image_a[4 * i] > 0;
+        if (!CHECK(lit == 0)) printf("    height %g, %d pieces: %d pixels\n", height, pieces, lit);
+    }
+}
+
 /* A smooth sphere: lit by its normals up to where its facets turn away, which is within one facet (0.25 radians) of the
    terminator; nothing is lit beyond. */
 static void test_terminator(void) {
@@ -804,6 +955,10 @@ int main(void) {
     RUN(test_shadow_edges);
     RUN(test_no_acne_on_plane);
     RUN(test_convex_body);
+    RUN(test_groove);
+    RUN(test_fine_steps);
+    RUN(test_box_on_floor);
+    RUN(test_thin_roof);
     RUN(test_terminator);
     RUN(test_light_in_box);
     RUN(test_closed_box_is_dark);

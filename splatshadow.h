@@ -240,7 +240,8 @@ typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_l
 /* A light of no extent. It shadows volumes by slabs perpendicular to the half-way vector between eye and light, so
    every eye ray and every light ray through the volumes must cross those slabs with a cosine of at least 0.1;
    otherwise (a point light inside or close to a volume, a very wide camera) rendering stops with
-   SPS_ERROR_UNSUPPORTED, unless no_shadow is set. Polygons have no such limit. */
+   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are square to the eye's middle ray: then only a camera is refused that
+   sees volumes across more than 168 degrees (2.94) from corner to corner. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -283,7 +284,7 @@ typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
-    double field_of_view;                 /* vertical angle, up to 3.1; 0: orthographic */
+    double field_of_view;                 /* vertical angle, up to 3.1 (with volumes: sps_light); 0: orthographic */
     double ortho_height;                  /* orthographic: world height of the image; 0 means 1 */
     /* Instead of all above but the size: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth
        may run either way and in any range in perspective; an orthographic one must grow away from the eye. */
@@ -2441,6 +2442,30 @@ static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
+/* Says which light's rays, or that the camera's, meet the slabs too flatly, and what can be done. */
+static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_sweep *sweep, double cosine) {
+    char sentence[256];
+    SPS_SNPRINTF(sentence, sizeof sentence,
+                 "light[%d] is inside or too close to the volumes: one of its rays meets the slabs at a cosine of %g, "
+                 "and 0.1 is needed; move it away, or set no_shadow on it",
+                 sweep->light, cosine);
+    return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
+}
+
+static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                           double cosine, int unshadowed_helps) {
+    char sentence[256], camera[64] = "view.world_to_clip is too wide";
+    char way_out[64] = "it to 168 degrees from corner to corner";
+    if (!frame->view.world_to_clip)
+        SPS_SNPRINTF(camera, sizeof camera, "view.field_of_view is %g", frame->view.field_of_view);
+    if (sweep->light >= 0 && unshadowed_helps)
+        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set no_shadow on light[%d]", sweep->light);
+    SPS_SNPRINTF(sentence, sizeof sentence,
+                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
+                 cosine, way_out);
+    return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
+}
+
 /* Chooses s for a light, or for none. */
 static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], toward[3], centre[3], least;
@@ -2457,15 +2482,13 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
         least = light->kind == SPS_LIGHT_DIRECTIONAL
                     ? spsi_dot(sweep->normal, toward)
                     : spsi_cosine_to_bounds(sweep->normal, light->position, &frame->volume_bounds);
-        if (!(least >= SPSI_COSINE_MIN))
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "light", sweep->light, "cosine with the slabs",
-                                   least, "its rays through the volumes need 0.1: it is inside or too close to them");
+        if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, sweep, least);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->normal[i] : sweep->normal[i];
     least = spsi_cosine_of_eye(frame, toward);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "view", -1, "field_of_view's cosine with the slabs",
-                               least, "0.1 is needed: narrow the camera, or set no_shadow on the light");
+        return spsi_sweep_refuse_camera(context, frame, sweep, least,
+                                        spsi_cosine_of_eye(frame, eye) >= SPSI_COSINE_MIN);
     return SPS_OK;
 }
 

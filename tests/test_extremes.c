@@ -959,7 +959,37 @@ static void test_wide_camera(void) {
     CHECK(error_of(&s, rgba) < 0.02);
     s.light[0].no_shadow = 0;
     CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
-    CHECK(strstr(sentence, "field_of_view") != NULL);
+    CHECK(strstr(sentence, "view.field_of_view is 2.0944:") && strstr(sentence, "no_shadow on light[0]"));
+}
+
+/* 168 degrees from corner to corner are the most that slabs across the view can serve, and where no light is in the way
+   the sentence does not blame one. */
+static void test_widest_camera(void) {
+    for (int n = 0; n < 4; ++n) {
+        const int lit = n & 1, matrix = n >> 1;
+        double world_to_clip[16] = {0};
+        check_scene s;
+        uniform_build(&s, 16, 0.5);
+        check_set3(s.view.position, 0, 0, 0);
+        check_set3(s.view.target, 0, 0, -1);
+        if (lit) check_add_directional(&s, 1, 0, 0.2, 2);
+        check_color(s.volume[0].albedo, 1, 1, 1);
+        for (int wide = 0; wide < 2; ++wide) {
+            s.view.field_of_view = wide ? 2.9 : 2.8;
+            world_to_clip[0] = world_to_clip[5] = 1 / tan(0.5 * s.view.field_of_view);
+            world_to_clip[10] = world_to_clip[11] = world_to_clip[14] = -1;
+            if (matrix) s.view.world_to_clip = world_to_clip;
+            s.view.no_shadows = lit;
+            if (!wide) RENDERS(&s, rgba);
+            s.view.no_shadows = wide ? lit : 0;
+            if (!wide && !lit) continue;
+            CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
+            CHECK(strstr(sentence, matrix ? "view.world_to_clip is too wide:" : "view.field_of_view is 2.") != NULL);
+            CHECK(strstr(sentence, wide ? "narrow it to 168 degrees" : "narrow it, or set no_shadow on light[0]") !=
+                  NULL);
+            CHECK((strstr(sentence, "no_shadow") == NULL) == wide);
+        }
+    }
 }
 
 /* Up along the view, or zero: some axis is chosen, the same for both; the middle pixel's ray is what it was. */
@@ -987,7 +1017,9 @@ static void test_light_inside(void) {
     sps_plan_report report;
     mixed_build(&m);
     check_set3(m.s.light[1].position, 0.1, 0.2, 0.1);
-    CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_UNSUPPORTED && strstr(sentence, "light[1]"));
+    CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_UNSUPPORTED);
+    CHECK(strstr(sentence,
+                 "light[1] is inside or too close to the volumes: one of its rays meets the slabs at a cosine"));
     CHECK(sps_plan(context, &m.s.scene, &m.s.view, &report) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sps_error(context), "light[1]") != NULL);
     CHECK(report.bytes == 0 && report.sweep_count == 0);
@@ -1204,6 +1236,7 @@ int main(void) {
     test_faint_distance();
     test_camera_inside();
     test_wide_camera();
+    test_widest_camera();
     test_up();
     test_light_inside();
     test_light_and_eye();

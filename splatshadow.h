@@ -287,9 +287,11 @@ typedef struct sps_view {
     double field_of_view;                 /* vertical angle, up to 3.1 (with volumes: sps_light); 0: orthographic */
     double ortho_height;                  /* orthographic: world height of the image; 0 means 1 */
     /* Instead of all above but the size: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth
-       may run either way and in any range in perspective; an orthographic one must grow away from the eye. */
+       may run either way and in any range in perspective. An orthographic one must grow away from the eye; its plane of
+       clip depth -1 is where distances are counted from: the near plane where depth is -1..1, far - near ahead of it
+       where depth is 0..1 (the plane through the world's origin, if its row 2 says nothing). */
     const double *world_to_clip;
-    double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 */
+    double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 (0, orthographic matrix: none) */
     int region[4];        /* x, y, width, height of the part to render; width 0: all */
     sps_quality quality;
     double slab; /* sheet thickness in voxels, the main knob: error falls with its square; 0: from quality */
@@ -306,7 +308,7 @@ typedef struct sps_image {
        background that is premultiplied alpha. */
     float *rgba;
     /* Optional, a float a pixel: mean distance from the eye along the ray, in world units, of what is seen, weighted by
-       coverage; infinity where nothing is. */
+       coverage; infinity where nothing is. Orthographic: from the plane across `position`, or see world_to_clip. */
     float *depth;
     size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
@@ -1053,8 +1055,17 @@ static int spsi_rays_from_camera(spsi_rays *rays, const sps_view *view) {
     return spsi_rays_complete(rays);
 }
 
-/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; row 2 (the depth convention) is not needed. The ray of clip
-   position (X,Y) lies in the planes (r0 - X r3) p = 0 and (r1 - Y r3) p = 0, so its direction is linear in X and Y. */
+/* How far along the ray direction c from a point an orthographic matrix has clip depth -1; 0 where its depth row has no
+   such place within 1e12 pixels, past which positions would lose digits. Nothing tells a near plane at -1 from one at
+   0; from here distances are positive with either. */
+static double spsi_clip_start(const double m[16], const double point[3], const double c[3], double pixel) {
+    const double start = (-m[15] - m[11] - spsi_dot(m + 8, point)) / spsi_dot(m + 8, c);
+    return fabs(start) <= 1e12 * pixel ? start : 0;
+}
+
+/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; in perspective row 2 (the depth convention) is not needed. The
+   ray of clip position (X,Y) lies in the planes (r0 - X r3) p = 0 and (r1 - Y r3) p = 0, so its direction is linear in
+   X and Y. */
 static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     const double *r0 = m, *r1 = m + 4, *r3 = m + 12;
     const double dx = 2.0 / rays->width, dy = -2.0 / rays->height, x0 = -1 + 0.5 * dx, y0 = 1 + 0.5 * dy;
@@ -1081,6 +1092,11 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
         rays->a[i] = ax[i] * dx * (rays->perspective ? scale : 1);
         rays->b[i] = ay[i] * dy * (rays->perspective ? scale : 1);
         rays->c[i] = rays->perspective ? (base[i] + ax[i] * x0 + ay[i] * y0) * scale : base[i] * scale;
+    }
+    if (!rays->perspective) {
+        double middle[3];
+        for (int i = 0; i < 3; ++i) middle[i] = rays->origin[i] - x0 * ax[i] - y0 * ay[i];
+        spsi_along(rays->origin, rays->c, spsi_clip_start(m, middle, rays->c, spsi_length(rays->b)), rays->origin);
     }
     return spsi_rays_complete(rays);
 }

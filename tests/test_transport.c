@@ -814,10 +814,39 @@ static void test_engine_matrices(void) {
         if (!check_render_depth(context, &s, image_b, depth_b)) return;
         if (!CHECK_NEAR(check_largest(image_a, image_b, 4 * 400), 0, 2e-5)) printf("    style %d\n", style);
         CHECK(largest_of(image_a, 4 * 400) > 0.1);
-        if (style == 2 || style == 3) continue; /* an orthographic matrix does not say where its rays begin */
+        const double start = style == 2 ? 0.1 : style == 3 ? 0.1 - (50 - 0.1) : 0; /* from the eye to clip depth -1 */
         for (int i = 0; i < 400; ++i)
-            if (image_a[4 * i + 3] > 0.01f && !CHECK_NEAR((double)depth_a[i], (double)depth_b[i], 1e-3))
+            if (image_a[4 * i + 3] > 0.01f && !CHECK_NEAR((double)depth_a[i], (double)depth_b[i] + start, 1e-3))
                 printf("    style %d, pixel %d\n", style, i);
+        s.view.near_distance = spsi_length(s.view.position) - start; /* through the middle of the volume */
+        if (!check_render(context, &s, image_b)) return;
+        s.view.world_to_clip = NULL;
+        s.view.near_distance += start;
+        if (!check_render(context, &s, image_c)) return;
+        if (!CHECK_NEAR(check_largest(image_b, image_c, 4 * 400), 0, 2e-5)) printf("    style %d, cut\n", style);
+        CHECK(check_largest(image_a, image_b, 4 * 400) > 0.01);
+    }
+}
+
+/* An orthographic matrix whose depth falls away from the viewer sees the same rays from their other ends. */
+static void test_reversed_orthographic_matrix(void) {
+    check_scene s;
+    double matrix[16];
+    lively(&s, 25, 16);
+    check_set3(s.view.up, 0.2, 1, 0.1);
+    check_set3(s.view.target, 0.1, 0, -0.1);
+    s.view.ortho_height = 2;
+    engine_matrix(&s.view, 2, matrix);
+    s.view.field_of_view = 0;
+    for (int k = 0; k < 3; ++k) s.view.position[k] = 2 * s.view.target[k] - s.view.position[k];
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 8; i < 12; ++i) matrix[i] *= -1;
+    s.view.world_to_clip = matrix;
+    if (!check_render(context, &s, image_b)) return;
+    for (int i = 0; i < 400; ++i) {
+        const int mirrored = i + 24 - 2 * (i % 25);
+        if (!CHECK_NEAR(check_largest(image_a + 4 * mirrored, image_b + 4 * i, 4), 0, 2e-5))
+            printf("    pixel %d\n", i);
     }
 }
 
@@ -1273,6 +1302,7 @@ int main(void) {
     RUN(test_turned_scene);
     RUN(test_orthographic_limit);
     RUN(test_engine_matrices);
+    RUN(test_reversed_orthographic_matrix);
     RUN(test_phase_integral);
     RUN(test_phase_rendered);
     RUN(test_reciprocity);

@@ -5516,12 +5516,18 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
     }
 }
 
-static void spsi_march_row_task(void *data, int index, int worker) {
+#define SPSI_MARCH_SPAN 8 /* pixels */
+
+static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
+
+/* Part of a row: of whole ones, a batch of as many rows as workers would leave some waiting for the slowest. */
+static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
-    const int row = marcher->first_row + index;
+    const int spans = spsi_march_spans(region[2]), row = marcher->first_row + index / spans;
+    const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->frame->medium_count;
-    for (int x = 0; x < region[2]; ++x) {
+    for (int x = first; x < last; ++x) {
         float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
         double radiance[3], through, distance;
         spsi_march_pixel(marcher, region[0] + x, region[1] + row, samples, radiance, &through, &distance);
@@ -5642,6 +5648,7 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
 
 static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = 4 + frame->wants_depth;
+    const int rows = spsi_worker_count(context); /* between two chances to cancel: a row can take a second */
     const double start = spsi_clock(context);
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
@@ -5655,9 +5662,10 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
             memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
                    3 * sizeof(float));
     }
-    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += 16) {
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_least(16, region[3] - marcher->first_row), spsi_march_row_task, marcher);
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
     }
     if (spsi_progress(context, 1)) return context->result;
     spsi_write_image(frame, marcher->total, image);

@@ -1341,7 +1341,7 @@ static void test_failures(mixed *m) {
     test_every_callback(m, REFERENCE, 33 + 1 + 8 + 2 + SMALL_HEIGHT);
     test_every_callback(m, PLAN, 33 + 1);
     test_every_cancellation(m, RENDER, 5);
-    test_every_cancellation(m, REFERENCE, 2);
+    test_every_cancellation(m, REFERENCE, SMALL_HEIGHT + 1);
     test_progress(m, RENDER);
     test_progress(m, REFERENCE);
     test_messages(m);

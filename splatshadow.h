@@ -830,12 +830,17 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
     return context->result;
 }
 
-/* As spsi_fail, for "NAME[index].FIELD is VALUE; RULE". index < 0 leaves the brackets out. */
+/* As spsi_fail, for "NAME[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK and which
+   has no rule, "NAME[index].FIELD failed: it returned VALUE". index < 0 leaves the brackets out. */
 static sps_result spsi_fail_field(sps_context *context, sps_result result, const char *name, int index,
                                   const char *field, double value, const char *rule) {
     char sentence[256], brackets[24] = "";
+    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which says nothing */
     if (index >= 0) SPS_SNPRINTF(brackets, sizeof brackets, "[%d]", index);
-    SPS_SNPRINTF(sentence, sizeof sentence, "%s%s.%s is %g; %s", name, brackets, field, value, rule);
+    if (result == SPS_ERROR_CALLBACK)
+        SPS_SNPRINTF(sentence, sizeof sentence, "%s%s.%s failed: it returned %g", name, brackets, field, value);
+    else
+        SPS_SNPRINTF(sentence, sizeof sentence, "%s%s.%s is %g; %s", name, brackets, field, value, rule);
     return spsi_fail(context, result, sentence);
 }
 
@@ -1164,8 +1169,19 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
-static int spsi_transfer_entry_valid(const float entry[4]) {
-    return !spsi_bad_colour(entry, 1) && entry[3] >= 0 && entry[3] <= SPSI_VALUE_MAX;
+/* Checks colour and extinction at points[i], or what eval_fn gave for a value where i < 0. */
+static sps_result spsi_transfer_check_look(sps_context *context, int volume, const sps_transfer_point *look, int i,
+                                           float value) {
+    const float *bad = spsi_bad_colour(look->color, 1);
+    char field[64];
+    if (!bad && look->extinction >= 0 && look->extinction <= SPSI_VALUE_MAX) return SPS_OK;
+    if (i < 0)
+        SPS_SNPRINTF(field, sizeof field, "transfer.eval_fn(%g).%s", (double)value, bad ? "color" : "extinction");
+    else
+        SPS_SNPRINTF(field, sizeof field, "transfer.points[%d].%s", i, bad ? "color" : "extinction");
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, field,
+                           (double)(bad ? *bad : look->extinction),
+                           bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
 }
 
 /* The transfer function at `value` by straight lines between its points. */
@@ -1189,11 +1205,14 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
     sps_transfer_point points[BATCH];
     for (int first = 0; first <= SPSI_TABLE_SIZE; first += BATCH) {
         const int count = spsi_least(BATCH, SPSI_TABLE_SIZE + 1 - first);
+        int returned;
         memset(points, 0, sizeof points);
         for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
-        if (transfer->eval_fn(transfer->user, (size_t)count, values, points))
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", volume, "transfer.eval_fn", 1, "it failed");
+        returned = transfer->eval_fn(transfer->user, (size_t)count, values, points);
+        if (returned)
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", volume, "transfer.eval_fn", returned, NULL);
         for (int i = 0; i < count; ++i) {
+            if (spsi_transfer_check_look(context, volume, &points[i], -1, values[i])) return context->result;
             memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
             table->entry[first + i][3] = points[i].extinction;
         }
@@ -1202,17 +1221,23 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
 }
 
 static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *transfer, int volume) {
-    if (!transfer->points == !transfer->eval_fn)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer", 0,
-                               "it needs either points or eval_fn");
+    char text[96];
+    if (!transfer->points == !transfer->eval_fn) {
+        SPS_SNPRINTF(text, sizeof text, "volume[%d].transfer.points and eval_fn are both %s; exactly one must be set",
+                     volume, transfer->points ? "set" : "NULL");
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, text);
+    }
     if (transfer->points && transfer->point_count < 1)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.point_count",
                                transfer->point_count, "it must be at least 1");
     for (int i = 0; i < transfer->point_count && transfer->points; ++i) {
         const float value = transfer->points[i].value;
-        if (!(value >= 0 && value <= SPSI_VALUE_MAX) || (i > 0 && !(value > transfer->points[i - 1].value)))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.points.value",
-                                   (double)value, "values must be >= 0 and rise from point to point");
+        if (!(value >= 0 && value <= SPSI_VALUE_MAX) || (i > 0 && !(value > transfer->points[i - 1].value))) {
+            SPS_SNPRINTF(text, sizeof text, "transfer.points[%d].value", i);
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, text, (double)value,
+                                   "values must be 0..1e18 and rise from point to point");
+        }
+        if (spsi_transfer_check_look(context, volume, &transfer->points[i], i, value)) return context->result;
     }
     if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX) ||
         (transfer->value_max > 0 && transfer->value_max < SPSI_VALUE_MIN))
@@ -1235,10 +1260,6 @@ static sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfe
     for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
         float *entry = material->table->entry[i];
         if (transfer->points) spsi_transfer_at_points(transfer, last * (float)i / SPSI_TABLE_SIZE, entry);
-        if (!spsi_transfer_entry_valid(entry))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer at value",
-                                   (double)(last * (float)i / SPSI_TABLE_SIZE),
-                                   "colours must be 0..1 and extinction >= 0 there");
         material->table->shown[i + 1] = material->table->shown[i] + (entry[3] > 0);
         material->extinguishes |= entry[3] > 0;
         material->scatters |= entry[3] > 0 && !spsi_black(entry);
@@ -1323,25 +1344,47 @@ static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
     return sqrt(sum);
 }
 
-#define SPSI_PLACEMENT_RULE "it must not be 0, and all coordinates must be within 1e15"
-
-/* Copies a placement with the identity for all-zero axes; gives 0 where it is not finite or flat. */
-static int spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
+/* Copies a placement with the identity for all-zero axes. */
+static void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
-    double determinant, room = 1e-14;
     int zero = 1;
     *to = *from;
     for (int i = 0; i < 9; ++i) zero &= axes[i] == 0.0;
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
-    if (spsi_bad_coordinate(to->origin, 3) || spsi_bad_coordinate(&to->axis[0][0], 9)) return 0;
-    /* what rounding leaves of a flat one is no volume */
-    determinant = spsi_determinant(to->axis[0], to->axis[1], to->axis[2]);
-    for (int i = 0; i < 3; ++i) room *= spsi_length(to->axis[i]);
-    return fabs(determinant) > room && fabs(determinant) <= DBL_MAX;
+}
+
+/* Checks a resolved placement: whether it is finite, and not flat. */
+static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, const char *name,
+                                       int index) {
+    const double *bad = spsi_bad_coordinate(placement->origin, 3);
+    const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
+    double room = 1e-14;
+    char field[32];
+    if (bad) {
+        SPS_SNPRINTF(field, sizeof field, "placement.origin[%d]", (int)(bad - placement->origin));
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, field, *bad, "it must be within 1e15");
+    }
+    for (int i = 0; i < 9; ++i) {
+        bad = spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1);
+        if (!bad) continue;
+        SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, field, *bad, "it must be within 1e15");
+    }
+    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* what rounding leaves of a flat one */
+    if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "placement's determinant", determinant,
+                               "its axes must not lie in a plane");
+    return SPS_OK;
 }
 
 static int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
+}
+
+static sps_result spsi_check_canaries(sps_context *context, const char *name, int index, uint32_t start, uint32_t end) {
+    if (!start && !end) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, start ? "start_canary" : "end_canary",
+                           (double)(start ? start : end), "the struct was not zeroed");
 }
 
 static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
@@ -1360,27 +1403,29 @@ static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume,
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     const char *name = "volume";
-    if (volume->start_canary || volume->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "canary",
-                               (double)(volume->start_canary | volume->end_canary), "the struct was not zeroed");
+    char text[96];
+    if (spsi_check_canaries(context, name, i, volume->start_canary, volume->end_canary)) return context->result;
     for (int k = 0; k < 3; ++k)
         if (volume->size[k] < 0 || volume->size[k] > 65536)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "size", volume->size[k],
                                    "it must be 0..65536");
     if (!spsi_volume_present(volume)) return SPS_OK;
-    if (!volume->read_fn == !volume->eval_fn)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "read_fn and eval_fn: their number",
-                               volume->read_fn ? 2 : 0, "it must be 1");
+    if (!volume->read_fn == !volume->eval_fn) {
+        SPS_SNPRINTF(text, sizeof text, "volume[%d].read_fn and eval_fn are both %s; exactly one must be set", i,
+                     volume->read_fn ? "set" : "NULL");
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, text);
+    }
     if (volume->lobe_count < 0 || volume->lobe_count > SPSI_LOBES_MAX || (volume->lobe_count > 0 && !volume->lobes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobe_count", volume->lobe_count,
                                "it must be 0..8, with lobes set");
     for (int k = 0; k < volume->lobe_count; ++k) {
-        if (!(fabsf(volume->lobes[k].asymmetry) <= 0.99f))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobes.asymmetry",
-                                   (double)volume->lobes[k].asymmetry, "it must be -0.99..0.99");
-        if (!(volume->lobes[k].weight > 0 && volume->lobes[k].weight <= SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobes.weight",
-                                   (double)volume->lobes[k].weight, "it must be above 0");
+        const sps_lobe *lobe = &volume->lobes[k];
+        const int bent = !(fabsf(lobe->asymmetry) <= 0.99f);
+        if (!bent && lobe->weight > 0 && lobe->weight <= SPSI_VALUE_MAX) continue;
+        SPS_SNPRINTF(text, sizeof text, "lobes[%d].%s", k, bent ? "asymmetry" : "weight");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, text,
+                               (double)(bent ? lobe->asymmetry : lobe->weight),
+                               bent ? "it must be -0.99..0.99" : "it must be above 0, and 1e18 at most");
     }
     if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "gradient_full", (double)volume->gradient_full,
@@ -1398,14 +1443,16 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
 }
 
 static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
-    if (mesh->start_canary || mesh->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "canary",
-                               (double)(mesh->start_canary | mesh->end_canary), "the struct was not zeroed");
+    if (spsi_check_canaries(context, "mesh", i, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "triangle_count", (double)mesh->triangle_count,
                                "it must be 0..2^29");
-    if (mesh->triangle_count > 0 && !mesh->read_fn)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "read_fn", 0, "it must be set");
+    if (mesh->triangle_count > 0 && !mesh->read_fn) {
+        char sentence[96];
+        SPS_SNPRINTF(sentence, sizeof sentence, "mesh[%d].read_fn is NULL; it must be set where there are triangles",
+                     i);
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, sentence);
+    }
     if (spsi_bad_colour(mesh->color, 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color",
                                (double)*spsi_bad_colour(mesh->color, 1), "red, green and blue must be 0..1");
@@ -1415,9 +1462,7 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const double *bad;
     double direction[3];
-    if (light->start_canary || light->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "canary",
-                               (double)(light->start_canary | light->end_canary), "the struct was not zeroed");
+    if (spsi_check_canaries(context, "light", i, light->start_canary, light->end_canary)) return context->result;
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
@@ -1426,9 +1471,12 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
                                (double)*spsi_bad_colour(light->color, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "direction", spsi_length(light->direction),
+    if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction)) {
+        int k = 0; /* the component that is not finite, or any: all are 0 then */
+        while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "direction", direction[k],
                                "it must be finite and have a length");
+    }
     bad = spsi_bad_coordinate(light->position, 3);
     if (light->kind == SPS_LIGHT_POINT && bad)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "position", *bad, "it must be within 1e15");
@@ -1436,9 +1484,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
-    if (scene->start_canary || scene->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "canary",
-                               (double)(scene->start_canary | scene->end_canary), "the struct was not zeroed");
+    if (spsi_check_canaries(context, "scene", -1, scene->start_canary, scene->end_canary)) return context->result;
     if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "volume_count", scene->volume_count,
                                "it must be 0 or more, with volumes set");
@@ -1468,8 +1514,11 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
 static sps_result spsi_check_camera(sps_context *context, const sps_view *view) {
     const double *bad;
     if (view->world_to_clip) {
-        if (!spsi_bad_coordinate(view->world_to_clip, 16)) return SPS_OK;
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip holds a number that is not within 1e15");
+        char field[32];
+        bad = spsi_bad_coordinate(view->world_to_clip, 16);
+        if (!bad) return SPS_OK;
+        SPS_SNPRINTF(field, sizeof field, "world_to_clip[%d]", (int)(bad - view->world_to_clip));
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, field, *bad, "it must be within 1e15");
     }
     bad = spsi_bad_coordinate(view->position, 3);
     if (bad)
@@ -1489,18 +1538,19 @@ static sps_result spsi_check_camera(sps_context *context, const sps_view *view) 
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region;
-    if (view->start_canary || view->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "canary",
-                               (double)(view->start_canary | view->end_canary), "the struct was not zeroed");
+    if (spsi_check_canaries(context, "view", -1, view->start_canary, view->end_canary)) return context->result;
     if (view->width < 0 || view->width > SPSI_SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "width", view->width, "it must be 0..16384");
     if (view->height < 0 || view->height > SPSI_SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "height", view->height, "it must be 0..16384");
     if (view->width == 0 || view->height == 0) return SPS_OK;
     if (r[2] && (r[0] < 0 || r[1] < 0 || r[2] < 0 || r[3] < 1 || r[0] >= view->width || r[1] >= view->height ||
-                 r[2] > view->width - r[0] || r[3] > view->height - r[1]))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "region", r[2],
-                               "x, y, width, height must lie inside the image");
+                 r[2] > view->width - r[0] || r[3] > view->height - r[1])) {
+        char sentence[128];
+        SPS_SNPRINTF(sentence, sizeof sentence, "view.region is %d,%d,%d,%d; it must lie inside %d x %d", r[0], r[1],
+                     r[2], r[3], view->width, view->height);
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, sentence);
+    }
     if ((int)view->quality < 0 || view->quality > SPS_QUALITY_ULTRA)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "quality", (double)(int)view->quality,
                                "it must be an sps_quality");
@@ -1612,14 +1662,17 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
     return SPS_OK;
 }
 
-static int spsi_medium_place(spsi_medium *medium) {
+static sps_result spsi_medium_place(sps_context *context, spsi_medium *medium) {
     sps_placement placement;
-    const int resolved = spsi_placement_resolve(&medium->volume->placement, &placement);
+    spsi_placement_resolve(&medium->volume->placement, &placement);
+    if (spsi_check_placement(context, &placement, "volume", medium->index)) return context->result;
     memcpy(medium->corner, placement.origin, sizeof medium->corner);
     for (int axis = 0; axis < 3; ++axis)
         for (int i = 0; i < 3; ++i) medium->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
     medium->voxel_volume = fabs(spsi_determinant(medium->step[0], medium->step[1], medium->step[2]));
-    return resolved && medium->voxel_volume > 0;
+    if (medium->voxel_volume > 0) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", medium->index, "placement's volume of a voxel",
+                           medium->voxel_volume, "it is too small for the numbers in use");
 }
 
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) {
@@ -1636,9 +1689,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
                                    "at most 64 volumes may hold voxels");
         medium->volume = volume;
         medium->index = i;
-        if (!spsi_medium_place(medium))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "placement's determinant",
-                                   medium->voxel_volume, SPSI_PLACEMENT_RULE);
+        if (spsi_medium_place(context, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
         frame->light_channel_count |= !volume->transfer; /* number 0 is for gases, where there are any */
@@ -1663,15 +1714,13 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
 static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->scene->mesh_count; ++i) {
         sps_placement placement;
-        if (!spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement))
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "placement's determinant",
-                                   spsi_determinant(placement.axis[0], placement.axis[1], placement.axis[2]),
-                                   SPSI_PLACEMENT_RULE);
+        spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement);
+        if (spsi_check_placement(context, &placement, "mesh", i)) return context->result;
         /* both are at most SPSI_FACES_MAX, so that the sum fits where a size_t has 32 bits */
         frame->triangle_count += frame->scene->meshes[i].triangle_count;
         if (frame->triangle_count > SPSI_FACES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "mesh_count", frame->scene->mesh_count,
-                                   "all meshes together must have 2^29 triangles or fewer");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "triangle_count, with those before it,",
+                                   (double)frame->triangle_count, "all meshes together must have 2^29 at most");
     }
     return SPS_OK;
 }
@@ -1802,11 +1851,13 @@ static int spsi_block_outermost(const spsi_block *block) {
 static sps_result spsi_block_range(sps_context *context, const spsi_block *block, int *empty) {
     const sps_volume *volume = block->medium->volume;
     float range[2] = {0, 0};
+    int returned;
     *empty = 0;
     if (!volume->range_fn) return SPS_OK;
     context->stats.range_calls += 1;
-    if (volume->range_fn(volume->user, block->low, block->size, range))
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "range_fn", 1, "it failed");
+    returned = volume->range_fn(volume->user, block->low, block->size, range);
+    if (returned)
+        return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "range_fn", returned, NULL);
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading will tell */
     if (range[0] < 0 || spsi_block_outermost(block)) range[0] = 0;
     if (block->material->table)
@@ -1821,15 +1872,17 @@ static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *bl
     const size_t layer = (size_t)block->size[0] * (size_t)block->size[1];
     for (int z = 0; z < block->size[2]; ++z) {
         double *position = block->positions;
+        int returned;
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
                 spsi_voxel_position(block->medium, at, position);
             }
         context->stats.eval_calls += 1;
-        if (volume->eval_fn(volume->user, layer, block->positions, block->values + layer * (size_t)z))
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "eval_fn", 1,
-                                   "it failed");
+        returned = volume->eval_fn(volume->user, layer, block->positions, block->values + layer * (size_t)z);
+        if (returned)
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "eval_fn", returned,
+                                   NULL);
     }
     return SPS_OK;
 }
@@ -1860,10 +1913,12 @@ static sps_result spsi_block_read(sps_context *context, const spsi_block *block,
     if (volume->eval_fn) {
         if (spsi_block_evaluate(context, block)) return context->result;
     } else {
+        int returned;
         context->stats.read_calls += 1;
-        if (volume->read_fn(volume->user, block->low, block->size, block->values))
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "read_fn", 1,
-                                   "it failed");
+        returned = volume->read_fn(volume->user, block->low, block->size, block->values);
+        if (returned)
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "read_fn", returned,
+                                   NULL);
     }
     context->stats.voxels_read += (uint64_t)block->size[0] * (uint64_t)block->size[1] * (uint64_t)block->size[2];
     return spsi_block_validate(context, block, replace);
@@ -2141,14 +2196,26 @@ typedef struct spsi_faces {
     int count;
 } spsi_faces;
 
-/* Whether a triangle may be had: its colours and normals, and where its corners come to lie in the world. */
-static int spsi_triangle_valid(const sps_triangle *t, const sps_mesh *mesh, double world[3][3]) {
-    for (int i = 0; i < 9; ++i) {
-        if (mesh->has_normals && !(fabsf(t->normal[i / 3][i % 3]) <= FLT_MAX)) return 0;
+/* Checks a triangle's colours and normals, and where its corners come to lie in the world. */
+static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const sps_mesh *mesh, int index,
+                                      size_t number, double world[3][3]) {
+    const char *names[] = {"position", "normal", "color"};
+    const char *rules[] = {"in the world it must be within 1e15", "it must be finite", "it must be 0..1"};
+    char field[64];
+    int wrong = -1;
+    double value = 0;
+    for (int i = 0; i < 9 && wrong < 0; ++i) {
+        const float local[3] = {t->position[i / 3][i % 3], t->normal[i / 3][i % 3], t->color[i / 3][i % 3]};
+        if (spsi_bad_coordinate(&world[i / 3][i % 3], 1)) wrong = 0;
+        if (mesh->has_normals && !(fabsf(local[1]) <= FLT_MAX)) wrong = 1;
+        if (mesh->has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
+        if (wrong >= 0) value = wrong == 0 ? world[i / 3][i % 3] : (double)local[wrong];
     }
-    for (int i = 0; i < 3; ++i)
-        if (spsi_bad_coordinate(world[i], 3) || (mesh->has_colors && spsi_bad_colour(t->color[i], 1))) return 0;
-    return 1;
+    if (wrong < 0) return SPS_OK;
+    for (int i = 0; i < 9 && wrong == 0; ++i) /* what is no number makes others so on its way into the world */
+        if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
+    SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
+    return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, field, value, rules[wrong]);
 }
 
 /* World position of a local one. */
@@ -2201,16 +2268,15 @@ static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int 
     spsi_placement_resolve(&mesh->placement, &placement);
     for (size_t first = 0; first < mesh->triangle_count; first += batch) {
         const size_t left = mesh->triangle_count - first, count = left < batch ? left : batch;
+        int returned;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
-        if (mesh->read_fn(mesh->user, first, count, triangles))
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "mesh", index, "read_fn", 1, "it failed");
+        returned = mesh->read_fn(mesh->user, first, count, triangles);
+        if (returned) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "mesh", index, "read_fn", returned, NULL);
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
             for (int k = 0; k < 3; ++k) spsi_place(&placement, triangles[i].position[k], world[k]);
-            if (!spsi_triangle_valid(&triangles[i], mesh, world))
-                return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, "triangle", (double)(first + i),
-                                       "positions must be within 1e15, normals finite, colours 0..1");
+            if (spsi_triangle_check(context, &triangles[i], mesh, index, first + i, world)) return context->result;
             if (spsi_face_from_triangle(mesh, &placement, &triangles[i], world, frame, &list[faces->count]))
                 faces->count += 1;
             else
@@ -2582,14 +2648,19 @@ static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, doub
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const sps_light *light = &frame->scene->lights[sweep->light];
     double centre[3], forward[3], right[3], down[3];
+    char sentence[256];
     spsi_bounds_centre(&frame->volume_bounds, centre);
     spsi_light_direction(light, centre, forward);
     spsi_basis(forward, right, down);
     if (spsi_rays_fit(light, &frame->volume_bounds, spsi_voxel_across(frame, right, down) / frame->shadow_texels,
                       frame->view.shadow_size, 4096, &sweep->rays))
         return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "light", sweep->light, "position", light->position[0],
-                           "the volumes do not lie within a cone of 78 degrees about their middle as seen from it");
+    SPS_SNPRINTF(
+        sentence, sizeof sentence,
+        "light[%d] is too close to the volumes: as seen from it they do not lie within a cone of 78 degrees about "
+        "their middle; move it away, or set no_shadow on it",
+        sweep->light);
+    return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
 
 /* How many sweeps a frame takes: one per light that casts shadows, or one. */
@@ -4488,9 +4559,9 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
                 spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
                                     material->table ? 1 : material->extinction, frame->cut, &run->light_splatters[i]);
         if (!good)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index, "voxel edge",
-                                   cbrt(frame->media[i].voxel_volume),
-                                   "too large or small: for the world, or for this view's pixels");
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index,
+                                   "placement's voxel edge", cbrt(frame->media[i].voxel_volume),
+                                   "it is too large or too small for the world, or for this view's pixels");
     }
     return SPS_OK;
 }
@@ -4686,6 +4757,7 @@ static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
+    int returned;
     for (int x = 0; x < region[2]; ++x) {
         double ray[3];
         memcpy(rgb + 3 * x, frame->scene->background, 3 * sizeof(float));
@@ -4696,8 +4768,8 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     }
     if (!frame->scene->background_fn) return SPS_OK;
     context->stats.background_calls += 1;
-    if (frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb))
-        return spsi_fail(context, SPS_ERROR_CALLBACK, "scene.background_fn failed");
+    returned = frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb);
+    if (returned) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "scene", -1, "background_fn", returned, NULL);
     for (int i = 0; i < region[2]; ++i)
         if (spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX))
             return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour",
@@ -4825,9 +4897,9 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
     map->face_count = 1;
     if (!spsi_rays_fit(&frame->scene->lights[light], &frame->mesh_bounds, 1, size, size, &map->rays[0])) {
         if (frame->scene->lights[light].kind != SPS_LIGHT_POINT)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "light", light, "depth map's width",
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "scene", -1, "meshes' width",
                                    frame->mesh_bounds.high[0] - frame->mesh_bounds.low[0],
-                                   "the meshes reach too far, or not far enough, to be told apart");
+                                   "they reach too far, or not far enough, for shadows to be told apart");
         map->face_count = 6;
         for (int face = 0; face < 6; ++face)
             spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
@@ -5597,7 +5669,7 @@ static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi
         bricks += b;
     }
     if (voxels + bricks > SIZE_MAX / 8)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "scene", -1, "volumes' voxels", (double)voxels,
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "scene", -1, "volumes' number of voxels", (double)voxels,
                                "sps_reference holds all of them, and they are more than memory can have");
     values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES,
                                    (size_t)voxels + (size_t)bricks / sizeof(float) + 1, sizeof(float));

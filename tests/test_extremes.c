@@ -144,66 +144,70 @@ static const char *spoil(mixed *m, int n) {
         statement;                                                                                                     \
         return text;                                                                                                   \
     }
-    SPOIL(v->start_canary = 1, "volume[0].canary")
-    SPOIL(v->end_canary = 1, "volume[0].canary")
+    SPOIL(v->start_canary = 1, "volume[0].start_canary is 1;")
+    SPOIL(v->end_canary = 1, "volume[0].end_canary is 1;")
     SPOIL(v->size[0] = -1, "volume[0].size is -1;")
     SPOIL(v->size[2] = 65537, "volume[0].size is 65537;")
-    SPOIL(v->placement.origin[1] = nan, "volume[0].placement")
-    SPOIL(v->placement.axis[1][2] = infinite, "volume[0].placement")
-    SPOIL(memcpy(v->placement.axis[1], v->placement.axis[0], 24), "volume[0].placement")
-    SPOIL(v->eval_fn = check_eval_constant, "volume[0].read_fn")
-    SPOIL(v->read_fn = NULL, "volume[0].read_fn")
+    SPOIL(v->placement.origin[1] = nan, "volume[0].placement.origin[1] is nan;")
+    SPOIL(v->placement.axis[1][2] = infinite, "volume[0].placement.axis[1][2] is inf;")
+    SPOIL(memcpy(v->placement.axis[1], v->placement.axis[0], 24), "volume[0].placement's determinant is 0;")
+    SPOIL(v->eval_fn = check_eval_constant, "volume[0].read_fn and eval_fn are both set;")
+    SPOIL(v->read_fn = NULL, "volume[0].read_fn and eval_fn are both NULL;")
     SPOIL(v->extinction = -1, "volume[0].extinction is -1;")
     SPOIL(v->extinction = 2e18f, "volume[0].extinction is 2e+18;")
-    SPOIL(v->extinction = nan_f, "volume[0].extinction is")
+    SPOIL(v->extinction = nan_f, "volume[0].extinction is nan;")
     SPOIL(v->albedo[0] = 1.5f, "volume[0].albedo is 1.5;")
     SPOIL(v->albedo[1] = -0.5f, "volume[0].albedo is -0.5;")
     SPOIL(v->albedo[2] = 2, "volume[0].albedo is 2;")
-    SPOIL(v->albedo[2] = nan_f, "volume[0].albedo is")
+    SPOIL(v->albedo[2] = nan_f, "volume[0].albedo is nan;")
     SPOIL(v->emission[0] = -1, "volume[0].emission is -1;")
     SPOIL(v->emission[1] = inf_f, "volume[0].emission is inf;")
     SPOIL(v->lobe_count = -1, "volume[0].lobe_count is -1;")
     SPOIL(v->lobe_count = 9, "volume[0].lobe_count is 9;")
     SPOIL(v->lobes = NULL, "volume[0].lobe_count is 1;")
-    SPOIL(m->lobe.asymmetry = 1, "volume[0].lobes.asymmetry is 1;")
-    SPOIL(m->lobe.asymmetry = nan_f, "volume[0].lobes.asymmetry is")
-    SPOIL(m->lobe.weight = 0, "volume[0].lobes.weight is 0;")
-    SPOIL(m->lobe.weight = inf_f, "volume[0].lobes.weight is inf;")
+    SPOIL(m->lobe.asymmetry = 1, "volume[0].lobes[0].asymmetry is 1;")
+    SPOIL(m->lobe.asymmetry = nan_f, "volume[0].lobes[0].asymmetry is nan;")
+    SPOIL(m->lobe.weight = 0, "volume[0].lobes[0].weight is 0;")
+    SPOIL(m->lobe.weight = inf_f, "volume[0].lobes[0].weight is inf;")
     SPOIL(put_int(&v->shading, 2), "volume[0].shading is 2;")
     SPOIL(v->gradient_full = -0.5f, "volume[0].gradient_full is -0.5;")
     SPOIL(v->specular = 1.5f, "volume[0].specular is 1.5;")
-    SPOIL(v->shininess = nan_f, "volume[0].shininess is")
+    SPOIL(v->shininess = nan_f, "volume[0].shininess is nan;")
     SPOIL(v->shininess = 2e4f, "volume[0].shininess is 20000;")
-    SPOIL((v->transfer = &m->transfer, m->transfer.points = NULL), "volume[0].transfer")
+    SPOIL((v->transfer = &m->transfer, m->transfer.points = NULL),
+          "volume[0].transfer.points and eval_fn are both NULL;")
     SPOIL((v->transfer = &m->transfer, m->transfer.point_count = 0), "volume[0].transfer.point_count is 0;")
-    SPOIL((v->transfer = &m->transfer, m->points[0].value = 0.9f), "volume[0].transfer.points.value is 0.9;")
-    SPOIL((v->transfer = &m->transfer, m->points[0].value = -1), "volume[0].transfer.points.value is -1;")
-    SPOIL((v->transfer = &m->transfer, m->points[1].value = nan_f), "volume[0].transfer.points.value is")
-    SPOIL((v->transfer = &m->transfer, m->points[1].color[1] = 2), "volume[0].transfer")
-    SPOIL((v->transfer = &m->transfer, m->points[1].extinction = -2), "volume[0].transfer")
-    SPOIL((v->transfer = &m->transfer, m->points[1].extinction = inf_f), "volume[0].transfer")
+    SPOIL((v->transfer = &m->transfer, m->points[0].value = 0.9f), "volume[0].transfer.points[1].value is 0.9;")
+    SPOIL((v->transfer = &m->transfer, m->points[0].value = -1), "volume[0].transfer.points[0].value is -1;")
+    SPOIL((v->transfer = &m->transfer, m->points[1].value = nan_f), "volume[0].transfer.points[1].value is nan;")
+    SPOIL((v->transfer = &m->transfer, m->points[1].color[1] = 2), "volume[0].transfer.points[1].color is 2;")
+    SPOIL((v->transfer = &m->transfer, m->points[1].extinction = -2), "volume[0].transfer.points[1].extinction is -2;")
+    SPOIL((v->transfer = &m->transfer, m->points[0].extinction = nan_f),
+          "volume[0].transfer.points[0].extinction is nan;")
+    SPOIL((v->transfer = &m->transfer, m->points[1].extinction = inf_f),
+          "volume[0].transfer.points[1].extinction is inf;")
     SPOIL((v->transfer = &m->transfer, m->transfer.value_max = -1), "volume[0].transfer.value_max is -1;")
-    SPOIL(mesh->start_canary = 7, "mesh[0].canary")
-    SPOIL(mesh->end_canary = 7, "mesh[0].canary")
+    SPOIL(mesh->start_canary = 7, "mesh[0].start_canary is 7;")
+    SPOIL(mesh->end_canary = 7, "mesh[0].end_canary is 7;")
     SPOIL(mesh->triangle_count = (size_t)1 << 31, "mesh[0].triangle_count is 2.14748e+09;")
-    SPOIL(mesh->read_fn = NULL, "mesh[0].read_fn")
+    SPOIL(mesh->read_fn = NULL, "mesh[0].read_fn is NULL;")
     SPOIL(mesh->color[0] = 2, "mesh[0].color is 2;")
     SPOIL(mesh->color[2] = -1, "mesh[0].color is -1;")
-    SPOIL(mesh->placement.origin[0] = infinite, "mesh[0].placement")
-    SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement") /* one axis alone: flat */
-    SPOIL(lamp->start_canary = 7, "light[1].canary")
-    SPOIL(lamp->end_canary = 7, "light[1].canary")
+    SPOIL(mesh->placement.origin[0] = infinite, "mesh[0].placement.origin[0] is inf;")
+    SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement's determinant is 0;") /* one axis alone: flat */
+    SPOIL(lamp->start_canary = 7, "light[1].start_canary is 7;")
+    SPOIL(lamp->end_canary = 7, "light[1].end_canary is 7;")
     SPOIL(put_int(&lamp->kind, 2), "light[1].kind is 2;")
-    SPOIL(lamp->position[0] = nan, "light[1].position is")
+    SPOIL(lamp->position[0] = nan, "light[1].position is nan;")
     SPOIL(lamp->position[2] = infinite, "light[1].position is inf;")
     SPOIL(lamp->color[0] = -1, "light[1].color is -1;")
     SPOIL(lamp->color[1] = -1, "light[1].color is -1;")
     SPOIL(lamp->color[2] = inf_f, "light[1].color is inf;")
     SPOIL(memset(sun->direction, 0, sizeof sun->direction), "light[0].direction is 0;")
-    SPOIL(sun->direction[1] = nan, "light[0].direction is")
+    SPOIL(sun->direction[1] = nan, "light[0].direction is nan;")
     SPOIL(sun->direction[1] = infinite, "light[0].direction is inf;")
-    SPOIL(scene->start_canary = 7, "scene.canary")
-    SPOIL(scene->end_canary = 7, "scene.canary")
+    SPOIL(scene->start_canary = 7, "scene.start_canary is 7;")
+    SPOIL(scene->end_canary = 7, "scene.end_canary is 7;")
     SPOIL(scene->volume_count = -1, "scene.volume_count is -1;")
     SPOIL(scene->volumes = NULL, "scene.volume_count is 1;")
     SPOIL(scene->mesh_count = -1, "scene.mesh_count is -1;")
@@ -212,10 +216,10 @@ static const char *spoil(mixed *m, int n) {
     SPOIL(scene->lights = NULL, "scene.light_count is 2;")
     SPOIL(scene->ambient[0] = -1, "scene.ambient is -1;")
     SPOIL(scene->ambient[2] = 2e18f, "scene.ambient is 2e+18;")
-    SPOIL(scene->background[0] = nan_f, "scene.background is")
+    SPOIL(scene->background[0] = nan_f, "scene.background is nan;")
     SPOIL(scene->background[1] = -1, "scene.background is -1;")
-    SPOIL(view->start_canary = 7, "view.canary")
-    SPOIL(view->end_canary = 7, "view.canary")
+    SPOIL(view->start_canary = 7, "view.start_canary is 7;")
+    SPOIL(view->end_canary = 7, "view.end_canary is 7;")
     SPOIL(view->width = -1, "view.width is -1;")
     SPOIL(view->height = 16385, "view.height is 16385;")
     SPOIL(view->position[1] = infinite, "position")
@@ -228,15 +232,15 @@ static const char *spoil(mixed *m, int n) {
     SPOIL(view->ortho_height = -1, "view.ortho_height is -1;")
     SPOIL(view->near_distance = -1, "view.near_distance is -1;")
     SPOIL(view->near_distance = infinite, "view.near_distance is inf;")
-    SPOIL((view->region[2] = 1, view->region[3] = 0), "view.region")
-    SPOIL((view->region[2] = 1, view->region[3] = SIDE + 1), "view.region")
-    SPOIL((view->region[0] = -1, view->region[2] = view->region[3] = 1), "view.region")
-    SPOIL((view->region[0] = SIDE, view->region[2] = view->region[3] = 1), "view.region")
+    SPOIL((view->region[2] = 1, view->region[3] = 0), "view.region is 0,0,1,0;")
+    SPOIL((view->region[2] = 1, view->region[3] = SIDE + 1), "view.region is 0,0,1,18; it must lie inside 17 x 17")
+    SPOIL((view->region[0] = -1, view->region[2] = view->region[3] = 1), "view.region is -1,0,1,1;")
+    SPOIL((view->region[0] = SIDE, view->region[2] = view->region[3] = 1), "view.region is 17,0,1,1;")
     SPOIL((view->region[1] = 2147483647, view->region[2] = view->region[3] = 2147483647), "view.region")
-    SPOIL(view->region[2] = -1, "view.region")
+    SPOIL(view->region[2] = -1, "view.region is 0,0,-1,0;")
     SPOIL(put_int(&view->quality, 5), "view.quality is 5;")
     SPOIL(view->slab = -1, "view.slab is -1;")
-    SPOIL(view->slab = nan, "view.slab is")
+    SPOIL(view->slab = nan, "view.slab is nan;")
     SPOIL(view->slab = 1e-9, "view.slab is 1e-09;") /* more than 2^20 slabs */
     SPOIL(view->shadow_size = -1, "view.shadow_size is -1;")
     SPOIL(view->shadow_size = 16385, "view.shadow_size is 16385;")
@@ -311,7 +315,7 @@ static void test_matrix_arguments(void) {
         if (n == 0) matrix[7] = not_a_number();
         if (n == 1) matrix[0] = 0;  /* flat */
         if (n == 2) matrix[15] = 0; /* orthographic, at infinity */
-        check_refused(&m, "view.world_to_clip");
+        check_refused(&m, n == 0 ? "view.world_to_clip[7] is nan;" : "view.world_to_clip cannot be inverted");
         mixed_free(&m);
     }
 }
@@ -473,8 +477,11 @@ static void test_bad_range(void) {
 }
 
 static void test_bad_triangles(void) {
+    static const char *const names[3] = {"position", "normal", "color"};
+    static const char *const values[3][3] = {{"nan", "inf", "-inf"}, {"nan", "inf", "-inf"}, {"nan", "1.5", "-inf"}};
     const float bad[] = {(float)not_a_number(), (float)infinite, -(float)infinite};
     for (int i = 0; i < 9; ++i) {
+        char wanted[64];
         mixed m;
         sps_triangle *t;
         mixed_build(&m);
@@ -484,7 +491,9 @@ static void test_bad_triangles(void) {
         if (i / 3 == 1) t->normal[1][0] = bad[i % 3];
         if (i / 3 == 2) t->color[1][0] = i % 3 == 1 ? 1.5f : bad[i % 3];
         for (int n = 0; n < 4 * PIXELS; ++n) rgba[n] = -1;
-        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "mesh[0].triangle is 1;"));
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA);
+        snprintf(wanted, sizeof wanted, "mesh[0].triangle[1].%s is %s;", names[i / 3], values[i / 3][i % 3]);
+        if (!CHECK(strstr(sentence, wanted) != NULL)) printf("    wanted \"%s\", got %s\n", wanted, sentence);
         CHECK(rgba[0] == -1);
         m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 0; /* then nobody reads those */
         if (i / 3 > 0) RENDERS(&m.s, rgba);
@@ -532,14 +541,80 @@ static void test_bad_callbacks(void) {
         mixed_build(&m);
         m.s.scene.background_fn = background_bad;
         m.s.scene.background_user = &bad[i];
-        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "background_fn"));
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "scene.background_fn's colour is"));
         m.s.scene.background_fn = NULL;
         m.s.volume[0].transfer = &m.transfer;
         m.transfer.points = NULL;
         m.transfer.point_count = 0;
         m.transfer.eval_fn = transfer_bad;
         m.transfer.user = &bad[i];
-        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_ARGUMENT && strstr(sentence, "volume[0].transfer"));
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_ARGUMENT);
+        CHECK(strstr(sentence, "volume[0].transfer.eval_fn(0).extinction is ") != NULL);
+        mixed_free(&m);
+    }
+}
+
+/* What a callback gives for having failed is told, with its name. */
+static int read_fails(void *user, const int lo[3], const int size[3], float *out) {
+    (void)user;
+    (void)lo;
+    (void)size;
+    (void)out;
+    return 7;
+}
+
+static int eval_fails(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
+    (void)count;
+    (void)positions;
+    (void)out;
+    return 8;
+}
+
+static int triangles_fail(void *user, size_t first, size_t count, sps_triangle *out) {
+    (void)user;
+    (void)first;
+    (void)count;
+    (void)out;
+    return 9;
+}
+
+static int background_fails(void *user, size_t count, const float *directions, float *rgb) {
+    (void)user;
+    (void)count;
+    (void)directions;
+    (void)rgb;
+    return 10;
+}
+
+static int transfer_fails(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    (void)user;
+    (void)count;
+    (void)values;
+    (void)out;
+    return 11;
+}
+
+static void test_failing_callbacks(void) {
+    static const char *const sentences[6] = {
+        "volume[0].read_fn failed: it returned 7",    "volume[0].range_fn failed: it returned 1",
+        "volume[0].eval_fn failed: it returned 8",    "mesh[0].read_fn failed: it returned 9",
+        "scene.background_fn failed: it returned 10", "volume[0].transfer.eval_fn failed: it returned 11"};
+    for (int i = 0; i < 6; ++i) {
+        mixed m;
+        mixed_build(&m);
+        if (i == 0) m.s.volume[0].read_fn = read_fails;
+        if (i == 1) m.s.volume[0].range_fn = range_fails;
+        if (i == 2) m.s.volume[0].read_fn = NULL, m.s.volume[0].eval_fn = eval_fails;
+        if (i == 3) m.s.mesh[0].read_fn = triangles_fail;
+        if (i == 4) m.s.scene.background_fn = background_fails;
+        if (i == 5) {
+            m.s.volume[0].transfer = &m.transfer;
+            memset(&m.transfer, 0, sizeof m.transfer);
+            m.transfer.eval_fn = transfer_fails;
+        }
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_CALLBACK);
+        if (!CHECK(strcmp(sentence, sentences[i]) == 0)) printf("    wanted \"%s\", got %s\n", sentences[i], sentence);
         mixed_free(&m);
     }
 }
@@ -1217,6 +1292,7 @@ int main(void) {
     test_bad_triangles();
     test_degenerate_triangles();
     test_bad_callbacks();
+    test_failing_callbacks();
     test_large_and_small_values();
     test_optical_depths();
     test_largest_allowed();

@@ -4559,8 +4559,8 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
                 spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
                                     material->table ? 1 : material->extinction, frame->cut, &run->light_splatters[i]);
         if (!good)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index,
-                                   "placement's voxel edge", cbrt(frame->media[i].voxel_volume),
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index, "voxel edge",
+                                   cbrt(frame->media[i].voxel_volume),
                                    "it is too large or too small for the world, or for this view's pixels");
     }
     return SPS_OK;
@@ -4896,10 +4896,14 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
     if (light < 0 || faces->count == 0) return SPS_OK;
     map->face_count = 1;
     if (!spsi_rays_fit(&frame->scene->lights[light], &frame->mesh_bounds, 1, size, size, &map->rays[0])) {
-        if (frame->scene->lights[light].kind != SPS_LIGHT_POINT)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "scene", -1, "meshes' width",
-                                   frame->mesh_bounds.high[0] - frame->mesh_bounds.low[0],
-                                   "they reach too far, or not far enough, for shadows to be told apart");
+        if (frame->scene->lights[light].kind != SPS_LIGHT_POINT) {
+            char sentence[160];
+            SPS_SNPRINTF(sentence, sizeof sentence,
+                         "light[%d] cannot shadow meshes that are %g wide: they reach too far, or not far enough, to "
+                         "be told apart",
+                         light, frame->mesh_bounds.high[0] - frame->mesh_bounds.low[0]);
+            return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
+        }
         map->face_count = 6;
         for (int face = 0; face < 6; ++face)
             spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);

@@ -203,6 +203,9 @@ READY_EXAMPLES = $(foreach k,$(if $(STB_THERE),$(EXAMPLE_CHECKS),$(filter %_hell
 $(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(info skipped: configuration $(c): install $(firstword $(COMPILE_$(c))) and its sanitizer runtime))
 $(foreach c,$(filter-out $(THERE),$(CHECK_COMPILERS)),$(info skipped: warnings of $(c): install it))
 
+# test_engineering runs build/render
+$(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log: build/render)))
+
 .PHONY: run-tests
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \

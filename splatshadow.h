@@ -4211,17 +4211,20 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
     if (shader->distance) spsi_store(shader->distance + to, sum->distance);
 }
 
-/* Ends the rays that little comes through any more where the chunk ends: what is left is taken as seen there, so that
-   no bright background shines through, and nothing later adds to them, whether their patch is looked at again or not.
+/* Ends the rays that little comes through any more before plane k: what is left is taken as seen there, so that no
+   bright background shines through, and whatever is still added to them counts nothing. Gives 0 where all have ended.
  */
-static void spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int slab_count, spsi_gathered *sum) {
-    const spsi_v most = spsi_set(SPSI_DEPTH_MAX);
+static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
-    const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, slab_count), p->line.polygon),
-                              spsi_set((float)shader->frame->eye.depth_reference));
-    const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-    sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
-    sum->depth = spsi_select(open, sum->depth, most);
+    const int bits = spsi_bits(open);
+    if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
+        const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
+                                  spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+        sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
+        sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
+    }
+    return bits != 0;
 }
 
 /* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
@@ -4244,9 +4247,9 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
         const float first = k == 0 ? low : (float)(shader->first_slab + k);
         const float next = k + 1 == slab_count ? high : (float)(shader->first_slab + k + 1);
         held += width * spsi_add_slab(shader, tile, &p, width, k, first, next, &slab, &sum);
+        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &p, k + 1, &sum)) break;
     }
     if (slab_count == 0) spsi_add_surfaces(shader, &p, width, low, high, &sum);
-    if (slab_count > 0 && !shader->sweep->back_to_front) spsi_end_rays(shader, &p, slab_count, &sum);
     spsi_gathered_store(shader, at, &sum);
     return held;
 }

@@ -57,7 +57,8 @@ CONVENTIONS
     A point light's colour is its intensity: irradiance = intensity / distance^2.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r sends r / pi * irradiance * cosine towards the eye.
-    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside of its box a volume's value is 0.
+    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside of its box a volume's
+    value is 0; as kernels reach out, the field fades away within 2.5 voxels beyond it.
     The field that a volume stands for is f(p) = sum of value * kernel(p - centre): the kernel is a normalised
     Gaussian of 0.65 voxels standard deviation. sps_reference marches through that very sum; sps_render cuts the
     kernels at 1.8 to 2.5 voxels, by quality.
@@ -284,8 +285,8 @@ typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
-    double field_of_view;                 /* vertical angle, up to 3.1 (with volumes: sps_light); 0: orthographic */
-    double ortho_height;                  /* orthographic: world height of the image; 0 means 1 */
+    double field_of_view; /* vertical angle, up to 3.1 (with volumes: sps_light); 0 is no default: orthographic */
+    double ortho_height;  /* orthographic: world height of the image; 0 means 1 */
     /* Instead of all above but the size: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth
        may run either way and in any range in perspective. An orthographic one must grow away from the eye; its plane of
        clip depth -1 is where distances are counted from: the near plane where depth is -1..1, far - near ahead of it
@@ -342,7 +343,8 @@ typedef struct sps_plan_report {
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls; /* exact */
     uint64_t voxels_read;                                         /* exact, borders of blocks counted each time */
-    size_t bytes; /* all that the context will hold, at most; image.depth included */
+    size_t
+        bytes; /* all that the context will hold, at most; often 2 or 3 times what it comes to; image.depth included */
 } sps_plan_report;
 
 typedef struct sps_stats_report {
@@ -1170,17 +1172,17 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
 }
 
 /* Checks colour and extinction at points[i], or what eval_fn gave for a value where i < 0. */
-static sps_result spsi_transfer_check_look(sps_context *context, int volume, const sps_transfer_point *look, int i,
-                                           float value) {
-    const float *bad = spsi_bad_colour(look->color, 1);
+static sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
+                                            float value) {
+    const float *bad = spsi_bad_colour(point->color, 1);
     char field[64];
-    if (!bad && look->extinction >= 0 && look->extinction <= SPSI_VALUE_MAX) return SPS_OK;
+    if (!bad && point->extinction >= 0 && point->extinction <= SPSI_VALUE_MAX) return SPS_OK;
     if (i < 0)
         SPS_SNPRINTF(field, sizeof field, "transfer.eval_fn(%g).%s", (double)value, bad ? "color" : "extinction");
     else
         SPS_SNPRINTF(field, sizeof field, "transfer.points[%d].%s", i, bad ? "color" : "extinction");
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, field,
-                           (double)(bad ? *bad : look->extinction),
+                           (double)(bad ? *bad : point->extinction),
                            bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
 }
 
@@ -1212,7 +1214,7 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
         if (returned)
             return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", volume, "transfer.eval_fn", returned, NULL);
         for (int i = 0; i < count; ++i) {
-            if (spsi_transfer_check_look(context, volume, &points[i], -1, values[i])) return context->result;
+            if (spsi_transfer_check_point(context, volume, &points[i], -1, values[i])) return context->result;
             memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
             table->entry[first + i][3] = points[i].extinction;
         }
@@ -1237,7 +1239,7 @@ static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, text, (double)value,
                                    "values must be 0..1e18 and rise from point to point");
         }
-        if (spsi_transfer_check_look(context, volume, &transfer->points[i], i, value)) return context->result;
+        if (spsi_transfer_check_point(context, volume, &transfer->points[i], i, value)) return context->result;
     }
     if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX) ||
         (transfer->value_max > 0 && transfer->value_max < SPSI_VALUE_MIN))
@@ -3752,12 +3754,12 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     spsi_profile_build(shader, tile, p, slab, channel, surface, &profile);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        spsi_v looks[4];
-        spsi_classify(material, spsi_parabola_mean(&profile.value, part), looks);
+        spsi_v appearance[4];
+        spsi_classify(material, spsi_parabola_mean(&profile.value, part), appearance);
         sample->has_normal = 0;
         sample->surface = sample->value_length = spsi_set(0);
-        sample->depth = spsi_min(spsi_mul(looks[3], way), spsi_set(SPSI_DEPTH_MAX));
-        for (int c = 0; c < 3; ++c) sample->colour[c] = looks[c];
+        sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
+        for (int c = 0; c < 3; ++c) sample->colour[c] = appearance[c];
         if (surface && spsi_bits(spsi_less(spsi_set(0), sample->depth)))
             spsi_sample_gradient(material, &profile, part, sample);
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
@@ -5089,7 +5091,8 @@ static void spsi_plan_passes(const spsi_frame *frame, const spsi_reading *readin
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
     spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, polygons ? shadows : 0, "polygons cast shadows, one map per light",
                    polygons ? "no light casts shadows" : "no triangles");
-    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, volumes ? sweeps : 0, "volumes are seen, one sweep per shadowing light",
+    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, volumes ? sweeps : 0,
+                   shadows ? "volumes are seen, one sweep per shadowing light" : "volumes are seen, one sweep",
                    "no volume that could be seen");
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, volumes && frame->extinguishes ? shadows : 0, "volumes cast shadows",
                    !volumes  ? "no volume that could be seen"
@@ -5399,7 +5402,7 @@ static int spsi_march_range(const spsi_marcher *marcher, const double origin[3],
 }
 
 /* Extinction of one volume where its value is f. */
-static double spsi_extinction_at(const spsi_material *material, double f, float looks[4]) {
+static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
     spsi_v out[4];
     float lanes[SPSI_LANES];
     if (!material->table) return f * (double)material->extinction;
@@ -5407,9 +5410,9 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
     spsi_classify(material, spsi_set((float)f), out);
     for (int c = 0; c < 4; ++c) {
         spsi_store(lanes, out[c]);
-        looks[c] = lanes[0];
+        appearance[c] = lanes[0];
     }
-    return (double)looks[3];
+    return (double)appearance[3];
 }
 
 /* Transmittance of everything between a point and a light; `face` is the surface it lies on, or -1. */
@@ -5437,9 +5440,9 @@ static double spsi_march_light(const spsi_marcher *marcher, const sps_light *lig
         spsi_along(point, toward, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
             const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
-            float looks[4];
+            float appearance[4];
             if (material->extinguishes)
-                depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), looks);
+                depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
         }
     }
     return exp(-depth);
@@ -5450,12 +5453,12 @@ static void spsi_set3(const double from[3], spsi_v to[3]) {
 }
 
 /* Fills a sample for a volume's point: colours, and the normal by the field's own gradient. */
-static void spsi_march_sample(const spsi_material *material, const float looks[4], const double gradient[3],
+static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
                               spsi_sample *sample) {
     double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
     const double size = spsi_length(n);
     memset(sample, 0, sizeof *sample);
-    for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->table ? looks[c] : material->albedo[c]);
+    for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->table ? appearance[c] : material->albedo[c]);
     if (!material->table || material->shading != SPS_SHADING_SURFACE) return;
     spsi_normalise(n);
     spsi_set3(n, sample->normal);
@@ -5479,12 +5482,12 @@ static void spsi_point_build(const spsi_marcher *marcher, const double position[
         const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
         const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
         double gradient[3] = {0, 0, 0};
-        float looks[4] = {0, 0, 0, 0};
+        float appearance[4] = {0, 0, 0, 0};
         point->value[m] = spsi_field(&marcher->grids[m], position, surface ? gradient : NULL);
-        point->extinction[m] = spsi_extinction_at(material, point->value[m], looks);
+        point->extinction[m] = spsi_extinction_at(material, point->value[m], appearance);
         point->extinction_sum += point->extinction[m];
         point->value_sum += point->value[m];
-        spsi_march_sample(material, looks, gradient, &point->samples[m]);
+        spsi_march_sample(material, appearance, gradient, &point->samples[m]);
     }
 }
 

@@ -42,8 +42,8 @@ CONTENTS (search for the tag)
     >>slicing      11 slabs and sweeps              >>splat        12 footprints into sheets
     >>lightsheets  13 optical depth towards a light >>shading      14 light leaving a sheet
     >>sweep        15 chunks of slabs, tiles        >>plan         16 what a scene calls for
-    >>reference    17 brute-force ray marching      >>public       18 the public functions
-    >>licence
+    >>reference    17 brute-force ray marching      >>tmaps        18 transmittance maps
+    >>public       19 the public functions          >>licence
 
 WHAT IT DOES NOT DO
     No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
@@ -97,6 +97,7 @@ PAPERS
       A-buffer Techniques", SIGGRAPH 1990 >>transfer
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
+    J. Jansen, L. Bavoil, "Fourier Opacity Mapping", I3D 2010 >>tmaps
 */
 
 #ifndef SPLATSHADOW_H
@@ -364,6 +365,52 @@ typedef struct sps_stats_report {
     size_t bytes, bytes_peak; /* held now, and at most since sps_create */
 } sps_stats_report;
 
+/* A ball of gas, equally dense throughout. */
+typedef struct sps_particle {
+    float position[3]; /* world */
+    float radius;      /* world units, >= 0; 0 casts no shadow */
+    float depth;       /* optical depth along its diameter, 0..1e18; less along a shorter chord */
+} sps_particle;
+
+typedef struct sps_particles {
+    uint32_t start_canary; /* leave 0 */
+    size_t count;
+    /* Writes `count` particles from `first` on; asked in blocks of at most 4096, each once a call. `out` comes zeroed.
+       Non-zero: failure. */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
+    void *user;
+    uint32_t end_canary; /* leave 0 */
+} sps_particles;
+
+/* How a transmittance map keeps optical depth along each texel's ray. In none does the order of insertion matter but
+   for rounding. u is the share of the way from near_depth to far_depth. */
+typedef enum sps_tmap_technique {
+    /* Every stretch of every particle: the exact answer along the texels' own rays, to measure the others by. 12 bytes
+       a stretch, and as much again while it is made; a query adds up the stretches of four texels that begin before it.
+     */
+    SPS_TMAP_DEEP = 0,
+    /* Optical depth at `components` planes, u = 1/n, 2/n .. 1, straight lines between. Exact at the planes; between
+       them, the planes before and after bracket the truth. Insertion costs n, a query 4 x 2 look-ups. */
+    SPS_TMAP_OPACITY,
+    /* A Fourier series of extinction [Jansen & Bavoil 2010]: components 1 + 2n, n harmonics, a0 a1 b1 a2 b2 .. . Exact
+       behind everything; before that it rings: up to 9 % of a sudden rise, which queries cut to 0 .. the whole.
+       Insertion and query cost n. Leave room before the first occluder and behind the last, since u = 0 and u = 1 are
+       neighbours. */
+    SPS_TMAP_FOURIER
+} sps_tmap_technique;
+
+typedef struct sps_tmap_settings {
+    uint32_t start_canary; /* leave 0 */
+    sps_tmap_technique technique;
+    int components; /* floats per texel: opacity 1..64; Fourier 3, 5 .. 65; deep: 0 */
+    /* Depths along the light's axis (perspective) or its direction, 0 <= near < far. All occluders are to lie between:
+       what lies before or behind counts as at either end. */
+    double near_depth, far_depth;
+    uint32_t end_canary; /* leave 0 */
+} sps_tmap_settings;
+
+typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
+
 typedef struct sps_context sps_context; /* opaque */
 
 /* ============================================================================================ >>functions */
@@ -405,6 +452,35 @@ SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
+
+/* A transmittance map: what an engine looks shadows of gases up in. `light` is the light's own view, of which the size
+   (the map's, in texels) and the camera count: perspective for a point light or a spot, orthographic for a directional
+   one. Add occluders, finish, query. Errors: ARGUMENT, MEMORY; *map is NULL then. */
+SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
+                                   sps_tmap **map);
+
+/* Inserts particles: along each texel's ray the chord, at its place. One that is smaller than a texel is spread over
+   one, so that none falls between rays. May be called any number of times before sps_tmap_finish. After a failure the
+   map may hold some of them, and is good for sps_tmap_destroy only. Errors: ARGUMENT, MEMORY, CALLBACK, DATA. */
+SPS_API sps_result sps_tmap_add_particles(sps_tmap *map, const sps_particles *particles);
+
+/* Makes the map ready for queries; nothing can be added after. Errors: ARGUMENT (finished already), MEMORY. */
+SPS_API sps_result sps_tmap_finish(sps_tmap *map);
+
+/* Optical depths between the light and world positions (packed triples), interpolated between four texels;
+   transmittance is exp(-depth). 0 outside of the map, behind the light, and before sps_tmap_finish. May be called from
+   many threads. */
+SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *depths);
+
+/* The texels, `components` floats each, rows from the top: what an engine uploads. Valid until sps_tmap_destroy; NULL
+   for a deep map and before sps_tmap_finish. docs/manual.md has the code that samples them as sps_tmap_query does. */
+SPS_API const float *sps_tmap_texels(const sps_tmap *map);
+
+/* Bytes that the map holds. */
+SPS_API size_t sps_tmap_bytes(const sps_tmap *map);
+
+/* Frees the map; before its context. NULL is allowed. */
+SPS_API void sps_tmap_destroy(sps_tmap *map);
 
 #ifdef __cplusplus
 }
@@ -800,6 +876,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_FACES,
     SPSI_BUFFER_REFERENCE_NODES,
+    SPSI_BUFFER_BALLS, /* a batch of particles as a map sees them, >>tmaps */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
 
@@ -1578,6 +1655,26 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     frame->cut = cut[frame->view.quality];
 }
 
+/* The rays of a checked view. */
+static sps_result spsi_rays_build(sps_context *context, const sps_view *view, spsi_rays *rays) {
+    rays->width = view->width;
+    rays->height = view->height;
+    if (view->world_to_clip) {
+        if (!spsi_rays_from_matrix(rays, view->world_to_clip))
+            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip cannot be inverted");
+    } else if (!spsi_rays_from_camera(rays, view)) {
+        double forward[3];
+        spsi_along(view->target, view->position, -1, forward);
+        if (!spsi_normalise(forward))
+            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1,
+                               rays->perspective ? "field_of_view" : "ortho_height",
+                               rays->perspective ? view->field_of_view : view->ortho_height,
+                               "pixels of that size cannot be told apart, or do not fit into the world");
+    }
+    return SPS_OK;
+}
+
 static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     sps_view *view = &frame->view;
     spsi_rays *eye = &frame->eye;
@@ -1586,21 +1683,7 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
         view->region[2] = view->width;
         view->region[3] = view->height;
     }
-    eye->width = view->width;
-    eye->height = view->height;
-    if (view->world_to_clip) {
-        if (!spsi_rays_from_matrix(eye, view->world_to_clip))
-            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip cannot be inverted");
-    } else if (!spsi_rays_from_camera(eye, view)) {
-        double forward[3];
-        spsi_along(view->target, view->position, -1, forward);
-        if (!spsi_normalise(forward))
-            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1,
-                               eye->perspective ? "field_of_view" : "ortho_height",
-                               eye->perspective ? view->field_of_view : view->ortho_height,
-                               "pixels of that size cannot be told apart, or do not fit into the world");
-    }
+    if (spsi_rays_build(context, view, eye)) return context->result;
     eye->near_depth =
         view->world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
@@ -5754,8 +5837,404 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
     context->stats.seconds_total = spsi_clock(context) - start;
     return SPS_OK;
 }
+/* =============================================================================================== >>tmaps
+   18 Transmittance maps. A particle meets a texel's ray along a chord from u0 to u1, of optical depth t; what becomes
+   of that is the technique's: kept as it is, added to the planes it lies before, or to a Fourier series of extinction,
+   whose integral is a query's answer [Jansen, Bavoil, "Fourier Opacity Mapping", I3D 2010]. A band of rows belongs to
+   one task, which takes particles in their order: the same bits for any number of workers. Cost: particles x texels
+   under them x components. */
+
+#define SPSI_TMAP_BATCH      4096 /* particles read at a time */
+#define SPSI_TMAP_BAND       16   /* rows of a task */
+#define SPSI_TMAP_COMPONENTS 65
+
+typedef struct spsi_stretch {
+    float u0, u1, depth;
+} spsi_stretch;
+
+/* A block of memory of a map's own. */
+typedef struct spsi_tmap_memory {
+    void *data;
+    size_t size;
+} spsi_tmap_memory;
+
+struct sps_tmap {
+    sps_context *context;
+    sps_tmap_settings settings;
+    spsi_rays rays;
+    int finished;
+    size_t particle_count;      /* kept, for a deep map */
+    spsi_tmap_memory texels;    /* floats */
+    spsi_tmap_memory particles; /* of a deep map, until it is finished */
+    spsi_tmap_memory starts;    /* of a deep map: each texel's first stretch, and one more */
+    spsi_tmap_memory stretches;
+};
+
+static int spsi_tmap_reserve(sps_tmap *map, spsi_tmap_memory *memory, size_t count, size_t size) {
+    memory->data = spsi_acquire(map->context, count, size);
+    memory->size = memory->data ? count * size : 0;
+    return memory->data != NULL;
+}
+
+static void spsi_tmap_release(sps_tmap *map, spsi_tmap_memory *memory) {
+    spsi_release(map->context, memory->data, memory->size);
+    memory->data = NULL;
+    memory->size = 0;
+}
+
+static double spsi_tmap_share(const sps_tmap *map, double t) {
+    return (t - map->settings.near_depth) / (map->settings.far_depth - map->settings.near_depth);
+}
+
+/* A particle as a map sees it: no smaller than a texel, of the same mass. */
+typedef struct spsi_ball {
+    double centre[3], radius, depth;
+    int x0, y0, x1, y1; /* texels that it may cover; x1 < x0: none */
+} spsi_ball;
+
+static void spsi_ball_build(const sps_tmap *map, const sps_particle *particle, spsi_ball *ball) {
+    const spsi_rays *rays = &map->rays;
+    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, q[3], least;
+    int behind = 0;
+    for (int i = 0; i < 3; ++i) ball->centre[i] = (double)particle->position[i];
+    spsi_project(rays, ball->centre, q);
+    least = 0.75 * fmax(spsi_length(rays->a), spsi_length(rays->b)) * (rays->perspective ? fmax(q[2], 0) : 1);
+    ball->radius = fmax((double)particle->radius, least);
+    ball->depth = (double)particle->depth;
+    if ((double)particle->radius < least) ball->depth *= pow((double)particle->radius / least, 2);
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3];
+        for (int i = 0; i < 3; ++i) point[i] = ball->centre[i] + (corner >> i & 1 ? ball->radius : -ball->radius);
+        spsi_project(rays, point, q);
+        behind += rays->perspective && !(q[2] > 0);
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+    }
+    if (behind) low[0] = low[1] = -1, high[0] = rays->width, high[1] = rays->height;
+    ball->x0 = (int)fmin(fmax(ceil(low[0]), 0), rays->width);
+    ball->y0 = (int)fmin(fmax(ceil(low[1]), 0), rays->height);
+    ball->x1 = behind == 8 || !(ball->depth > 0) ? -1 : (int)fmax(fmin(floor(high[0]), rays->width - 1), -1);
+    ball->y1 = (int)fmax(fmin(floor(high[1]), rays->height - 1), -1);
+}
+
+/* The stretch of a texel's ray inside of a ball; gives 0 where the ray misses it. */
+static int spsi_ball_meets(const sps_tmap *map, const spsi_ball *ball, int x, int y, spsi_stretch *stretch) {
+    double origin[3], direction[3], offset[3], square, middle, half, t0, t1, depth;
+    spsi_ray_point(&map->rays, x, y, 0, origin);
+    spsi_ray_direction(&map->rays, x, y, direction);
+    spsi_along(ball->centre, origin, -1, offset);
+    square = spsi_dot(direction, direction);
+    middle = spsi_dot(offset, direction) / square;
+    spsi_along(offset, direction, -middle, offset); /* from the ray's nearest point: no difference of large squares */
+    half = ball->radius * ball->radius - spsi_dot(offset, offset);
+    if (!(half > 0)) return 0;
+    half = sqrt(half / square);
+    t0 = middle - half;
+    t1 = middle + half;
+    depth = ball->depth * half * sqrt(square) / ball->radius;
+    if (map->rays.perspective && t0 < 0) { /* the light is inside, or past it */
+        if (!(t1 > 0)) return 0;
+        depth *= t1 / (t1 - t0);
+        t0 = 0;
+    }
+    stretch->u0 = (float)fmin(fmax(spsi_tmap_share(map, t0), 0), 1);
+    stretch->u1 = (float)fmin(fmax(spsi_tmap_share(map, t1), 0), 1);
+    stretch->depth = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
+    return 1;
+}
+
+/* The share of a stretch that lies before u; all of one without length that does not lie behind. */
+static float spsi_stretch_before(const spsi_stretch *stretch, float u) {
+    const float length = stretch->u1 - stretch->u0;
+    if (u < stretch->u0) return 0;
+    return u < stretch->u1 && length > 0 ? (u - stretch->u0) / length : 1;
+}
+
+static void spsi_opacity_insert(float *texel, int planes, const spsi_stretch *stretch) {
+    for (int i = 0; i < planes; ++i)
+        texel[i] += stretch->depth * spsi_stretch_before(stretch, (float)(i + 1) / (float)planes);
+}
+
+/* a_k += 2 t cos(2 pi k m) sinc(k d), b_k likewise with the sine: m the stretch's middle, d its length. */
+static void spsi_fourier_insert(float *texel, int components, const spsi_stretch *stretch) {
+    const double middle = SPSI_PI * ((double)stretch->u0 + (double)stretch->u1);
+    const double half = SPSI_PI * ((double)stretch->u1 - (double)stretch->u0);
+    const double c1 = cos(middle), s1 = sin(middle), ch = cos(half), sh = sin(half);
+    double c = c1, s = s1, cd = ch, sd = sh; /* of k times the angles, by turning */
+    texel[0] += 2 * stretch->depth;
+    for (int k = 1; 2 * k < components; ++k) {
+        const double sinc = half > 1e-6 ? sd / (k * half) : 1, turned = c * c1 - s * s1,
+                     turned_half = cd * ch - sd * sh;
+        texel[2 * k - 1] += (float)(2 * (double)stretch->depth * c * sinc);
+        texel[2 * k] += (float)(2 * (double)stretch->depth * s * sinc);
+        s = s * c1 + c * s1, c = turned;
+        sd = sd * ch + cd * sh, cd = turned_half;
+    }
+}
+
+static float spsi_opacity_depth(const float *texel, int planes, float u) {
+    const float at = u * (float)planes;
+    const int plane = spsi_least((int)at, planes - 1);
+    const float before = plane > 0 ? texel[plane - 1] : 0;
+    return before + (at - (float)plane) * (texel[plane] - before);
+}
+
+static float spsi_fourier_depth(const float *texel, int components, float u) {
+    const double angle = 2 * SPSI_PI * (double)u, c1 = cos(angle), s1 = sin(angle), whole = 0.5 * (double)texel[0];
+    double c = c1, s = s1, sum = whole * (double)u;
+    for (int k = 1; 2 * k < components; ++k) {
+        const double turned = c * c1 - s * s1;
+        sum += ((double)texel[2 * k - 1] * s + (double)texel[2 * k] * (1 - c)) / (2 * SPSI_PI * k);
+        s = s * c1 + c * s1, c = turned;
+    }
+    return (float)fmin(fmax(sum, 0), whole);
+}
+
+static float spsi_deep_depth(const spsi_stretch *stretch, uint32_t count, float u) {
+    double sum = 0;
+    for (uint32_t i = 0; i < count && stretch[i].u0 <= u; ++i)
+        sum += (double)(stretch[i].depth * spsi_stretch_before(&stretch[i], u));
+    return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
+}
+
+/* Optical depth before u in one texel. */
+static float spsi_tmap_depth(const sps_tmap *map, size_t texel, float u) {
+    const int components = map->settings.components;
+    if (map->settings.technique == SPS_TMAP_DEEP) {
+        const uint32_t *starts = (const uint32_t *)map->starts.data + texel;
+        return spsi_deep_depth((const spsi_stretch *)map->stretches.data + starts[0], starts[1] - starts[0], u);
+    }
+    {
+        const float *floats = (const float *)map->texels.data + texel * (size_t)components;
+        return map->settings.technique == SPS_TMAP_OPACITY ? spsi_opacity_depth(floats, components, u)
+                                                           : spsi_fourier_depth(floats, components, u);
+    }
+}
+
+/* What a task does with the stretches of its rows. */
+typedef enum spsi_tmap_work { SPSI_TMAP_INSERT, SPSI_TMAP_COUNT, SPSI_TMAP_KEEP } spsi_tmap_work;
+
+typedef struct spsi_tmap_job {
+    sps_tmap *map;
+    const sps_particle *particles;
+    spsi_ball *balls;
+    int count; /* of either */
+    spsi_tmap_work work;
+} spsi_tmap_job;
+
+static void spsi_tmap_ball_task(void *data, int index, int worker) {
+    const spsi_tmap_job *job = (const spsi_tmap_job *)data;
+    (void)worker;
+    for (int i = index * 256; i < spsi_least(job->count, (index + 1) * 256); ++i)
+        spsi_ball_build(job->map, &job->particles[i], &job->balls[i]);
+}
+
+static void spsi_tmap_take(const spsi_tmap_job *job, size_t texel, const spsi_stretch *stretch) {
+    sps_tmap *map = job->map;
+    const int components = map->settings.components;
+    uint32_t *starts = (uint32_t *)map->starts.data;
+    if (job->work == SPSI_TMAP_COUNT)
+        starts[texel + 1] += 1;
+    else if (job->work == SPSI_TMAP_KEEP) /* a start moves on to the next texel's, where it stops */
+        ((spsi_stretch *)map->stretches.data)[starts[texel]++] = *stretch;
+    else if (map->settings.technique == SPS_TMAP_OPACITY)
+        spsi_opacity_insert((float *)map->texels.data + texel * (size_t)components, components, stretch);
+    else
+        spsi_fourier_insert((float *)map->texels.data + texel * (size_t)components, components, stretch);
+}
+
+static void spsi_tmap_band_task(void *data, int index, int worker) {
+    const spsi_tmap_job *job = (const spsi_tmap_job *)data;
+    const sps_tmap *map = job->map;
+    const int top = index * SPSI_TMAP_BAND, bottom = spsi_least(top + SPSI_TMAP_BAND, map->rays.height) - 1;
+    (void)worker;
+    for (int i = 0; i < job->count; ++i) {
+        const spsi_ball *ball = &job->balls[i];
+        spsi_stretch stretch;
+        for (int y = spsi_most(ball->y0, top); y <= spsi_least(ball->y1, bottom); ++y)
+            for (int x = ball->x0; x <= ball->x1; ++x)
+                if (spsi_ball_meets(map, ball, x, y, &stretch))
+                    spsi_tmap_take(job, (size_t)y * (size_t)map->rays.width + (size_t)x, &stretch);
+    }
+}
+
+static sps_result spsi_tmap_run(sps_tmap *map, const sps_particle *particles, size_t count, spsi_tmap_work work) {
+    spsi_tmap_job job;
+    job.map = map;
+    job.work = work;
+    job.balls = (spsi_ball *)spsi_reserve(map->context, SPSI_BUFFER_BALLS, SPSI_TMAP_BATCH, sizeof(spsi_ball));
+    if (!job.balls) return map->context->result;
+    for (size_t first = 0; first < count; first += SPSI_TMAP_BATCH) {
+        job.particles = particles + first;
+        job.count = (int)(count - first < SPSI_TMAP_BATCH ? count - first : SPSI_TMAP_BATCH);
+        spsi_parallel(map->context, (job.count + 255) / 256, spsi_tmap_ball_task, &job);
+        spsi_parallel(map->context, (map->rays.height + SPSI_TMAP_BAND - 1) / SPSI_TMAP_BAND, spsi_tmap_band_task,
+                      &job);
+    }
+    return SPS_OK;
+}
+
+static sps_result spsi_particles_check(sps_context *context, const sps_particle *list, size_t count, size_t first) {
+    for (size_t i = 0; i < count; ++i) {
+        const double at[3] = {(double)list[i].position[0], (double)list[i].position[1], (double)list[i].position[2]};
+        const double *bad = spsi_bad_coordinate(at, 3);
+        char field[64];
+        SPS_SNPRINTF(field, sizeof field, "particle[%.0f].%s", (double)(first + i),
+                     bad                                                          ? "position"
+                     : !(list[i].radius >= 0 && list[i].radius <= SPSI_VALUE_MAX) ? "radius"
+                                                                                  : "depth");
+        if (bad)
+            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, *bad, "it must be within 1e15");
+        if (!(list[i].radius >= 0 && (double)list[i].radius <= SPSI_COORDINATE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].radius,
+                                   "it must be 0..1e15");
+        if (!(list[i].depth >= 0 && list[i].depth <= SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].depth,
+                                   "it must be 0..1e18");
+    }
+    return SPS_OK;
+}
+
+/* Keeps a batch for a deep map, whose texels are only then counted when all is there. */
+static sps_result spsi_tmap_keep(sps_tmap *map, const sps_particle *list, size_t count) {
+    const size_t room = map->particles.size / sizeof *list, wanted = map->particle_count + count;
+    if (room < wanted) {
+        spsi_tmap_memory grown;
+        if (!spsi_tmap_reserve(map, &grown, wanted + wanted / 2, sizeof *list)) return map->context->result;
+        if (map->particle_count) memcpy(grown.data, map->particles.data, map->particle_count * sizeof *list);
+        spsi_tmap_release(map, &map->particles);
+        map->particles = grown;
+    }
+    memcpy((sps_particle *)map->particles.data + map->particle_count, list, count * sizeof *list);
+    map->particle_count = wanted;
+    return SPS_OK;
+}
+
+static sps_result spsi_tmap_add(sps_tmap *map, const sps_particles *particles) {
+    sps_context *context = map->context;
+    sps_particle *list =
+        (sps_particle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, SPSI_TMAP_BATCH, sizeof(sps_particle));
+    if (!list) return context->result;
+    for (size_t first = 0; first < particles->count; first += SPSI_TMAP_BATCH) {
+        const size_t left = particles->count - first, count = left < SPSI_TMAP_BATCH ? left : SPSI_TMAP_BATCH;
+        int failed;
+        if (spsi_progress(context, (double)first / (double)particles->count)) return context->result;
+        memset(list, 0, count * sizeof *list);
+        failed = particles->read_fn(particles->user, first, count, list);
+        if (failed) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "particles", -1, "read_fn", failed, NULL);
+        if (spsi_particles_check(context, list, count, first)) return context->result;
+        if (map->settings.technique == SPS_TMAP_DEEP ? spsi_tmap_keep(map, list, count)
+                                                     : spsi_tmap_run(map, list, count, SPSI_TMAP_INSERT))
+            return context->result;
+    }
+    return SPS_OK;
+}
+
+/* Sorts stretches by where they begin. [Shell 1959, gaps of 2^k - 1] */
+static void spsi_stretches_sort(spsi_stretch *list, uint32_t count) {
+    uint32_t gap = 1;
+    while (gap < count / 2) gap = 2 * gap + 1;
+    for (; gap > 0; gap /= 2)
+        for (uint32_t i = gap; i < count; ++i) {
+            const spsi_stretch taken = list[i];
+            uint32_t k = i;
+            for (; k >= gap && list[k - gap].u0 > taken.u0; k -= gap) list[k] = list[k - gap];
+            list[k] = taken;
+        }
+}
+
+static void spsi_tmap_sort_task(void *data, int index, int worker) {
+    const sps_tmap *map = (const sps_tmap *)data;
+    const uint32_t *starts = (const uint32_t *)map->starts.data + (size_t)index * (size_t)map->rays.width;
+    (void)worker;
+    for (int x = 0; x < map->rays.width; ++x)
+        spsi_stretches_sort((spsi_stretch *)map->stretches.data + starts[x], starts[x + 1] - starts[x]);
+}
+
+/* Counts each texel's stretches, finds room for them, keeps and sorts them. */
+static sps_result spsi_tmap_finish_deep(sps_tmap *map) {
+    const size_t texels = (size_t)map->rays.width * (size_t)map->rays.height;
+    const sps_particle *particles = (const sps_particle *)map->particles.data;
+    uint64_t sum = 0;
+    uint32_t *starts;
+    if (!spsi_tmap_reserve(map, &map->starts, texels + 1, sizeof(uint32_t))) return map->context->result;
+    starts = (uint32_t *)map->starts.data;
+    memset(starts, 0, (texels + 1) * sizeof *starts);
+    if (spsi_tmap_run(map, particles, map->particle_count, SPSI_TMAP_COUNT)) return map->context->result;
+    for (size_t i = 0; i <= texels; ++i) {
+        sum += starts[i];
+        starts[i] = (uint32_t)sum;
+    }
+    if (sum > UINT32_MAX)
+        return spsi_fail_field(map->context, SPS_ERROR_MEMORY, "tmap", -1, "stretches", (double)sum,
+                               "a deep map holds 2^32 - 1 at most");
+    if (!spsi_tmap_reserve(map, &map->stretches, sum > 0 ? (size_t)sum : 1, sizeof(spsi_stretch)))
+        return map->context->result;
+    if (spsi_tmap_run(map, particles, map->particle_count, SPSI_TMAP_KEEP)) return map->context->result;
+    memmove(starts + 1, starts, texels * sizeof *starts); /* each had moved on to where the next begins */
+    starts[0] = 0;
+    spsi_parallel(map->context, map->rays.height, spsi_tmap_sort_task, map);
+    spsi_tmap_release(map, &map->particles);
+    return SPS_OK;
+}
+
+static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
+    const int n = settings->components;
+    if (spsi_check_canaries(context, "settings", -1, settings->start_canary, settings->end_canary))
+        return context->result;
+    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_FOURIER)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "technique",
+                               (double)(int)settings->technique, "it must be an sps_tmap_technique");
+    if (settings->technique == SPS_TMAP_DEEP ? n != 0 : n < 1 || n > SPSI_TMAP_COMPONENTS)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n,
+                               settings->technique == SPS_TMAP_DEEP ? "a deep map has 0" : "it must be 1..65");
+    if (settings->technique == SPS_TMAP_FOURIER && (n < 3 || n % 2 == 0))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n,
+                               "a Fourier map has 1 + 2n: 3, 5 .. 65");
+    if (!(settings->near_depth >= 0 && settings->far_depth > settings->near_depth &&
+          settings->far_depth <= SPSI_COORDINATE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
+                               "it must be above near_depth, which is not negative, and within 1e15");
+    if (light->width < 1 || light->height < 1)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, light->width < 1 ? "width" : "height",
+                               light->width < 1 ? light->width : light->height, "a map's must be 1..16384");
+    return spsi_check_view(context, light);
+}
+
+static sps_result spsi_tmap_build(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
+                                  sps_tmap *map) {
+    const size_t texels = (size_t)light->width * (size_t)light->height;
+    map->context = context;
+    map->settings = *settings;
+    if (spsi_rays_build(context, light, &map->rays)) return context->result;
+    if (settings->technique == SPS_TMAP_DEEP) return SPS_OK;
+    if (!spsi_tmap_reserve(map, &map->texels, texels, (size_t)settings->components * sizeof(float)))
+        return context->result;
+    memset(map->texels.data, 0, map->texels.size);
+    return SPS_OK;
+}
+
+/* Optical depth at a world point: of four texels at the point's own depth, not of what lies between their depths. */
+static float spsi_tmap_at(const sps_tmap *map, const double point[3]) {
+    const int width = map->rays.width, height = map->rays.height;
+    double q[3], u, sum = 0;
+    int x, y;
+    spsi_project(&map->rays, point, q);
+    u = spsi_tmap_share(map, q[2]);
+    if (!(u > 0) || !(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
+    u = fmin(u, 1);
+    x = (int)floor(q[0]);
+    y = (int)floor(q[1]);
+    for (int i = 0; i < 4; ++i) {
+        const int tx = spsi_least(spsi_most(x + (i & 1), 0), width - 1);
+        const int ty = spsi_least(spsi_most(y + (i >> 1), 0), height - 1);
+        const double weight = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
+        if (weight > 0) sum += weight * (double)spsi_tmap_depth(map, (size_t)ty * (size_t)width + (size_t)tx, (float)u);
+    }
+    return (float)sum;
+}
+
 /* =============================================================================================== >>public
-   18 The public functions: they check what they are handed and make one call down. */
+   19 The public functions: they check what they are handed and make one call down. */
 
 SPS_API int sps_version(void) { return SPS_VERSION; }
 
@@ -5859,6 +6338,72 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     if (!(step > 0 && step <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "reference", -1, "step", step, "it must be above 0");
     return spsi_march_frame(context, frame, step, image);
+}
+
+SPS_API void sps_tmap_destroy(sps_tmap *map) {
+    if (!map) return;
+    spsi_tmap_release(map, &map->texels);
+    spsi_tmap_release(map, &map->particles);
+    spsi_tmap_release(map, &map->starts);
+    spsi_tmap_release(map, &map->stretches);
+    spsi_release(map->context, map, sizeof *map);
+}
+
+SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
+                                   sps_tmap **map) {
+    if (map) *map = NULL;
+    if (!context) return SPS_ERROR_ARGUMENT;
+    spsi_begin(context);
+    if (!light || !settings || !map)
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, "light, settings and map must not be NULL");
+    if (spsi_tmap_check(context, light, settings)) return context->result;
+    *map = (sps_tmap *)spsi_acquire(context, 1, sizeof **map);
+    if (!*map) return context->result;
+    memset(*map, 0, sizeof **map);
+    if (spsi_tmap_build(context, light, settings, *map)) {
+        (*map)->context = context;
+        sps_tmap_destroy(*map);
+        *map = NULL;
+    }
+    return context->result;
+}
+
+SPS_API sps_result sps_tmap_add_particles(sps_tmap *map, const sps_particles *particles) {
+    if (!map) return SPS_ERROR_ARGUMENT;
+    spsi_begin(map->context);
+    if (!particles) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "particles must not be NULL");
+    if (spsi_check_canaries(map->context, "particles", -1, particles->start_canary, particles->end_canary))
+        return map->context->result;
+    if (particles->count > 0 && !particles->read_fn)
+        return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "particles.read_fn must be set where count is not 0");
+    if (map->finished)
+        return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished; nothing can be added to it");
+    return spsi_tmap_add(map, particles);
+}
+
+SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
+    if (!map) return SPS_ERROR_ARGUMENT;
+    spsi_begin(map->context);
+    if (map->finished) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
+    if (map->settings.technique == SPS_TMAP_DEEP && spsi_tmap_finish_deep(map)) {
+        spsi_tmap_release(map, &map->starts);
+        spsi_tmap_release(map, &map->stretches);
+        return map->context->result;
+    }
+    map->finished = 1;
+    return SPS_OK;
+}
+
+SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *depths) {
+    for (size_t i = 0; i < count; ++i) depths[i] = map && map->finished ? spsi_tmap_at(map, positions + 3 * i) : 0;
+}
+
+SPS_API const float *sps_tmap_texels(const sps_tmap *map) {
+    return map && map->finished ? (const float *)map->texels.data : NULL;
+}
+
+SPS_API size_t sps_tmap_bytes(const sps_tmap *map) {
+    return map ? sizeof *map + map->texels.size + map->particles.size + map->starts.size + map->stretches.size : 0;
 }
 
 #endif /* SPSI_IMPLEMENTED */

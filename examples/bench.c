@@ -358,6 +358,77 @@ static void bench_empty_space(void) {
     }
 }
 
+/* ========================================================================================== transmittance maps */
+
+static int puff_read(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
+    return 0;
+}
+
+/* Particles evenly spread in a ball of radius 1, each a few texels wide. */
+static sps_particle *puff_build(size_t count) {
+    sps_particle *list = (sps_particle *)ex_allocate(count, sizeof *list);
+    uint64_t state = 7;
+    for (size_t i = 0; i < count;) {
+        double at[4];
+        for (int k = 0; k < 4; ++k) {
+            state = state * 2862933555777941757u + 3037000493u; /* as in the tests */
+            at[k] = (double)(state >> 11) / 4503599627370496.0 - 1;
+        }
+        if (ex_dot(at, at) > 1) continue;
+        for (int k = 0; k < 3; ++k) list[i].position[k] = (float)at[k];
+        list[i].radius = (float)(0.02 + 0.01 * at[3]);
+        list[i++].depth = 0.05f;
+    }
+    return list;
+}
+
+static void bench_map(ex_session *session, const char *name, sps_tmap_technique technique, int components,
+                      const sps_particles *particles, double bound) {
+    enum { QUERIES = 300000 };
+    double *positions = (double *)ex_allocate(QUERIES, 3 * sizeof(double));
+    float *depths = (float *)ex_allocate(QUERIES, sizeof(float));
+    sps_view light;
+    sps_tmap_settings settings;
+    sps_tmap *map;
+    char what[100];
+    memset(&light, 0, sizeof light);
+    memset(&settings, 0, sizeof settings);
+    light.width = light.height = 512;
+    light.position[2] = 5, light.up[1] = 1, light.field_of_view = 0.5;
+    settings.technique = technique, settings.components = components;
+    settings.near_depth = 3.5, settings.far_depth = 6.5;
+    for (int i = 0; i < 3 * QUERIES; ++i) positions[i] = (double)(i * 7919LL % 20011) / 10006 - 1;
+    const double start = ex_now(NULL);
+    stop_if(sps_tmap_create(session->context, &light, &settings, &map), session);
+    stop_if(sps_tmap_add_particles(map, particles), session);
+    stop_if(sps_tmap_finish(map), session);
+    const double built = ex_now(NULL);
+    sps_tmap_query(map, QUERIES, positions, depths);
+    const double queried = ex_now(NULL);
+    snprintf(what, sizeof what, "%s: built, %d workers (%.1f MB)", name, WORKERS, 1e-6 * (double)sps_tmap_bytes(map));
+    at_most(what, built - start, "s", bound);
+    snprintf(what, sizeof what, "%s: queries on one core", name);
+    plain(what, 1e-6 * QUERIES / (queried - built), "M/s");
+    sps_tmap_destroy(map);
+    free(positions);
+    free(depths);
+}
+
+static void bench_maps(void) {
+    sps_particles particles;
+    ex_session session;
+    memset(&particles, 0, sizeof particles);
+    particles.count = 100000, particles.read_fn = puff_read, particles.user = puff_build(100000);
+    session_begin(&session, WORKERS);
+    printf("\nTransmittance maps, 512 x 512: 100000 particles a few texels wide\n");
+    bench_map(&session, "opacity, 8 planes", SPS_TMAP_OPACITY, 8, &particles, HUGE_VAL);
+    bench_map(&session, "Fourier, 7 components", SPS_TMAP_FOURIER, 7, &particles, 0.25);
+    bench_map(&session, "deep, exact", SPS_TMAP_DEEP, 0, &particles, HUGE_VAL);
+    ex_session_end(&session);
+    free(particles.user);
+}
+
 /* ====================================================================================== a blob over a plane, exactly
  */
 
@@ -788,6 +859,7 @@ int main(int argc, char **argv) {
         bench_bonsai();
         bench_splatting();
         bench_empty_space();
+        bench_maps();
     }
     if (accuracy) {
         bench_accuracy();

@@ -396,13 +396,17 @@ typedef enum sps_tmap_technique {
        behind everything; before that it rings: up to 9 % of a sudden rise, which queries cut to 0 .. the whole.
        Insertion and query cost n. Leave room before the first occluder and behind the last, since u = 0 and u = 1 are
        neighbours. */
-    SPS_TMAP_FOURIER
+    SPS_TMAP_FOURIER,
+    /* Three floats: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
+       engines call a Beer shadow map. Exact for one even stretch, and behind everything; gas in several clumps is
+       spread over the gaps between them. Insertion and query cost least of all. */
+    SPS_TMAP_BEER
 } sps_tmap_technique;
 
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
-    int components; /* floats per texel: opacity 1..64; Fourier 3, 5 .. 65; deep: 0 */
+    int components; /* floats per texel: opacity 1..65; Fourier 3, 5 .. 65; Beer 3; deep 0 */
     /* Depths along the light's axis (perspective) or its direction, 0 <= near < far. All occluders are to lie between:
        what lies before or behind counts as at either end. */
     double near_depth, far_depth;
@@ -5954,6 +5958,23 @@ static void spsi_opacity_insert(float *texel, int planes, const spsi_stretch *st
         texel[i] += stretch->depth * spsi_stretch_before(stretch, (float)(i + 1) / (float)planes);
 }
 
+/* Until the map is finished: where gas begins, where it ends, and all of it. */
+static void spsi_beer_insert(float *texel, const spsi_stretch *stretch) {
+    texel[0] = spsi_lower(texel[0], stretch->u0);
+    texel[1] = spsi_higher(texel[1], stretch->u1);
+    texel[2] += stretch->depth;
+}
+
+/* Where it ends becomes how dense it is between; an even stretch of no length is taken as 1e-6 of the range. */
+static void spsi_beer_finish(float *texels, size_t count) {
+    for (; count > 0; --count, texels += 3)
+        texels[1] = texels[2] > 0 ? texels[2] / spsi_higher(texels[1] - texels[0], 1e-6f) : 0;
+}
+
+static float spsi_beer_depth(const float *texel, float u) {
+    return spsi_lower(spsi_higher(u - texel[0], 0) * texel[1], texel[2]);
+}
+
 /* a_k += 2 t cos(2 pi k m) sinc(k d), b_k likewise with the sine: m the stretch's middle, d its length. */
 static void spsi_fourier_insert(float *texel, int components, const spsi_stretch *stretch) {
     const double middle = SPSI_PI * ((double)stretch->u0 + (double)stretch->u1);
@@ -6005,6 +6026,7 @@ static float spsi_tmap_depth(const sps_tmap *map, size_t texel, float u) {
     }
     {
         const float *floats = (const float *)map->texels.data + texel * (size_t)components;
+        if (map->settings.technique == SPS_TMAP_BEER) return spsi_beer_depth(floats, u);
         return map->settings.technique == SPS_TMAP_OPACITY ? spsi_opacity_depth(floats, components, u)
                                                            : spsi_fourier_depth(floats, components, u);
     }
@@ -6036,10 +6058,12 @@ static void spsi_tmap_take(const spsi_tmap_job *job, size_t texel, const spsi_st
         starts[texel + 1] += 1;
     else if (job->work == SPSI_TMAP_KEEP) /* a start moves on to the next texel's, where it stops */
         ((spsi_stretch *)map->stretches.data)[starts[texel]++] = *stretch;
-    else if (map->settings.technique == SPS_TMAP_OPACITY)
-        spsi_opacity_insert((float *)map->texels.data + texel * (size_t)components, components, stretch);
-    else
-        spsi_fourier_insert((float *)map->texels.data + texel * (size_t)components, components, stretch);
+    else {
+        float *floats = (float *)map->texels.data + texel * (size_t)components;
+        if (map->settings.technique == SPS_TMAP_OPACITY) spsi_opacity_insert(floats, components, stretch);
+        if (map->settings.technique == SPS_TMAP_FOURIER) spsi_fourier_insert(floats, components, stretch);
+        if (map->settings.technique == SPS_TMAP_BEER) spsi_beer_insert(floats, stretch);
+    }
 }
 
 static void spsi_tmap_band_task(void *data, int index, int worker) {
@@ -6181,7 +6205,7 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, c
     const int n = settings->components;
     if (spsi_check_canaries(context, "settings", -1, settings->start_canary, settings->end_canary))
         return context->result;
-    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_FOURIER)
+    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "technique",
                                (double)(int)settings->technique, "it must be an sps_tmap_technique");
     if (settings->technique == SPS_TMAP_DEEP ? n != 0 : n < 1 || n > SPSI_TMAP_COMPONENTS)
@@ -6190,6 +6214,8 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, c
     if (settings->technique == SPS_TMAP_FOURIER && (n < 3 || n % 2 == 0))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n,
                                "a Fourier map has 1 + 2n: 3, 5 .. 65");
+    if (settings->technique == SPS_TMAP_BEER && n != 3)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n, "a Beer map has 3");
     if (!(settings->near_depth >= 0 && settings->far_depth > settings->near_depth &&
           settings->far_depth <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
@@ -6210,6 +6236,8 @@ static sps_result spsi_tmap_build(sps_context *context, const sps_view *light, c
     if (!spsi_tmap_reserve(map, &map->texels, texels, (size_t)settings->components * sizeof(float)))
         return context->result;
     memset(map->texels.data, 0, map->texels.size);
+    for (size_t i = 0; i < texels && settings->technique == SPS_TMAP_BEER; ++i)
+        ((float *)map->texels.data)[3 * i] = 1; /* nothing begins before the end */
     return SPS_OK;
 }
 
@@ -6390,6 +6418,8 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
         spsi_tmap_release(map, &map->stretches);
         return map->context->result;
     }
+    if (map->settings.technique == SPS_TMAP_BEER)
+        spsi_beer_finish((float *)map->texels.data, (size_t)map->rays.width * (size_t)map->rays.height);
     map->finished = 1;
     return SPS_OK;
 }

@@ -178,6 +178,28 @@ static void test_fourier(void) {
     sps_destroy(context);
 }
 
+/* One even stretch is exact, two clumps are one from the first's beginning to the second's end, and what lies behind is
+   all of both. */
+static void test_beer(void) {
+    sps_context *context = sps_create(NULL);
+    for (int clumps = 1; clumps <= 2; ++clumps) {
+        fixture f;
+        fixture_begin(&f, SPS_TMAP_BEER, 3);
+        fixture_add(&f, 0, 0, 5, 1, 3);
+        if (clumps == 2) fixture_add(&f, 0, 0, -3, 1, 1);
+        sps_tmap *map = fixture_build(&f, context);
+        if (!CHECK(map != NULL)) continue;
+        for (int i = 0; i <= 100; ++i) {
+            const double z = 10 - 0.2 * i, last = clumps == 1 ? 4 : -4;
+            const double spread = (clumps == 1 ? 3 : 4) * fmin(fmax((6 - z) / (6 - last), 0), 1);
+            CHECK_NEAR(query(map, 0, 0, z), spread, 1e-5);
+        }
+        CHECK_NEAR(query(map, 3, 0, -10), 0, 0); /* an empty texel */
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
 /* A spot: rays part, and depths run along the axis. The light inside of a particle sees what lies before it alone. */
 static void test_perspective(void) {
     sps_context *context = sps_create(NULL);
@@ -221,6 +243,11 @@ static void test_small_particles(void) {
 
 /* ---------------------------------------------------------------------------------------------- what is promised */
 
+static int components_of(int technique) {
+    static const int components[] = {0, 8, 9, 3};
+    return components[technique];
+}
+
 /* The sampling code of docs/manual.md, for one texel. */
 static float sample_opacity(const float *texel, int n, float u) {
     float at = u * (float)n;
@@ -238,19 +265,23 @@ static float sample_fourier(const float *texel, int n, float u) {
     return fminf(fmaxf(sum, 0), 0.5f * texel[0]);
 }
 
+static float sample_beer(const float *texel, float u) { return fminf(fmaxf(u - texel[0], 0) * texel[1], texel[2]); }
+
 static void test_texels(void) {
     sps_context *context = sps_create(NULL);
-    for (int fourier = 0; fourier < 2; ++fourier) {
-        const int n = fourier ? 9 : 8;
+    for (int technique = SPS_TMAP_OPACITY; technique <= SPS_TMAP_BEER; ++technique) {
+        const int n = components_of(technique);
         fixture f;
-        fixture_begin(&f, fourier ? SPS_TMAP_FOURIER : SPS_TMAP_OPACITY, n);
+        fixture_begin(&f, (sps_tmap_technique)technique, n);
         fixture_scatter(&f, MANY);
         sps_tmap *map = fixture_build(&f, context);
         if (!CHECK(map != NULL && sps_tmap_texels(map) != NULL)) continue;
         for (int i = 0; i < 300; ++i) {
             const int x = i % SIDE, y = i / SIDE % SIDE;
             const float u = ((float)i + 0.5f) / 300, *texel = sps_tmap_texels(map) + (y * SIDE + x) * n;
-            const float sampled = fourier ? sample_fourier(texel, n, u) : sample_opacity(texel, n, u);
+            const float sampled = technique == SPS_TMAP_BEER      ? sample_beer(texel, u)
+                                  : technique == SPS_TMAP_FOURIER ? sample_fourier(texel, n, u)
+                                                                  : sample_opacity(texel, n, u);
             CHECK_NEAR(query(map, x - 4, 4 - y, 10 - 20 * (double)u), (double)sampled, 1e-5);
         }
         sps_tmap_destroy(map);
@@ -261,7 +292,7 @@ static void test_texels(void) {
 /* Same bits for any number of workers; shuffled particles give the same to the rounding of sums of floats. */
 static void test_order(void) {
     static const int workers[] = {0, 1, 2, 7};
-    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_FOURIER; ++technique) {
+    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_BEER; ++technique) {
         static float first[500], depths[500];
         static double positions[1500];
         check_random random = {5};
@@ -270,7 +301,7 @@ static void test_order(void) {
             check_hooks hooks = {w < 4 ? workers[w] : 2, (uint64_t)w, 0, 0, 0, 0, 0, 0, 0};
             sps_context *context = check_context(&hooks);
             fixture f;
-            fixture_begin(&f, (sps_tmap_technique)technique, technique == SPS_TMAP_DEEP ? 0 : 7);
+            fixture_begin(&f, (sps_tmap_technique)technique, components_of(technique));
             f.light.width = f.light.height = 50;
             fixture_scatter(&f, MANY);
             for (int i = 0; w == 4 && i < MANY; ++i) {
@@ -291,11 +322,11 @@ static void test_order(void) {
 
 static void test_extremes(void) {
     sps_context *context = sps_create(NULL);
-    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_FOURIER; ++technique) {
+    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_BEER; ++technique) {
         static const double depths[] = {1e-8, 1, 1e8, 1e18};
         fixture f;
         for (size_t i = 0; i < sizeof depths / sizeof *depths; ++i) {
-            fixture_begin(&f, (sps_tmap_technique)technique, technique == SPS_TMAP_DEEP ? 0 : 5);
+            fixture_begin(&f, (sps_tmap_technique)technique, components_of(technique));
             f.light.width = f.light.height = 1;
             f.light.ortho_height = 1;
             fixture_add(&f, 0, 0, 0, 1, depths[i]);
@@ -306,7 +337,7 @@ static void test_extremes(void) {
             CHECK_NEAR(query(map, 0, 0, 9.999), 0, 1e-2 * depths[i]);
             sps_tmap_destroy(map);
         }
-        fixture_begin(&f, (sps_tmap_technique)technique, technique == SPS_TMAP_DEEP ? 0 : 5);
+        fixture_begin(&f, (sps_tmap_technique)technique, components_of(technique));
         sps_tmap *map = fixture_build(&f, context); /* empty */
         if (CHECK(map != NULL)) CHECK_NEAR(query(map, 0, 0, -5), 0, 0);
         sps_tmap_destroy(map);
@@ -317,20 +348,20 @@ static void test_extremes(void) {
 /* --------------------------------------------------------------------------------------------------- what fails */
 
 static void test_memory(void) {
-    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_FOURIER; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= SPS_TMAP_BEER; ++technique)
         for (long n = 1;; ++n) {
             check_hooks hooks = {2, 3, 0, 0, 0, 0, 0, 0, 0};
             sps_context *context = check_context(&hooks);
             const size_t before = hooks.live;
             fixture f;
-            fixture_begin(&f, (sps_tmap_technique)technique, technique == SPS_TMAP_DEEP ? 0 : 5);
+            fixture_begin(&f, (sps_tmap_technique)technique, components_of(technique));
             fixture_scatter(&f, 20);
             hooks.fail_at = hooks.allocations + n;
             sps_tmap *map = fixture_build(&f, context);
             const int failed = map == NULL;
             if (failed) CHECK(strstr(sps_error(context), "memory") != NULL);
             if (!failed && technique != SPS_TMAP_DEEP)
-                CHECK(sps_tmap_bytes(map) > SIDE * SIDE * 5 * sizeof(float) &&
+                CHECK(sps_tmap_bytes(map) > (size_t)(SIDE * SIDE * components_of(technique)) * sizeof(float) &&
                       sps_tmap_bytes(map) <= hooks.live - before);
             sps_tmap_destroy(map);
             hooks.fail_at = 0;
@@ -414,6 +445,7 @@ int main(void) {
     test_deep();
     test_opacity();
     test_fourier();
+    test_beer();
     test_perspective();
     test_small_particles();
     test_texels();

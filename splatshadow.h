@@ -5866,6 +5866,7 @@ struct sps_tmap {
     sps_context *context;
     sps_tmap_settings settings;
     spsi_rays rays;
+    double per_depth; /* 1 / (far - near) */
     int finished;
     size_t particle_count;      /* kept, for a deep map */
     spsi_tmap_memory texels;    /* floats */
@@ -5886,13 +5887,11 @@ static void spsi_tmap_release(sps_tmap *map, spsi_tmap_memory *memory) {
     memory->size = 0;
 }
 
-static double spsi_tmap_share(const sps_tmap *map, double t) {
-    return (t - map->settings.near_depth) / (map->settings.far_depth - map->settings.near_depth);
-}
+static double spsi_tmap_share(const sps_tmap *map, double t) { return (t - map->settings.near_depth) * map->per_depth; }
 
 /* A particle as a map sees it: no smaller than a texel, of the same mass. */
 typedef struct spsi_ball {
-    double centre[3], radius, depth;
+    double centre[3], radius, depth, depth_per_radius;
     int x0, y0, x1, y1; /* texels that it may cover; x1 < x0: none */
 } spsi_ball;
 
@@ -5906,6 +5905,7 @@ static void spsi_ball_build(const sps_tmap *map, const sps_particle *particle, s
     ball->radius = fmax((double)particle->radius, least);
     ball->depth = (double)particle->depth;
     if ((double)particle->radius < least) ball->depth *= pow((double)particle->radius / least, 2);
+    ball->depth_per_radius = ball->radius > 0 ? ball->depth / ball->radius : 0;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         for (int i = 0; i < 3; ++i) point[i] = ball->centre[i] + (corner >> i & 1 ? ball->radius : -ball->radius);
@@ -5922,19 +5922,20 @@ static void spsi_ball_build(const sps_tmap *map, const sps_particle *particle, s
 
 /* The stretch of a texel's ray inside of a ball; gives 0 where the ray misses it. */
 static int spsi_ball_meets(const sps_tmap *map, const spsi_ball *ball, int x, int y, spsi_stretch *stretch) {
-    double origin[3], direction[3], offset[3], square, middle, half, t0, t1, depth;
+    double origin[3], direction[3], offset[3], inverse, middle, half, t0, t1, depth;
     spsi_ray_point(&map->rays, x, y, 0, origin);
     spsi_ray_direction(&map->rays, x, y, direction);
     spsi_along(ball->centre, origin, -1, offset);
-    square = spsi_dot(direction, direction);
-    middle = spsi_dot(offset, direction) / square;
+    inverse = 1 / spsi_dot(direction, direction);
+    middle = spsi_dot(offset, direction) * inverse;
     spsi_along(offset, direction, -middle, offset); /* from the ray's nearest point: no difference of large squares */
     half = ball->radius * ball->radius - spsi_dot(offset, offset);
     if (!(half > 0)) return 0;
-    half = sqrt(half / square);
+    half = sqrt(half);
+    depth = ball->depth_per_radius * half;
+    half *= sqrt(inverse);
     t0 = middle - half;
     t1 = middle + half;
-    depth = ball->depth * half * sqrt(square) / ball->radius;
     if (map->rays.perspective && t0 < 0) { /* the light is inside, or past it */
         if (!(t1 > 0)) return 0;
         depth *= t1 / (t1 - t0);
@@ -6231,6 +6232,7 @@ static sps_result spsi_tmap_build(sps_context *context, const sps_view *light, c
     const size_t texels = (size_t)light->width * (size_t)light->height;
     map->context = context;
     map->settings = *settings;
+    map->per_depth = 1 / (settings->far_depth - settings->near_depth);
     if (spsi_rays_build(context, light, &map->rays)) return context->result;
     if (settings->technique == SPS_TMAP_DEEP) return SPS_OK;
     if (!spsi_tmap_reserve(map, &map->texels, texels, (size_t)settings->components * sizeof(float)))

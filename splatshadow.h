@@ -121,7 +121,8 @@ typedef enum sps_result {
     SPS_ERROR_MEMORY,      /* the allocator gave NULL, or memory_limit would be passed */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a provider delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no single slicing direction serves this camera and this light: see sps_light */
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction serves camera and light (sps_light), or numbers leave floats' range
+                            */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -344,8 +345,7 @@ typedef struct sps_plan_report {
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls; /* exact */
     uint64_t voxels_read;                                         /* exact, borders of blocks counted each time */
-    size_t
-        bytes; /* all that the context will hold, at most; often 2 or 3 times what it comes to; image.depth included */
+    size_t bytes; /* all that the context will hold, at most, often 2 or 3 times what it comes to; with image.depth */
 } sps_plan_report;
 
 typedef struct sps_stats_report {
@@ -367,9 +367,9 @@ typedef struct sps_stats_report {
 
 /* A ball of gas, equally dense throughout. */
 typedef struct sps_particle {
-    float position[3]; /* world */
-    float radius;      /* world units, >= 0; 0 casts no shadow */
-    float depth;       /* optical depth along its diameter, 0..1e18; less along a shorter chord */
+    float position[3];   /* world */
+    float radius;        /* world units, >= 0; 0 casts no shadow */
+    float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
 typedef struct sps_particles {
@@ -385,9 +385,9 @@ typedef struct sps_particles {
 /* How a transmittance map keeps optical depth along each texel's ray. In none does the order of insertion matter but
    for rounding. u is the share of the way from near_depth to far_depth. */
 typedef enum sps_tmap_technique {
-    /* Every stretch of every particle: the exact answer along the texels' own rays, to measure the others by. 12 bytes
-       a stretch, and as much again while it is made; a query adds up the stretches of four texels that begin before it.
-     */
+    /* Every stretch of every particle: the exact answer along the texels' own rays, to measure the others by. Holds 12
+       bytes a stretch and 4 a texel, and until it is finished 20 a particle; a query adds up the stretches of four
+       texels that begin before it. */
     SPS_TMAP_DEEP = 0,
     /* Optical depth at `components` planes, u = 1/n, 2/n .. 1, straight lines between. Exact at the planes; between
        them, the planes before and after bracket the truth. Insertion costs n, a query 4 x 2 look-ups. */
@@ -459,13 +459,15 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 
 /* A transmittance map: what an engine looks shadows of gases up in. `light` is the light's own view, of which the size
    (the map's, in texels) and the camera count: perspective for a point light or a spot, orthographic for a directional
-   one. Add occluders, finish, query. Errors: ARGUMENT, MEMORY; *map is NULL then. */
+   one. Add occluders, finish, query. A call on a map counts as one on its context, but for sps_tmap_query and what
+   reads a finished map. Errors: ARGUMENT, MEMORY; *map is NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
 /* Inserts particles: along each texel's ray the chord, at its place. One that is smaller than a texel is spread over
    one, so that none falls between rays. May be called any number of times before sps_tmap_finish. After a failure the
-   map may hold some of them, and is good for sps_tmap_destroy only. Errors: ARGUMENT, MEMORY, CALLBACK, DATA. */
+   map may hold some of them, and is good for sps_tmap_destroy only. Errors: ARGUMENT, MEMORY, CALLBACK, DATA,
+   CANCELLED. */
 SPS_API sps_result sps_tmap_add_particles(sps_tmap *map, const sps_particles *particles);
 
 /* Makes the map ready for queries; nothing can be added after. Errors: ARGUMENT (finished already), MEMORY. */
@@ -963,21 +965,24 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     return data;
 }
 
+static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
+    spsi_release(context, buffer->data, buffer->size);
+    buffer->data = NULL;
+    buffer->size = 0;
+}
+
 /* Makes a buffer hold count * size bytes at least; what it held is lost if it has to grow. NULL: failed. */
-static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
-    spsi_buffer *buffer = &context->buffers[id];
+static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size_t count, size_t size) {
     const size_t wanted = count > 0 ? count : 1;
     if (buffer->data && buffer->size / size >= wanted) return buffer->data;
-    spsi_release(context, buffer->data, buffer->size);
-    buffer->size = 0;
+    spsi_buffer_release(context, buffer);
     buffer->data = spsi_acquire(context, wanted, size);
     if (buffer->data) buffer->size = wanted * size;
     return buffer->data;
 }
 
-/* As spsi_reserve, but keeps the first `kept` items and grows by half at least. */
-static void *spsi_extend(sps_context *context, spsi_buffer_id id, size_t kept, size_t count, size_t size) {
-    spsi_buffer *buffer = &context->buffers[id];
+/* As spsi_buffer_reserve, but keeps the first `kept` items and grows by half at least. */
+static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
     const size_t held = buffer->size / size, grown = held + held / 2;
     const size_t wanted = grown > count ? grown : count;
     void *data;
@@ -989,6 +994,15 @@ static void *spsi_extend(sps_context *context, spsi_buffer_id id, size_t kept, s
     buffer->data = data;
     buffer->size = wanted * size;
     return data;
+}
+
+/* The same for the context's numbered buffers. */
+static void *spsi_reserve(sps_context *context, spsi_buffer_id id, size_t count, size_t size) {
+    return spsi_buffer_reserve(context, &context->buffers[id], count, size);
+}
+
+static void *spsi_extend(sps_context *context, spsi_buffer_id id, size_t kept, size_t count, size_t size) {
+    return spsi_buffer_extend(context, &context->buffers[id], kept, count, size);
 }
 
 static int spsi_worker_count(const sps_context *context) {
@@ -2347,6 +2361,17 @@ static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *pl
     return 1;
 }
 
+/* Depths at a vector of pixels that may lie outside of the image, whose edge is repeated there; infinity without hits.
+ */
+static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
+    const int row = spsi_least(spsi_most(y, 0), height - 1);
+    float depth[SPSI_LANES];
+    if (!hits) return spsi_set(SPSI_INFINITY);
+    for (int i = 0; i < SPSI_LANES; ++i)
+        depth[i] = hits[(size_t)row * (size_t)width + (size_t)spsi_least(spsi_most(x + i, 0), width - 1)].depth;
+    return spsi_load(depth);
+}
+
 static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int index, spsi_faces *faces,
                                    spsi_face *list) {
     const size_t batch = 256;
@@ -3048,16 +3073,8 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
 /* v of the polygon in front of which a section must end, and of the near plane behind which it begins. */
 static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, int x, int y, spsi_v mean,
                                spsi_v per_depth, spsi_v *low, spsi_v *high) {
-    float depth[SPSI_LANES];
-    spsi_v beyond = spsi_set(SPSI_INFINITY), near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
-    if (tile->limits) {
-        const int row = spsi_least(spsi_most(y, 0), tile->limit_height - 1); /* margins repeat the edge */
-        for (int i = 0; i < SPSI_LANES; ++i) {
-            const int column = spsi_least(spsi_most(x + i, 0), tile->limit_width - 1);
-            depth[i] = tile->limits[(size_t)row * (size_t)tile->limit_width + (size_t)column].depth;
-        }
-        beyond = spsi_load(depth);
-    }
+    spsi_v beyond = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
+    spsi_v near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
     beyond = spsi_clamp(spsi_mul(spsi_sub(beyond, mean), per_depth), spsi_set(-2), spsi_set(2));
     near_v = spsi_clamp(near_v, spsi_set(-2), beyond);
     *low = s->sign > 0 ? near_v : spsi_sub(spsi_set(0), beyond);
@@ -3536,19 +3553,6 @@ static spsi_sample *spsi_samples_reserve(sps_context *context, int count) {
     return memory ? (spsi_sample *)(void *)(memory + (beyond ? SPSI_SAMPLE_ALIGNMENT - beyond : 0)) : NULL;
 }
 
-/* The depth of polygons at pixels that may lie outside of the image, which repeats its edge. */
-static inline spsi_v spsi_polygons_around(const spsi_shader *shader, int x, int y) {
-    const spsi_rays *eye = &shader->frame->eye;
-    const int row = spsi_least(spsi_most(y, 0), eye->height - 1);
-    float depth[SPSI_LANES];
-    if (!shader->hits) return spsi_set(SPSI_INFINITY);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const int column = spsi_least(spsi_most(x + i, 0), eye->width - 1);
-        depth[i] = shader->hits[(size_t)row * (size_t)eye->width + (size_t)column].depth;
-    }
-    return spsi_load(depth);
-}
-
 static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
     spsi_v slope;
     line->x = x;
@@ -3558,7 +3562,7 @@ static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi
     slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
     line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
     line->scale = spsi_div(spsi_set(1), slope);
-    line->polygon = spsi_polygons_around(shader, x, y);
+    line->polygon = spsi_hit_depths(shader->hits, shader->frame->eye.width, shader->frame->eye.height, x, y);
 }
 
 static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
@@ -4301,8 +4305,7 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
 }
 
 /* Ends the rays that little comes through any more before plane k: what is left is taken as seen there, so that no
-   bright background shines through, and whatever is still added to them counts nothing. Gives 0 where all have ended.
- */
+   bright background shines through, and what is still added to them counts nothing. Gives 0 where all have ended. */
 static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
     const int bits = spsi_bits(open);
@@ -5856,36 +5859,18 @@ typedef struct spsi_stretch {
     float u0, u1, depth;
 } spsi_stretch;
 
-/* A block of memory of a map's own. */
-typedef struct spsi_tmap_memory {
-    void *data;
-    size_t size;
-} spsi_tmap_memory;
-
 struct sps_tmap {
     sps_context *context;
     sps_tmap_settings settings;
     spsi_rays rays;
     double per_depth; /* 1 / (far - near) */
     int finished;
-    size_t particle_count;      /* kept, for a deep map */
-    spsi_tmap_memory texels;    /* floats */
-    spsi_tmap_memory particles; /* of a deep map, until it is finished */
-    spsi_tmap_memory starts;    /* of a deep map: each texel's first stretch, and one more */
-    spsi_tmap_memory stretches;
+    size_t particle_count; /* kept, for a deep map */
+    spsi_buffer texels;    /* floats */
+    spsi_buffer particles; /* of a deep map, until it is finished */
+    spsi_buffer starts;    /* of a deep map: each texel's first stretch, and one more */
+    spsi_buffer stretches;
 };
-
-static int spsi_tmap_reserve(sps_tmap *map, spsi_tmap_memory *memory, size_t count, size_t size) {
-    memory->data = spsi_acquire(map->context, count, size);
-    memory->size = memory->data ? count * size : 0;
-    return memory->data != NULL;
-}
-
-static void spsi_tmap_release(sps_tmap *map, spsi_tmap_memory *memory) {
-    spsi_release(map->context, memory->data, memory->size);
-    memory->data = NULL;
-    memory->size = 0;
-}
 
 static double spsi_tmap_share(const sps_tmap *map, double t) { return (t - map->settings.near_depth) * map->per_depth; }
 
@@ -5903,7 +5888,7 @@ static void spsi_ball_build(const sps_tmap *map, const sps_particle *particle, s
     spsi_project(rays, ball->centre, q);
     least = 0.75 * fmax(spsi_length(rays->a), spsi_length(rays->b)) * (rays->perspective ? fmax(q[2], 0) : 1);
     ball->radius = fmax((double)particle->radius, least);
-    ball->depth = (double)particle->depth;
+    ball->depth = (double)particle->optical_depth;
     if ((double)particle->radius < least) ball->depth *= pow((double)particle->radius / least, 2);
     ball->depth_per_radius = ball->radius > 0 ? ball->depth / ball->radius : 0;
     for (int corner = 0; corner < 8; ++corner) {
@@ -6106,14 +6091,14 @@ static sps_result spsi_particles_check(sps_context *context, const sps_particle 
         SPS_SNPRINTF(field, sizeof field, "particle[%.0f].%s", (double)(first + i),
                      bad                                                          ? "position"
                      : !(list[i].radius >= 0 && list[i].radius <= SPSI_VALUE_MAX) ? "radius"
-                                                                                  : "depth");
+                                                                                  : "optical_depth");
         if (bad)
             return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, *bad, "it must be within 1e15");
         if (!(list[i].radius >= 0 && (double)list[i].radius <= SPSI_COORDINATE_MAX))
             return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].radius,
                                    "it must be 0..1e15");
-        if (!(list[i].depth >= 0 && list[i].depth <= SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].depth,
+        if (!(list[i].optical_depth >= 0 && list[i].optical_depth <= SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].optical_depth,
                                    "it must be 0..1e18");
     }
     return SPS_OK;
@@ -6121,16 +6106,11 @@ static sps_result spsi_particles_check(sps_context *context, const sps_particle 
 
 /* Keeps a batch for a deep map, whose texels are only then counted when all is there. */
 static sps_result spsi_tmap_keep(sps_tmap *map, const sps_particle *list, size_t count) {
-    const size_t room = map->particles.size / sizeof *list, wanted = map->particle_count + count;
-    if (room < wanted) {
-        spsi_tmap_memory grown;
-        if (!spsi_tmap_reserve(map, &grown, wanted + wanted / 2, sizeof *list)) return map->context->result;
-        if (map->particle_count) memcpy(grown.data, map->particles.data, map->particle_count * sizeof *list);
-        spsi_tmap_release(map, &map->particles);
-        map->particles = grown;
-    }
-    memcpy((sps_particle *)map->particles.data + map->particle_count, list, count * sizeof *list);
-    map->particle_count = wanted;
+    sps_particle *kept = (sps_particle *)spsi_buffer_extend(map->context, &map->particles, map->particle_count,
+                                                            map->particle_count + count, sizeof *list);
+    if (!kept) return map->context->result;
+    memcpy(kept + map->particle_count, list, count * sizeof *list);
+    map->particle_count += count;
     return SPS_OK;
 }
 
@@ -6181,7 +6161,7 @@ static sps_result spsi_tmap_finish_deep(sps_tmap *map) {
     const sps_particle *particles = (const sps_particle *)map->particles.data;
     uint64_t sum = 0;
     uint32_t *starts;
-    if (!spsi_tmap_reserve(map, &map->starts, texels + 1, sizeof(uint32_t))) return map->context->result;
+    if (!spsi_buffer_reserve(map->context, &map->starts, texels + 1, sizeof(uint32_t))) return map->context->result;
     starts = (uint32_t *)map->starts.data;
     memset(starts, 0, (texels + 1) * sizeof *starts);
     if (spsi_tmap_run(map, particles, map->particle_count, SPSI_TMAP_COUNT)) return map->context->result;
@@ -6192,13 +6172,13 @@ static sps_result spsi_tmap_finish_deep(sps_tmap *map) {
     if (sum > UINT32_MAX)
         return spsi_fail_field(map->context, SPS_ERROR_MEMORY, "tmap", -1, "stretches", (double)sum,
                                "a deep map holds 2^32 - 1 at most");
-    if (!spsi_tmap_reserve(map, &map->stretches, sum > 0 ? (size_t)sum : 1, sizeof(spsi_stretch)))
+    if (!spsi_buffer_reserve(map->context, &map->stretches, (size_t)sum, sizeof(spsi_stretch)))
         return map->context->result;
     if (spsi_tmap_run(map, particles, map->particle_count, SPSI_TMAP_KEEP)) return map->context->result;
     memmove(starts + 1, starts, texels * sizeof *starts); /* each had moved on to where the next begins */
     starts[0] = 0;
     spsi_parallel(map->context, map->rays.height, spsi_tmap_sort_task, map);
-    spsi_tmap_release(map, &map->particles);
+    spsi_buffer_release(map->context, &map->particles);
     return SPS_OK;
 }
 
@@ -6235,7 +6215,7 @@ static sps_result spsi_tmap_build(sps_context *context, const sps_view *light, c
     map->per_depth = 1 / (settings->far_depth - settings->near_depth);
     if (spsi_rays_build(context, light, &map->rays)) return context->result;
     if (settings->technique == SPS_TMAP_DEEP) return SPS_OK;
-    if (!spsi_tmap_reserve(map, &map->texels, texels, (size_t)settings->components * sizeof(float)))
+    if (!spsi_buffer_reserve(map->context, &map->texels, texels, (size_t)settings->components * sizeof(float)))
         return context->result;
     memset(map->texels.data, 0, map->texels.size);
     for (size_t i = 0; i < texels && settings->technique == SPS_TMAP_BEER; ++i)
@@ -6372,10 +6352,10 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
 
 SPS_API void sps_tmap_destroy(sps_tmap *map) {
     if (!map) return;
-    spsi_tmap_release(map, &map->texels);
-    spsi_tmap_release(map, &map->particles);
-    spsi_tmap_release(map, &map->starts);
-    spsi_tmap_release(map, &map->stretches);
+    spsi_buffer_release(map->context, &map->texels);
+    spsi_buffer_release(map->context, &map->particles);
+    spsi_buffer_release(map->context, &map->starts);
+    spsi_buffer_release(map->context, &map->stretches);
     spsi_release(map->context, map, sizeof *map);
 }
 
@@ -6416,8 +6396,8 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     spsi_begin(map->context);
     if (map->finished) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
     if (map->settings.technique == SPS_TMAP_DEEP && spsi_tmap_finish_deep(map)) {
-        spsi_tmap_release(map, &map->starts);
-        spsi_tmap_release(map, &map->stretches);
+        spsi_buffer_release(map->context, &map->starts);
+        spsi_buffer_release(map->context, &map->stretches);
         return map->context->result;
     }
     if (map->settings.technique == SPS_TMAP_BEER)

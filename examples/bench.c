@@ -378,7 +378,7 @@ static sps_particle *puff_build(size_t count) {
         if (ex_dot(at, at) > 1) continue;
         for (int k = 0; k < 3; ++k) list[i].position[k] = (float)at[k];
         list[i].radius = (float)(0.02 + 0.01 * at[3]);
-        list[i++].depth = 0.05f;
+        list[i++].optical_depth = 0.05f;
     }
     return list;
 }

@@ -798,15 +798,20 @@ static void engine_matrix(const sps_view *view, int style, double m[16]) {
     for (int i = 0; i < 16 && style == 4; ++i) m[i] *= 0.37;
 }
 
+/* A view along no axis, for matrices to match. */
+static void lively_aslant(check_scene *s) {
+    lively(s, 25, 16);
+    check_set3(s->view.up, 0.2, 1, 0.1);
+    check_set3(s->view.target, 0.1, 0, -0.1);
+    s->view.ortho_height = 2;
+}
+
 /* Both ways lead to the same rays in double precision; images differ by rounding of floats. */
 static void test_engine_matrices(void) {
     for (int style = 0; style < 5; ++style) {
         check_scene s;
         double matrix[16];
-        lively(&s, 25, 16);
-        check_set3(s.view.up, 0.2, 1, 0.1);
-        check_set3(s.view.target, 0.1, 0, -0.1);
-        s.view.ortho_height = 2;
+        lively_aslant(&s);
         engine_matrix(&s.view, style, matrix);
         if (style == 2 || style == 3) s.view.field_of_view = 0;
         if (!check_render_depth(context, &s, image_a, depth_a)) return;
@@ -832,10 +837,7 @@ static void test_engine_matrices(void) {
 static void test_reversed_orthographic_matrix(void) {
     check_scene s;
     double matrix[16];
-    lively(&s, 25, 16);
-    check_set3(s.view.up, 0.2, 1, 0.1);
-    check_set3(s.view.target, 0.1, 0, -0.1);
-    s.view.ortho_height = 2;
+    lively_aslant(&s);
     engine_matrix(&s.view, 2, matrix);
     s.view.field_of_view = 0;
     for (int k = 0; k < 3; ++k) s.view.position[k] = 2 * s.view.target[k] - s.view.position[k];

@@ -1076,9 +1076,15 @@ static inline int ex_scene_options_read(int argc, char **argv, ex_scene_options 
     return options->out ? ex_check_writable(options->out, error) : ex_fail(error, "--out FILE.png is missing");
 }
 
-/* Renders at twice the size, for the edges of polygons, and writes the picture. */
+/* What a program does to the large picture before it is made small. Distances are rendered only for that. */
+typedef struct ex_finish {
+    void (*apply_fn)(void *user, const sps_view *view, const sps_image *image);
+    void *user;
+} ex_finish;
+
+/* Renders at twice the size, for the edges of polygons, and writes the picture. `finish` may be NULL. */
 static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, const ex_scene_options *options,
-                                  float exposure, ex_error *error) {
+                                  float exposure, const ex_finish *finish, ex_error *error) {
     ex_session session;
     sps_image image;
     sps_view large = *view;
@@ -1089,10 +1095,13 @@ static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, 
     if (options->quality) large.quality = (sps_quality)options->quality;
     memset(&image, 0, sizeof image);
     if (ex_session_begin(&session, options->threads, error)) return 1;
-    image.rgba = (float *)ex_allocate((size_t)large.width * (size_t)large.height, 4 * sizeof(float));
+    const size_t pixels = (size_t)large.width * (size_t)large.height;
+    image.rgba = (float *)ex_allocate(pixels, 4 * sizeof(float));
+    if (finish) image.depth = (float *)ex_allocate(pixels, sizeof(float));
     const double start = ex_now(NULL);
     int failed = sps_render(session.context, scene, &large, &image) != SPS_OK;
     if (failed) ex_fail(error, "%s", sps_error(session.context));
+    if (finish && !failed) finish->apply_fn(finish->user, &large, &image);
     const double seconds = ex_now(NULL) - start;
     ex_session_end(&session);
     if (!failed) {
@@ -1101,18 +1110,21 @@ static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, 
     }
     if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, width, height, seconds);
     free(image.rgba);
+    free(image.depth);
     return failed;
 }
 
 /* All that the main of a scene program has left to do: reads --out FILE.png --width W --threads N --quality Q and
-   makes the picture; the view gives the usual size. Returns main's status: 2 for options, 1 for a failed render. */
-static inline int ex_scene_main(int argc, char **argv, const sps_scene *scene, const sps_view *view, float exposure) {
+   makes the picture; the view gives the usual size. `finish` may be NULL. Returns main's status: 2 for options, 1 for a
+   failed render. */
+static inline int ex_scene_main(int argc, char **argv, const sps_scene *scene, const sps_view *view, float exposure,
+                                const ex_finish *finish) {
     ex_scene_options options;
     ex_error error;
     int status = 0;
     if (ex_scene_options_read(argc, argv, &options, &error))
         status = 2;
-    else if (ex_scene_render(scene, view, &options, exposure, &error))
+    else if (ex_scene_render(scene, view, &options, exposure, finish, &error))
         status = 1;
     if (status) fprintf(stderr, "%s: %s\n", argv[0], error.text);
     return status;

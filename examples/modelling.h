@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-modelling.h: what the scene programs build their pictures from: noise, polygon shapes, densities and a tree.
+modelling.h: what the scene programs build their pictures from: noise, densities, polygon shapes, metaballs,
+marching cubes, thickness of meshes, smoke puffs and a tree.
 Include after common.h. Everything is deterministic: the same program makes the same picture.
 World axes: x to the right, y up, z towards the viewer. Colours are linear. */
 
@@ -291,6 +292,449 @@ static inline void ex_shape_box(ex_mesh *mesh, ex_vec low, ex_vec high, const fl
     ex_shape_quad(mesh, p[1], p[3], p[7], p[5], color);
 }
 
+/* -------------------------------------------------------------------------------------------- metaballs */
+
+/* A number for every point in space, say a density; its surface at a level is what ex_shape_field makes a mesh of. */
+typedef double (*ex_field_fn)(void *user, ex_vec p);
+
+/* A ball whose field falls from `strength` at its centre to 0 at `radius`. Fields of balls that meet add up, and so
+   their surfaces flow into each other. [after Wyvill, McPheeters & Wyvill 1986] */
+typedef struct ex_metaball {
+    ex_vec center;
+    double radius, strength;
+} ex_metaball;
+
+typedef struct ex_metaballs {
+    const ex_metaball *balls;
+    int count;
+} ex_metaballs;
+
+/* A cubic in the squared distance: no root to take, and the first two derivatives end at 0 too, so no rim shows. */
+static inline double ex_metaball_value(const ex_metaball *ball, ex_vec p) {
+    const ex_vec d = ex_vec_sub(p, ball->center);
+    const double rest = 1 - ex_vec_dot(d, d) / (ball->radius * ball->radius);
+    return rest > 0 ? ball->strength * rest * rest * rest : 0;
+}
+
+/* ex_field_fn, with ex_metaballs as `user`. */
+static inline double ex_metaballs_value(void *user, ex_vec p) {
+    const ex_metaballs *all = (const ex_metaballs *)user;
+    double sum = 0;
+    for (int i = 0; i < all->count; ++i) sum += ex_metaball_value(&all->balls[i], p);
+    return sum;
+}
+
+/* sps_volume.eval_fn, with ex_metaballs as `user`. */
+static inline int ex_metaballs_eval(void *user, size_t count, const double *positions, float *out) {
+    for (size_t i = 0; i < count; ++i, positions += 3)
+        out[i] = (float)ex_metaballs_value(user, ex_vec_of(positions[0], positions[1], positions[2]));
+    return 0;
+}
+
+/* --------------------------------------------------------------------------------------- marching cubes */
+
+/* A field at the corners of cubic cells: the field less the level, so that it is positive inside. */
+typedef struct ex_samples {
+    double *values; /* x fastest */
+    int size[3];    /* corners along x, y, z */
+    ex_vec low;
+    double step;
+} ex_samples;
+
+static inline double *ex_samples_at(const ex_samples *samples, const int at[3]) {
+    const size_t row = (size_t)at[2] * (size_t)samples->size[1] + (size_t)at[1];
+    return samples->values + row * (size_t)samples->size[0] + at[0];
+}
+
+/* The corners on the box's own faces are made to lie outside: a surface that would leave the box is closed there. */
+static inline ex_samples ex_samples_take(ex_field_fn field, void *user, double level, ex_vec low, ex_vec high,
+                                         int cells) {
+    const double side[3] = {high.x - low.x, high.y - low.y, high.z - low.z};
+    ex_samples s;
+    int at[3];
+    s.low = low, s.step = fmax(side[0], fmax(side[1], side[2])) / cells;
+    for (int i = 0; i < 3; ++i) s.size[i] = 1 + (int)fmax(ceil(side[i] / s.step - 1e-6), 1);
+    s.values = (double *)ex_allocate((size_t)s.size[0] * (size_t)s.size[1] * (size_t)s.size[2], sizeof *s.values);
+    for (at[2] = 0; at[2] < s.size[2]; ++at[2])
+        for (at[1] = 0; at[1] < s.size[1]; ++at[1])
+            for (at[0] = 0; at[0] < s.size[0]; ++at[0]) {
+                const ex_vec offset = ex_vec_scale(ex_vec_of(at[0], at[1], at[2]), s.step);
+                const double value = field(user, ex_vec_add(low, offset)) - level;
+                int border = 0;
+                for (int i = 0; i < 3; ++i) border |= at[i] == 0 || at[i] == s.size[i] - 1;
+                *ex_samples_at(&s, at) = border ? -fabs(value) : value;
+            }
+    return s;
+}
+
+/* The gradient at a corner, in values per cell: central differences, one-sided on the box's faces. */
+static inline ex_vec ex_samples_gradient(const ex_samples *samples, const int at[3]) {
+    double slope[3];
+    for (int i = 0; i < 3; ++i) {
+        int before[3] = {at[0], at[1], at[2]}, after[3] = {at[0], at[1], at[2]};
+        before[i] -= at[i] > 0, after[i] += at[i] < samples->size[i] - 1;
+        slope[i] = (*ex_samples_at(samples, after) - *ex_samples_at(samples, before)) / (after[i] - before[i]);
+    }
+    return ex_vec_of(slope[0], slope[1], slope[2]);
+}
+
+/* A cell's corners are numbered by bits: 1 the upper x, 2 the upper y, 4 the upper z. Its edges go up an axis from a
+   corner: 3 * corner + axis, where only 12 of the 24 numbers are edges. */
+static inline int ex_cell_edge(int corner, int other) { return 3 * (corner & other) + ((corner ^ other) >> 1); }
+
+/* The cell's faces that an edge lies in, a bit for each of the six. */
+static inline int ex_edge_faces(int edge) {
+    int faces = 0;
+    for (int axis = 0; axis < 3; ++axis)
+        if (axis != edge % 3) faces |= 1 << (2 * axis + (edge / 3 >> axis & 1));
+    return faces;
+}
+
+/* For each edge that the surface crosses, the edge that follows along the surface's border on the cell's faces; -1 for
+   the others. A walk round each face, counter-clockwise from outside of the cell, enters and leaves runs of inside
+   corners, and the border joins each entry to the exit of the same run. Every edge is walked once either way, so the
+   borders close to loops, counter-clockwise from outside of the surface. Where inside corners face each other across
+   a face, they are parted; the neighbour sees the same face and does the same. */
+static inline void ex_cell_borders(int inside, int follower[24]) {
+    for (int i = 0; i < 24; ++i) follower[i] = -1;
+    for (int face = 0; face < 6; ++face) {
+        const int axis = face / 2, upper = face & 1, base = upper << axis;
+        const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3;
+        const int ring[4] = {base, base | (upper ? u : v), base | u | v, base | (upper ? v : u)};
+        int entry = -1;
+        for (int i = 0; i < 8; ++i) { /* twice round, as a run may begin anywhere */
+            const int from = ring[i & 3], to = ring[(i + 1) & 3];
+            if ((inside >> from & 1) == (inside >> to & 1)) continue;
+            if (inside >> to & 1)
+                entry = ex_cell_edge(from, to);
+            else if (entry >= 0)
+                follower[entry] = ex_cell_edge(from, to);
+        }
+    }
+}
+
+/* Takes the loop that goes through `start` out of the borders; gives how many edges it has, 3 to 7, or 0. */
+static inline int ex_cell_loop(int follower[24], int start, int loop[12]) {
+    int count = 0;
+    for (int edge = start; follower[edge] >= 0;) {
+        const int next = follower[edge];
+        loop[count++] = edge;
+        follower[edge] = -1;
+        edge = next;
+    }
+    return count;
+}
+
+/* Where in the loop a fan of triangles can start without a diagonal that lies in a face of the cell: the neighbour
+   could have the same diagonal, and four triangles would meet there. All loops that occur have such a place; -1 for
+   none. */
+static inline int ex_loop_apex(const int loop[12], int count) {
+    for (int apex = 0; apex < count; ++apex) {
+        int shared = 0;
+        for (int i = 2; i < count - 1; ++i)
+            shared |= ex_edge_faces(loop[apex]) & ex_edge_faces(loop[(apex + i) % count]);
+        if (!shared) return apex;
+    }
+    return -1;
+}
+
+/* Where the surface crosses an edge, and which way is out. The same bits in all four cells round the edge; kept off the
+   edge's ends a little, so that no triangle shrinks to nothing. */
+static inline void ex_samples_crossing(const ex_samples *samples, const int cell[3], int edge, float position[3],
+                                       float normal[3]) {
+    const int corner = edge / 3, axis = edge % 3;
+    const int from[3] = {cell[0] + (corner & 1), cell[1] + (corner >> 1 & 1), cell[2] + (corner >> 2)};
+    const int to[3] = {from[0] + (axis == 0), from[1] + (axis == 1), from[2] + (axis == 2)};
+    const double a = *ex_samples_at(samples, from), b = *ex_samples_at(samples, to);
+    const double t = ex_clamp(a / (a - b), 1e-3, 1 - 1e-3);
+    const ex_vec at =
+        ex_vec_of(from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1]), from[2] + t * (to[2] - from[2]));
+    const ex_vec slope = ex_vec_add(ex_vec_scale(ex_samples_gradient(samples, from), 1 - t),
+                                    ex_vec_scale(ex_samples_gradient(samples, to), t));
+    ex_store(position, ex_vec_add(samples->low, ex_vec_scale(at, samples->step)));
+    ex_store(normal, ex_vec_scale(ex_vec_unit(slope), -1));
+}
+
+static inline void ex_samples_cell(const ex_samples *samples, const int cell[3], const float color[3], ex_mesh *mesh) {
+    int inside = 0, follower[24], loop[12];
+    for (int c = 0; c < 8; ++c) {
+        const int at[3] = {cell[0] + (c & 1), cell[1] + (c >> 1 & 1), cell[2] + (c >> 2)};
+        inside |= (*ex_samples_at(samples, at) > 0) << c;
+    }
+    if (inside == 0 || inside == 255) return;
+    ex_cell_borders(inside, follower);
+    for (int start = 0; start < 24; ++start) {
+        const int count = ex_cell_loop(follower, start, loop), apex = ex_loop_apex(loop, count);
+        for (int i = 1; i < count - 1; ++i) {
+            const int fan[3] = {apex, apex + i, apex + i + 1};
+            sps_triangle t;
+            for (int c = 0; c < 3; ++c) {
+                ex_samples_crossing(samples, cell, loop[fan[c] % count], t.position[c], t.normal[c]);
+                memcpy(t.color[c], color, sizeof t.color[c]);
+            }
+            ex_shape_triangle(mesh, &t);
+        }
+    }
+}
+
+/* Marching cubes: adds the surface on which the field is at `level`, with what is above it inside: closed, triangles
+   counter-clockwise from outside, normals along the field's gradient. The box low..high is cut into cubic cells,
+   `cells` of them along its longest side; there must be something below the level all round. [Lorensen & Cline 1987;
+   the triangles of a cell come from its borders on the cell's faces instead of a table] */
+static inline void ex_shape_field(ex_mesh *mesh, ex_field_fn field, void *user, double level, ex_vec low, ex_vec high,
+                                  int cells, const float color[3]) {
+    ex_samples samples = ex_samples_take(field, user, level, low, high, cells);
+    int cell[3];
+    for (cell[2] = 0; cell[2] < samples.size[2] - 1; ++cell[2])
+        for (cell[1] = 0; cell[1] < samples.size[1] - 1; ++cell[1])
+            for (cell[0] = 0; cell[0] < samples.size[0] - 1; ++cell[0]) ex_samples_cell(&samples, cell, color, mesh);
+    free(samples.values);
+}
+
+/* ------------------------------------------------------------------------- thickness of a closed mesh */
+
+/* The rays of a view that has a position, a target and an `up` across them; neither matrix nor region. */
+typedef struct ex_camera {
+    ex_vec eye, right, up, forward;
+    double scale; /* pixels to the side per unit of x / z; orthographic: of x */
+    int perspective, width, height;
+} ex_camera;
+
+static inline ex_camera ex_camera_of(const sps_view *view) {
+    ex_camera c;
+    c.eye = ex_vec_of(view->position[0], view->position[1], view->position[2]);
+    c.forward = ex_vec_unit(ex_vec_sub(ex_vec_of(view->target[0], view->target[1], view->target[2]), c.eye));
+    c.right = ex_vec_unit(ex_vec_cross(c.forward, ex_vec_of(view->up[0], view->up[1], view->up[2])));
+    c.up = ex_vec_cross(c.right, c.forward);
+    c.perspective = view->field_of_view > 0;
+    c.width = view->width, c.height = view->height;
+    c.scale = c.perspective ? 0.5 * c.height / tan(0.5 * view->field_of_view)
+                            : c.height / (view->ortho_height > 0 ? view->ortho_height : 1);
+    return c;
+}
+
+/* x to the right, y up, z away from the eye. */
+static inline ex_vec ex_camera_space(const ex_camera *camera, const float position[3]) {
+    const ex_vec d = ex_vec_sub(ex_vec_of((double)position[0], (double)position[1], (double)position[2]), camera->eye);
+    return ex_vec_of(ex_vec_dot(d, camera->right), ex_vec_dot(d, camera->up), ex_vec_dot(d, camera->forward));
+}
+
+#define EX_SUBPIXELS  256.0       /* corners are rounded to so many steps a pixel, and all that follows is exact */
+#define EX_SCREEN_MAX 536870912.0 /* steps: products of two differences still fit into 64 bits */
+
+typedef struct ex_thickness {
+    ex_camera camera;
+    double near;        /* z from which on triangles count, so that none is further out than EX_SCREEN_MAX */
+    const float *depth; /* where each ray ends; NULL: nowhere */
+    double *sums;       /* for each pixel */
+} ex_thickness;
+
+/* A triangle in the camera's space. */
+typedef struct ex_facet {
+    ex_vec corner[3], normal;
+    double nearest, furthest; /* z */
+} ex_facet;
+
+static inline ex_facet ex_facet_of(const ex_camera *camera, const sps_triangle *triangle) {
+    ex_facet f;
+    for (int i = 0; i < 3; ++i) f.corner[i] = ex_camera_space(camera, triangle->position[i]);
+    f.normal = ex_vec_cross(ex_vec_sub(f.corner[1], f.corner[0]), ex_vec_sub(f.corner[2], f.corner[0]));
+    f.nearest = fmax(fmin(f.corner[0].z, fmin(f.corner[1].z, f.corner[2].z)), 0);
+    f.furthest = fmax(f.corner[0].z, fmax(f.corner[1].z, f.corner[2].z));
+    return f;
+}
+
+/* Cuts off what is nearer than `near`; leaves 0, 3 or 4 corners. A cut edge is cut from its further end on, whichever
+   triangle asks, so that neighbours get the same corner. */
+static inline int ex_facet_cut(const ex_facet *facet, double near, ex_vec out[4]) {
+    int count = 0;
+    for (int i = 0; i < 3; ++i) {
+        const ex_vec a = facet->corner[i], b = facet->corner[(i + 1) % 3];
+        if (a.z >= near) out[count++] = a;
+        if ((a.z >= near) == (b.z >= near)) continue;
+        const ex_vec from = a.z >= near ? a : b, to = a.z >= near ? b : a;
+        const double t = (from.z - near) / (from.z - to.z);
+        out[count++] = ex_vec_of(ex_mix(from.x, to.x, t), ex_mix(from.y, to.y, t), near);
+    }
+    return count;
+}
+
+/* Where a point is in the image, in steps from its upper left corner. */
+static inline void ex_thickness_project(const ex_camera *camera, ex_vec p, int64_t out[2]) {
+    const double scale = camera->perspective ? camera->scale / p.z : camera->scale;
+    const double x = (0.5 * camera->width + scale * p.x) * EX_SUBPIXELS;
+    const double y = (0.5 * camera->height - scale * p.y) * EX_SUBPIXELS;
+    out[0] = (int64_t)floor(ex_clamp(x, -EX_SCREEN_MAX, EX_SCREEN_MAX) + 0.5);
+    out[1] = (int64_t)floor(ex_clamp(y, -EX_SCREEN_MAX, EX_SCREEN_MAX) + 0.5);
+}
+
+/* Which side of the edge a -> b a point lies on: positive within a triangle that goes clockwise in the image. Never 0:
+   a point on the edge counts as a hair further to the right and, by a hair's square, further down, which gives it to
+   exactly one of the two triangles at an edge, and to one of all those at a corner that surround it. */
+static inline int64_t ex_side(const int64_t a[2], const int64_t b[2], const int64_t p[2]) {
+    const int64_t dx = b[0] - a[0], dy = b[1] - a[1], side = dx * (p[1] - a[1]) - dy * (p[0] - a[0]);
+    if (side != 0) return side;
+    return dy < 0 || (dy == 0 && dx > 0) ? 1 : -1;
+}
+
+/* Adds, with a sign, how far along a pixel's ray the facet's plane is. Rounded corners can put a pixel beyond the
+   facet's edge by a hair: nearest and furthest keep a facet seen edge-on from being met far away. */
+static inline void ex_thickness_add(const ex_thickness *all, const ex_facet *facet, int x, int y, double sign) {
+    const ex_camera *c = &all->camera;
+    const ex_vec ray =
+        ex_vec_of((x + 0.5 - 0.5 * c->width) / c->scale, (0.5 * c->height - y - 0.5) / c->scale, c->perspective);
+    const size_t pixel = (size_t)y * (size_t)c->width + (size_t)x;
+    const double reach = ex_vec_dot(facet->normal, facet->corner[0]), across = ex_vec_dot(facet->normal, ray);
+    const double met = c->perspective ? reach / across : (reach - across) / facet->normal.z;
+    const double z = met == met ? ex_clamp(met, facet->nearest, facet->furthest) : facet->nearest;
+    const double distance = c->perspective ? z * ex_vec_length(ray) : z;
+    all->sums[pixel] += sign * (all->depth ? fmin(distance, (double)all->depth[pixel]) : distance);
+}
+
+/* All pixels whose centres lie in a triangle of the image. Back faces count positive, front faces negative. */
+static inline void ex_thickness_fill(const ex_thickness *all, const ex_facet *facet, int64_t corner[3][2]) {
+    const int size[2] = {all->camera.width, all->camera.height};
+    const int64_t *a = corner[0], *b = corner[1], *c = corner[2];
+    const int64_t area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    int first[2], last[2];
+    if (area == 0) return;
+    if (area < 0) b = corner[2], c = corner[1];
+    for (int i = 0; i < 2; ++i) {
+        const int64_t low = a[i] < b[i] ? (a[i] < c[i] ? a[i] : c[i]) : (b[i] < c[i] ? b[i] : c[i]);
+        const int64_t high = a[i] > b[i] ? (a[i] > c[i] ? a[i] : c[i]) : (b[i] > c[i] ? b[i] : c[i]);
+        first[i] = (int)ex_clamp(floor((double)low / EX_SUBPIXELS), 0, size[i]);
+        last[i] = (int)ex_clamp(ceil((double)high / EX_SUBPIXELS), 0, size[i]);
+    }
+    for (int y = first[1]; y < last[1]; ++y)
+        for (int x = first[0]; x < last[0]; ++x) {
+            const int64_t p[2] = {(int64_t)((x + 0.5) * EX_SUBPIXELS), (int64_t)((y + 0.5) * EX_SUBPIXELS)};
+            if (ex_side(a, b, p) > 0 && ex_side(b, c, p) > 0 && ex_side(c, a, p) > 0)
+                ex_thickness_add(all, facet, x, y, area > 0 ? 1 : -1);
+        }
+}
+
+/* The largest distance of a corner of the mesh from the eye. */
+static inline double ex_thickness_reach(const ex_camera *camera, const ex_mesh *mesh) {
+    double reach = 0;
+    for (size_t t = 0; t < mesh->triangle_count; ++t)
+        for (int c = 0; c < 3; ++c)
+            reach = fmax(reach, ex_vec_length(ex_camera_space(camera, mesh->triangles[t].position[c])));
+    return reach;
+}
+
+/* Adds to sums[y * width + x] how long that pixel's ray runs inside of a closed mesh: distances to where it comes out
+   less those to where it goes in, in any order, since they are only added. Where the mesh covers itself, each layer
+   counts. A ray starts at the eye, which may be inside, and ends at depth[y * width + x] (sps_image.depth; NULL:
+   nowhere). Both come for free: what is cut off at an end adds as much as it takes, 0 or the depth. Triangles go
+   counter-clockwise from outside, as ex_shape_field makes them. */
+static inline void ex_mesh_thickness(const ex_mesh *mesh, const sps_view *view, const float *depth, double *sums) {
+    ex_thickness all;
+    all.camera = ex_camera_of(view);
+    all.near = 0;
+    all.depth = depth, all.sums = sums;
+    if (all.camera.perspective)
+        all.near = ex_thickness_reach(&all.camera, mesh) * all.camera.scale * EX_SUBPIXELS / EX_SCREEN_MAX;
+    for (size_t t = 0; t < mesh->triangle_count; ++t) {
+        const ex_facet facet = ex_facet_of(&all.camera, &mesh->triangles[t]);
+        ex_vec cut[4];
+        const int count = ex_facet_cut(&facet, all.near, cut);
+        for (int i = 1; i < count - 1; ++i) {
+            int64_t corner[3][2];
+            ex_thickness_project(&all.camera, cut[0], corner[0]);
+            ex_thickness_project(&all.camera, cut[i], corner[1]);
+            ex_thickness_project(&all.camera, cut[i + 1], corner[2]);
+            ex_thickness_fill(&all, &facet, corner);
+        }
+    }
+}
+
+/* ------------------------------------------------------------------------------------------- smoke puff */
+
+enum { EX_PUFF_PARTICLES = 2500 }; /* what one puff takes to look like smoke */
+
+/* A ball of particles whose edge turbulence has eaten into. */
+typedef struct ex_puff {
+    ex_vec center;
+    double radius;            /* no particle reaches further */
+    double smallest, largest; /* particles' radii; the small ones are at the edge */
+    double optical_depth;     /* of each particle, along its diameter */
+    uint32_t seed;
+} ex_puff;
+
+/* A point in the unit ball. */
+static inline ex_vec ex_random_in_ball(uint32_t *random) {
+    ex_vec p;
+    do {
+        p.x = 2 * ex_random(random) - 1;
+        p.y = 2 * ex_random(random) - 1;
+        p.z = 2 * ex_random(random) - 1;
+    } while (ex_vec_dot(p, p) > 1);
+    return p;
+}
+
+/* Draws points until one lies within what the turbulence leaves: two fifths of the radius at the least. */
+static inline void ex_puff_fill(const ex_puff *puff, size_t count, sps_particle *out) {
+    uint32_t random = ex_hash((int)puff->seed, 17, 3);                  /* seeds 1 and 2 start far apart */
+    const ex_vec shift = ex_vec_scale(ex_random_in_ball(&random), 100); /* another puff, another turbulence */
+    for (size_t i = 0; i < count; ++i) {
+        ex_vec p;
+        double inside;
+        do {
+            p = ex_random_in_ball(&random);
+            const double eaten = 0.6 * ex_clamp(ex_turbulence(ex_vec_add(ex_vec_scale(p, 1.7), shift), 4), 0, 1);
+            inside = 1 - eaten - ex_vec_length(p);
+        } while (inside < 0);
+        const double size = ex_ramp(0, 0.4, inside) * (0.6 + 0.4 * ex_random(&random));
+        const double radius = ex_mix(puff->smallest, puff->largest, size);
+        ex_store(out[i].position, ex_vec_add(puff->center, ex_vec_scale(p, puff->radius - radius)));
+        out[i].radius = (float)radius;
+        out[i].optical_depth = (float)puff->optical_depth;
+    }
+}
+
+/* Wind over level ground, with eddies in it. */
+typedef struct ex_wind {
+    ex_vec velocity;         /* at `height` above the ground */
+    double ground, height;   /* the ground's y; the height that `velocity` is for */
+    double exponent;         /* of the power law of speed over height; 1/7 over open land, more over rough ground */
+    double eddy_size, gusts; /* world units; speed of the eddies, about */
+    uint32_t seed;
+} ex_wind;
+
+/* The curl of three noises: swirls that neither gather nor thin out what floats in them. [Bridson et al. 2007] */
+static inline ex_vec ex_swirl(ex_vec p) {
+    const double step = 1e-3;
+    double slope[3][3]; /* of noise i along axis k */
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k) {
+            const ex_vec shift = ex_vec_of(31.4 * i, 15.9 * i, 26.5 * i);
+            const ex_vec side = ex_vec_of(step * (k == 0), step * (k == 1), step * (k == 2)), q = ex_vec_add(p, shift);
+            slope[i][k] = (ex_noise(ex_vec_add(q, side)) - ex_noise(ex_vec_sub(q, side))) / (2 * step);
+        }
+    return ex_vec_of(slope[2][1] - slope[1][2], slope[0][2] - slope[2][0], slope[1][0] - slope[0][1]);
+}
+
+static inline ex_vec ex_wind_velocity(const ex_wind *wind, ex_vec p) {
+    const double share = pow(fmax(p.y - wind->ground, 0) / wind->height, wind->exponent);
+    const ex_vec shift = ex_vec_of(wind->seed % 101, wind->seed % 103, wind->seed % 107);
+    const ex_vec swirl = ex_swirl(ex_vec_add(ex_vec_scale(p, 1 / wind->eddy_size), shift));
+    return ex_vec_add(ex_vec_scale(wind->velocity, share), ex_vec_scale(swirl, wind->gusts));
+}
+
+/* Lets the particles drift for a time, by midpoint steps; they keep their sizes and optical depths. */
+static inline void ex_puff_blow(const ex_wind *wind, double seconds, int steps, size_t count, sps_particle *particles) {
+    const double step = seconds / steps;
+    for (size_t i = 0; i < count; ++i) {
+        float *at = particles[i].position;
+        ex_vec p = ex_vec_of((double)at[0], (double)at[1], (double)at[2]);
+        for (int k = 0; k < steps; ++k) {
+            const ex_vec half = ex_vec_add(p, ex_vec_scale(ex_wind_velocity(wind, p), 0.5 * step));
+            p = ex_vec_add(p, ex_vec_scale(ex_wind_velocity(wind, half), step));
+        }
+        ex_store(at, p);
+    }
+}
+
 /* ------------------------------------------------------------------------------------------- a mushroom */
 
 /* Pale dots in rows around the cap; u runs from the rim to the top. */
@@ -491,17 +935,24 @@ static inline void ex_view_set(sps_view *view, ex_vec position, ex_vec target, d
     view->quality = SPS_QUALITY_HIGH;
 }
 
+#ifndef EX_NO_PNG
 /* ex_scene_main, with NAME.png for a picture that --out does not name: the default goes before the caller's options,
    of which the last one counts. */
-static inline int ex_scene_show(int argc, char **argv, const char *name, const sps_scene *scene, const sps_view *view) {
+static inline int ex_scene_show_finished(int argc, char **argv, const char *name, const sps_scene *scene,
+                                         const sps_view *view, const ex_finish *finish) {
     char option[] = "--out", file[64];
     char **arguments = (char **)ex_allocate((size_t)argc + 3, sizeof *arguments);
     snprintf(file, sizeof file, "%s.png", name);
     arguments[0] = argv[0], arguments[1] = option, arguments[2] = file;
     for (int i = 1; i < argc; ++i) arguments[i + 2] = argv[i];
-    const int status = ex_scene_main(argc + 2, arguments, scene, view, 1);
+    const int status = ex_scene_main(argc + 2, arguments, scene, view, 1, finish);
     free(arguments);
     return status;
 }
+
+static inline int ex_scene_show(int argc, char **argv, const char *name, const sps_scene *scene, const sps_view *view) {
+    return ex_scene_show_finished(argc, argv, name, scene, view, NULL);
+}
+#endif
 
 #endif /* EX_MODELLING_H */

@@ -12,18 +12,18 @@ static const ex_metaball heaps[] = {
     {{0.55, 2.25, 0.60}, 0.75, 1.0},  {{0.35, 3.05, 0.05}, 0.75, 1.0},  {{-0.45, 2.90, -0.1}, 0.70, 1.0},
     {{-0.20, 2.25, -0.7}, 0.85, 1.0}, {{0.80, 2.20, -0.7}, 0.75, 1.0}};
 
-/* Billows: turbulence turned over, creased where the lobes meet and round in between. Flat underneath. */
+/* Turbulence makes billows: round where it is large, creased where it passes zero. Flat underneath. */
 static double cloud_field(void *user, ex_vec p) {
     const double heap = ex_metaballs_value(user, p);
     if (heap <= 0) return -1;
-    const double billows = 0.30 - ex_turbulence(ex_vec_scale(p, 1.9), 5);
-    return heap + 0.42 * billows - 0.9 * ex_ramp(2.12, 1.75, p.y);
+    const double billows = ex_turbulence(ex_vec_scale(p, 1.4), 4);
+    return heap * (0.45 + 1.1 * billows) - 0.9 * ex_ramp(2.12, 1.75, p.y);
 }
 
 static void build_cloud(ex_mesh *mesh) {
-    static const float white_[3] = {0.86f, 0.86f, 0.86f};
+    static const float white[3] = {0.86f, 0.86f, 0.86f};
     ex_metaballs balls = {heaps, sizeof heaps / sizeof *heaps};
-    ex_shape_field(mesh, cloud_field, &balls, 0.22, ex_vec_of(-2.6, 1.5, -1.7), ex_vec_of(2.7, 4.0, 1.7), 150, white_);
+    ex_shape_field(mesh, cloud_field, &balls, 0.22, ex_vec_of(-2.6, 1.5, -1.7), ex_vec_of(2.7, 4.0, 1.7), 150, white);
 }
 
 static double ground_height(double x, double z) { return 0.28 * ex_fractal(ex_vec_of(0.45 * x, 7.3, 0.45 * z), 3); }
@@ -52,10 +52,10 @@ static void build_country(ex_mesh *mesh) {
     static const float green[3] = {0.05f, 0.13f, 0.04f}, bark[3] = {0.16f, 0.10f, 0.06f};
     uint32_t random = 12;
     ex_shape_surface(mesh, ground_point, NULL, 160, 160, green, paint_ground);
-    for (int i = 0; i < 90; ++i) {
+    for (int i = 0; i < 400; ++i) {
         const double x = ex_mix(-5.5, 5.5, ex_random(&random)), z = ex_mix(2.6, -8, ex_random(&random));
         const double size = 0.10 + 0.08 * ex_random(&random), y = ground_height(x, z);
-        if (ex_noise(ex_vec_of(0.5 * x, 3.5, 0.5 * z)) < 0.05) continue; /* they stand in woods */
+        if (ex_noise(ex_vec_of(0.5 * x, 3.5, 0.5 * z)) < 0.12) continue; /* they stand in woods */
         ex_shape_cylinder(mesh, ex_vec_of(x, y - 0.05, z), ex_vec_of(x, y + size, z), 0.12 * size, 0.1 * size, bark);
         ex_shape_cylinder(mesh, ex_vec_of(x, y + 0.5 * size, z), ex_vec_of(x, y + 3 * size, z), 0.7 * size, 0, green);
     }
@@ -72,7 +72,7 @@ int main(int argc, char **argv) {
     build_country(&country);
     ex_shape_use(&cloud, &meshes[0]);
     ex_shape_use(&country, &meshes[1]);
-    ex_sun(&sun, ex_vec_of(0.55, -1.0, -0.35), 3.3);
+    ex_sun(&sun, ex_vec_of(0.55, -1.0, -0.35), 2.9);
     ex_scene_set(&scene, NULL, 0, meshes, 2, &sun);
     ex_color(scene.ambient, 0.22, 0.27, 0.35);
     scene.background_user = sky;

@@ -41,7 +41,7 @@ build build/gallery build/tests:
 
 # ---------------------------------------------------------------------------------------------------- pictures
 
-SCENES = mushrooms dart tree pot smoke_room turbulence
+SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff
 PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
 
 # $(call fetch,packages): installs them where that can be done; says nothing and does no harm elsewhere.

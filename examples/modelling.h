@@ -681,7 +681,8 @@ static inline void ex_puff_fill(const ex_puff *puff, size_t count, sps_particle 
         double inside;
         do {
             p = ex_random_in_ball(&random);
-            const double eaten = 0.6 * ex_clamp(ex_turbulence(ex_vec_add(ex_vec_scale(p, 1.7), shift), 4), 0, 1);
+            const double billows = ex_turbulence(ex_vec_add(ex_vec_scale(p, 1.3), shift), 4);
+            const double eaten = 0.6 * ex_clamp(1.2 - 1.6 * billows, 0, 1); /* creases, round in between */
             inside = 1 - eaten - ex_vec_length(p);
         } while (inside < 0);
         const double size = ex_ramp(0, 0.4, inside) * (0.6 + 0.4 * ex_random(&random));

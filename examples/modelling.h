@@ -478,8 +478,8 @@ static inline void ex_samples_cell(const ex_samples *samples, const int cell[3],
 }
 
 /* Marching cubes: adds the surface on which the field is at `level`, with what is above it inside: closed, triangles
-   counter-clockwise from outside, normals along the field's gradient. The box low..high is cut into cubic cells,
-   `cells` of them along its longest side; there must be something below the level all round. [Lorensen & Cline 1987;
+   counter-clockwise from outside, normals against the field's gradient. The box low..high is cut into cubic cells,
+   `cells` of them along its longest side; what would leave the box is closed just inside of it. [Lorensen & Cline 1987;
    the triangles of a cell come from its borders on the cell's faces instead of a table] */
 static inline void ex_shape_field(ex_mesh *mesh, ex_field_fn field, void *user, double level, ex_vec low, ex_vec high,
                                   int cells, const float color[3]) {

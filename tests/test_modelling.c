@@ -101,8 +101,8 @@ static void test_metaballs(void) {
     const double places[12] = {1, 2, 3, 2, 2, 3, 3, 2, 3, 1, 3.999, 3};
     float out[4];
     /* (1 - r^2 / R^2)^3 in closed form: at the centre 1; at half the radius (3/4)^3, and there the other ball's centre
-       is; at the radius 0; 1e-3 before it the rest is 1e-3 of (1 + 0.9995) to first order, cubed. Rounding of a few
-       operations: 1e-14. As floats: half a unit in the last place, 6e-8 of the value. */
+       is; at the radius and beyond 0, just before it not yet. Rounding of a few operations: 1e-14. As floats: half a
+       unit in the last place, 6e-8 of the value. */
     CHECK_NEAR(ex_metaball_value(&balls[0], ex_vec_of(1, 2, 3)), 5, 1e-14);
     CHECK_NEAR(ex_metaballs_value(&user, ex_vec_of(2, 2, 3)), 5 * 27.0 / 64 + 1, 1e-14);
     CHECK_NEAR(ex_metaball_value(&balls[0], ex_vec_of(1, 2, 1)), 0, 0);
@@ -198,8 +198,8 @@ static void test_normals(void) {
     ex_mesh_free(&mesh);
 }
 
-/* Values that have nothing to do with each other: nearly every cell has ambiguous faces, all 256 kinds of cells occur,
-   and the box's faces cut through what is inside. Still closed. */
+/* Values that have nothing to do with each other: most cells have ambiguous faces, and the box's faces cut through what
+   is inside. Still closed, and without branches. */
 static void test_random_fields(void) {
     for (int seed = 0; seed < 6; ++seed) {
         ex_mesh mesh;

@@ -235,8 +235,33 @@ typedef struct sps_mesh {
     sps_placement placement;
     float color[3]; /* reflectance, 0..1 */
     int has_normals, has_colors;
+    float transparency; /* share of light that passes, 0..1; transmittance maps know it, sps_render refuses all but 0 */
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
+
+/* A ball of gas. */
+typedef struct sps_particle {
+    float position[3];   /* world */
+    float radius;        /* world units, >= 0; 0: nothing */
+    float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
+} sps_particle;
+
+/* A set of particles that look alike. Those smaller than a pixel or texel are spread over one, their mass kept. */
+typedef struct sps_particles {
+    uint32_t start_canary; /* leave 0 */
+    size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
+    /* Writes `count` particles from `first` on; asked in blocks of at most 4096, each once a call. `out` comes zeroed.
+       Non-zero: failure. */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
+    void *user;
+    int soft;              /* 0: equally dense throughout; 1: as 1 - (r / radius)^2, fading to nothing at the rim */
+    int is_extinction;     /* 1: optical_depth holds extinction per world unit instead; soft: in the middle */
+    float albedo[3];       /* 0..1; all zero: absorbs only */
+    float emission[3];     /* radiance per unit of optical depth, >= 0 */
+    const sps_lobe *lobes; /* NULL: isotropic */
+    int lobe_count;        /* 0..8 */
+    uint32_t end_canary;   /* leave 0 */
+} sps_particles;
 
 typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
 
@@ -270,6 +295,8 @@ typedef struct sps_scene {
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
     int replace_invalid; /* 1: values that would be an error become 0 and are counted */
+    const sps_particles *particles;
+    int particles_count; /* sets of particles */
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
@@ -365,51 +392,70 @@ typedef struct sps_stats_report {
     size_t bytes, bytes_peak; /* held now, and at most since sps_create */
 } sps_stats_report;
 
-/* A ball of gas, equally dense throughout. */
-typedef struct sps_particle {
-    float position[3];   /* world */
-    float radius;        /* world units, >= 0; 0 casts no shadow */
-    float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
-} sps_particle;
-
-typedef struct sps_particles {
-    uint32_t start_canary; /* leave 0 */
-    size_t count;
-    /* Writes `count` particles from `first` on; asked in blocks of at most 4096, each once a call. `out` comes zeroed.
-       Non-zero: failure. */
-    int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
-    void *user;
-    uint32_t end_canary; /* leave 0 */
-} sps_particles;
-
-/* How a transmittance map keeps optical depth along each texel's ray. In none does the order of insertion matter but
-   for rounding. u is the share of the way from near_depth to far_depth. */
+/* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
+   near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
+   needs them in order has them sorted. n stands for `components`; docs/manual.md says which to take. */
 typedef enum sps_tmap_technique {
-    /* Every stretch of every particle: the exact answer along the texels' own rays, to measure the others by. Holds 12
-       bytes a stretch and 4 a texel, and until it is finished 20 a particle; a query adds up the stretches of four
-       texels that begin before it. */
+    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
+       a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
     SPS_TMAP_DEEP = 0,
-    /* Optical depth at `components` planes, u = 1/n, 2/n .. 1, straight lines between. Exact at the planes; between
-       them, the planes before and after bracket the truth. Insertion costs n, a query 4 x 2 look-ups. */
+    /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off,
+       the one whose error is set by the caller. 8 bytes a node and 4 a texel; a query searches. No components. */
+    SPS_TMAP_COMPRESSED,
+    /* Where transmittance falls to a half; 1 before, 0 behind. Right for what is opaque alone. 1 component. */
+    SPS_TMAP_DEPTH,
+    /* Optical depth at n planes, u = 1/n .. 1 or as given [Kim & Neumann 2001]. Exact there; between them, the planes
+       before and after bracket the truth. n 1..65, by default 8; a query costs 2 look-ups. */
     SPS_TMAP_OPACITY,
-    /* A Fourier series of extinction [Jansen & Bavoil 2010]: components 1 + 2n, n harmonics, a0 a1 b1 a2 b2 .. . Exact
-       behind everything; before that it rings: up to 9 % of a sudden rise, which queries cut to 0 .. the whole.
-       Insertion and query cost n. Leave room before the first occluder and behind the last, since u = 0 and u = 1 are
-       neighbours. */
+    /* Deep opacity map [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last occluder,
+       which come before them. Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8. */
+    SPS_TMAP_DEEP_OPACITY,
+    /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact behind everything; before that
+       it rings, by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the
+       last, since u = 0 and u = 1 are neighbours, or ask for texel_range. n 3, 5 .. 65, by default 7, and two more with
+       texel_range; a query costs n. */
     SPS_TMAP_FOURIER,
-    /* Three floats: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
-       engines call a Beer shadow map. Exact for one even stretch, and behind everything; gas in several clumps is
-       spread over the gaps between them. Insertion and query cost least of all. */
+    /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings. n 2..64,
+       by default 8; a query costs n. */
+    SPS_TMAP_COSINE,
+    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
+       z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
+       exact behind everything. n 5, 7 or 9, by default 5; a query solves for the roots of a polynomial. */
+    SPS_TMAP_MOMENT,
+    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .., of
+       which the one that changes the area least goes when there is one too many. No bound, but small errors. n 4, 6 ..
+       64, by default 16; a query searches. */
+    SPS_TMAP_ADAPTIVE,
+    /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
+       engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps
+       between them. 3 components; insertion and query cost least of all. */
     SPS_TMAP_BEER
 } sps_tmap_technique;
 
+/* Weights of the harmonics k of a Fourier or cosine map, n of them. */
+typedef enum sps_tmap_window {
+    SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
+    SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
+    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): a Fourier map's optical depth never falls on its way; most blur */
+} sps_tmap_window;
+
+/* All zero but far_depth is valid: an exact map. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
-    int components; /* floats per texel: opacity 1..65; Fourier 3, 5 .. 65; Beer 3; deep 0 */
-    /* Depths along the light's axis (perspective) or its direction, 0 <= near < far. All occluders are to lie between:
-       what lies before or behind counts as at either end. */
+    int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
+    size_t byte_budget; /* what the finished map may take at most; 0: no limit */
+    /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
+       far. What lies before or behind counts as at either end. */
     double near_depth, far_depth;
+    int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
+    const float *planes; /* opacity: u of each plane, rising from above 0 to 1, copied; NULL: even steps */
+    int cubic;           /* opacity: 1: monotone cubics between planes instead of straight lines */
+    sps_tmap_window window;
+    int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
+    int running_maximum; /* Fourier: 1: a query takes the most that the series has come to so far; n times the cost */
+    float epsilon;       /* compressed: largest error of transmittance, 0..0.5; 0 means 0.01 */
+    double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
 

@@ -371,8 +371,8 @@ typedef struct sps_plan_report {
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
-    uint64_t range_calls, read_calls, eval_calls, triangle_calls; /* exact */
-    uint64_t voxels_read;                                         /* exact, borders of blocks counted each time */
+    uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
+    uint64_t voxels_read; /* exact, borders of blocks counted each time */
     size_t bytes; /* all that the context will hold, at most, often 2 or 3 times what it comes to; with image.depth */
 } sps_plan_report;
 
@@ -380,10 +380,11 @@ typedef struct sps_stats_report {
     /* By clock_fn: voxels and triangles read; triangles rasterised; bricks sorted; a light's sheets; the eye's sheets,
        shading and the image; all of the call. */
     double seconds_gather, seconds_polygons, seconds_bin, seconds_light, seconds_eye, seconds_total;
-    uint64_t range_calls, read_calls, eval_calls, triangle_calls, background_calls;
+    uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, background_calls;
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
+    uint64_t particles;                     /* that have a radius and an optical depth */
     uint64_t slabs, slabs_empty;            /* over all sweeps */
     uint64_t eye_footprints, eye_fragments; /* voxels written to a tile's chunk of slabs; their pixels times slabs */
     uint64_t light_footprints, light_fragments;
@@ -572,15 +573,18 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them still count in an int */
 #define SPSI_SLABS_MAX      (1 << 20) /* look-ups along the eye's rays tell a sixteenth of a slab at this many */
 #define SPSI_VOLUMES_MAX    64
+#define SPSI_SETS_MAX       64 /* of particles */
+#define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
 #define SPSI_LOBES_MAX      8
 #define SPSI_WORKERS_MAX    1024
 #define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still count in an int */
-#define SPSI_VALUE_MAX      1e18f     /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_COORDINATE_MAX 1e15      /* products of squares of it still have room in a double */
-#define SPSI_VALUE_MIN      1e-30f    /* smaller ones would only make denormal numbers */
-#define SPSI_RADIANCE_MAX   1e30f     /* cap of what one sheet emits, so that sums stay finite */
-#define SPSI_DEPTH_MAX      1e15f     /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
-#define SPSI_LIGHT_END      16.0f     /* optical depth from which on a light's is not followed: 1e-7 is left of it */
+#define SPSI_PARTICLES_MAX  (1 << 29)
+#define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it still have room in a double */
+#define SPSI_VALUE_MIN      1e-30f /* smaller ones would only make denormal numbers */
+#define SPSI_RADIANCE_MAX   1e30f  /* cap of what one sheet emits, so that sums stay finite */
+#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
+#define SPSI_LIGHT_END      16.0f  /* optical depth from which on a light's is not followed: 1e-7 is left of it */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
@@ -915,12 +919,16 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FACE_ROWS, /* which rows each triangle covers */
     SPSI_BUFFER_EYE_FACES, /* the triangle that each pixel shows */
     SPSI_BUFFER_DEPTH_MAPS,
-    SPSI_BUFFER_PIXELS,  /* optical depth and radiance, >>shading */
-    SPSI_BUFFER_PLANES,  /* a light's optical depth at the slabs of a chunk, >>lightsheets */
-    SPSI_BUFFER_SHEETS,  /* a tile of sheets per worker */
-    SPSI_BUFFER_SAMPLES, /* what the volumes are at a vector of pixels, per worker, >>shading */
-    SPSI_BUFFER_SPANS,   /* which slabs and pixels each brick touches, >>sweep */
-    SPSI_BUFFER_CHUNK,   /* the bricks of one chunk */
+    SPSI_BUFFER_PIXELS,    /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,    /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_SHEETS,    /* a tile of sheets per worker */
+    SPSI_BUFFER_SAMPLES,   /* what the volumes are at a vector of pixels, per worker, >>shading */
+    SPSI_BUFFER_SPANS,     /* which slabs and pixels each brick touches, >>sweep */
+    SPSI_BUFFER_CHUNK,     /* the bricks of one chunk */
+    SPSI_BUFFER_PARTICLES, /* >>gather */
+    SPSI_BUFFER_CROWD,     /* which chunks each particle touches, >>sweep */
+    SPSI_BUFFER_EYE_BALLS, /* the particles of one chunk as the eye sees them, by tile */
+    SPSI_BUFFER_LIGHT_BALLS,
     SPSI_BUFFER_TILES,   /* what is known of each tile */
     SPSI_BUFFER_RUN,     /* what the tasks of a sweep share */
     SPSI_BUFFER_TOTAL,   /* sum of the sweeps' images */
@@ -1141,6 +1149,11 @@ static int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
     return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
            !spsi_bad_coordinate(rays->b, 3);
+}
+
+/* t at which rays begin, as t - depth_reference. */
+static float spsi_rays_begin(const spsi_rays *rays) {
+    return rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
 }
 
 /* World offset from the origin to ray coordinates, before any division. */
@@ -1433,6 +1446,13 @@ typedef struct spsi_medium { /* a volume that holds voxels */
     int light_channel; /* of a light's sheets: gases share number 0 */
 } spsi_medium;
 
+typedef struct spsi_swarm { /* a set of particles that is not empty */
+    const sps_particles *particles;
+    int index;   /* in the scene's array */
+    int channel; /* of the eye's sheets, and index of its material; all share the light's number 0 */
+    int end;     /* of its particles in the list of those that are kept, in which it begins where the last set ends */
+} spsi_swarm;
+
 typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
 } spsi_bounds;
@@ -1442,16 +1462,24 @@ typedef struct spsi_frame {
     sps_view view;        /* all fields resolved; region filled in */
     double threshold;     /* transmittance at which an eye ray ends */
     double shadow_texels; /* per voxel */
+    int map_texels;       /* on a side of a depth map, at least */
     double cut;           /* standard deviations at which the splatter's kernels end */
     spsi_rays eye;
     int medium_count, material_count, light_channel_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
-    spsi_material materials[SPSI_VOLUMES_MAX];
-    spsi_bounds volume_bounds, mesh_bounds;
+    spsi_material materials[SPSI_MATERIALS_MAX];
+    spsi_bounds volume_bounds, mesh_bounds; /* volume_bounds: particles are in it once they are read */
     size_t triangle_count;
-    int channels;     /* of radiance: 1 where all is grey */
-    int lit_count;    /* lights that are not black */
-    int shadow_count; /* of these, lights that cast shadows */
+    int set_count;
+    spsi_swarm sets[SPSI_SETS_MAX];
+    size_t particles_asked;        /* of all sets together */
+    const sps_particle *particles; /* those of them that are something, >>gather; */
+    int particle_count;            /* 0 until they are read */
+    double particle_radius;        /* the geometric mean */
+    double particle_spread;        /* root of the mean square of their distance from their mean */
+    int channels;                  /* of radiance: 1 where all is grey */
+    int lit_count;                 /* lights that are not black */
+    int shadow_count;              /* of these, lights that cast shadows */
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
 } spsi_frame;
 
@@ -1531,18 +1559,40 @@ static sps_result spsi_check_canaries(sps_context *context, const char *name, in
                            (double)(start ? start : end), "the struct was not zeroed");
 }
 
+static sps_result spsi_check_lobes(sps_context *context, const char *name, int index, const sps_lobe *lobes,
+                                   int count) {
+    if (count < 0 || count > SPSI_LOBES_MAX || (count > 0 && !lobes))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "lobe_count", count,
+                               "it must be 0..8, with lobes set");
+    for (int k = 0; k < count; ++k) {
+        const int bent = !(fabsf(lobes[k].asymmetry) <= 0.99f);
+        char field[32];
+        if (!bent && lobes[k].weight > 0 && lobes[k].weight <= SPSI_VALUE_MAX) continue;
+        SPS_SNPRINTF(field, sizeof field, "lobes[%d].%s", k, bent ? "asymmetry" : "weight");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, field,
+                               (double)(bent ? lobes[k].asymmetry : lobes[k].weight),
+                               bent ? "it must be -0.99..0.99" : "it must be above 0, and 1e18 at most");
+    }
+    return SPS_OK;
+}
+
+static sps_result spsi_check_gas_colours(sps_context *context, const char *name, int index, const float albedo[3],
+                                         const float emission[3]) {
+    if (spsi_bad_colour(albedo, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "albedo", (double)*spsi_bad_colour(albedo, 1),
+                               "red, green and blue must be 0..1");
+    if (spsi_bad_colour(emission, SPSI_VALUE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "emission",
+                               (double)*spsi_bad_colour(emission, SPSI_VALUE_MAX),
+                               "red, green and blue must be 0..1e18");
+    return SPS_OK;
+}
+
 static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
     if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "extinction", (double)volume->extinction,
                                "it must be 0..1e18");
-    if (spsi_bad_colour(volume->albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "albedo",
-                               (double)*spsi_bad_colour(volume->albedo, 1), "red, green and blue must be 0..1");
-    if (spsi_bad_colour(volume->emission, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "emission",
-                               (double)*spsi_bad_colour(volume->emission, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
-    return SPS_OK;
+    return spsi_check_gas_colours(context, "volume", i, volume->albedo, volume->emission);
 }
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
@@ -1559,18 +1609,7 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
                      volume->read_fn ? "set" : "NULL");
         return spsi_fail(context, SPS_ERROR_ARGUMENT, text);
     }
-    if (volume->lobe_count < 0 || volume->lobe_count > SPSI_LOBES_MAX || (volume->lobe_count > 0 && !volume->lobes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "lobe_count", volume->lobe_count,
-                               "it must be 0..8, with lobes set");
-    for (int k = 0; k < volume->lobe_count; ++k) {
-        const sps_lobe *lobe = &volume->lobes[k];
-        const int bent = !(fabsf(lobe->asymmetry) <= 0.99f);
-        if (!bent && lobe->weight > 0 && lobe->weight <= SPSI_VALUE_MAX) continue;
-        SPS_SNPRINTF(text, sizeof text, "lobes[%d].%s", k, bent ? "asymmetry" : "weight");
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, text,
-                               (double)(bent ? lobe->asymmetry : lobe->weight),
-                               bent ? "it must be -0.99..0.99" : "it must be above 0, and 1e18 at most");
-    }
+    if (spsi_check_lobes(context, name, i, volume->lobes, volume->lobe_count)) return context->result;
     if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "gradient_full", (double)volume->gradient_full,
                                "it must be 0 or positive");
@@ -1601,6 +1640,21 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color",
                                (double)*spsi_bad_colour(mesh->color, 1), "red, green and blue must be 0..1");
     return SPS_OK;
+}
+
+static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
+    const char *name = "particles";
+    if (spsi_check_canaries(context, name, i, set->start_canary, set->end_canary)) return context->result;
+    if (set->count > SPSI_PARTICLES_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "count", (double)set->count, "it must be 0..2^29");
+    if (set->count > 0 && !set->read_fn) {
+        char sentence[96];
+        SPS_SNPRINTF(sentence, sizeof sentence, "particles[%d].read_fn is NULL; it must be set where count is not 0",
+                     i);
+        return spsi_fail(context, SPS_ERROR_ARGUMENT, sentence);
+    }
+    if (spsi_check_lobes(context, name, i, set->lobes, set->lobe_count)) return context->result;
+    return spsi_check_gas_colours(context, name, i, set->albedo, set->emission);
 }
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
@@ -1638,6 +1692,9 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "light_count", scene->light_count,
                                "it must be 0 or more, with lights set");
+    if (scene->particles_count < 0 || (scene->particles_count > 0 && !scene->particles))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "particles_count", scene->particles_count,
+                               "it must be 0 or more, with particles set");
     if (spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "ambient",
                                (double)*spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX),
@@ -1652,6 +1709,8 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
         if (spsi_check_mesh(context, &scene->meshes[i], i)) return context->result;
     for (int i = 0; i < scene->light_count; ++i)
         if (spsi_check_light(context, &scene->lights[i], i)) return context->result;
+    for (int i = 0; i < scene->particles_count; ++i)
+        if (spsi_check_set(context, &scene->particles[i], i)) return context->result;
     return SPS_OK;
 }
 
@@ -1714,10 +1773,12 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const double texels[] = {1, 0.75, 1, 2, 4};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
+    static const int map_texels[] = {1024, 512, 1024, 2048, 4096};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
     frame->shadow_texels = texels[frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
     frame->cut = cut[frame->view.quality];
+    frame->map_texels = map_texels[frame->view.quality];
 }
 
 /* The rays of a checked view. */
@@ -1755,25 +1816,26 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
-static void spsi_material_gas(const sps_volume *volume, spsi_material *material) {
-    material->extinction = volume->extinction;
+static void spsi_material_gas(float extinction, const float albedo[3], const float emission[3],
+                              spsi_material *material) {
+    material->extinction = extinction;
     for (int c = 0; c < 3; ++c) {
-        material->albedo[c] = volume->albedo[c];
-        material->emission[c] = volume->emission[c];
+        material->albedo[c] = albedo[c];
+        material->emission[c] = emission[c];
     }
-    material->extinguishes = volume->extinction > 0;
-    material->scatters = material->extinguishes && !spsi_black(volume->albedo);
-    material->emits = !spsi_black(volume->emission);
+    material->extinguishes = extinction > 0;
+    material->scatters = material->extinguishes && !spsi_black(albedo);
+    material->emits = !spsi_black(emission);
 }
 
-static void spsi_material_lobes(const sps_volume *volume, spsi_material *material) {
+static void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material *material) {
     double sum = 0;
-    material->lobe_count = volume->lobe_count > 0 ? volume->lobe_count : 1;
+    material->lobe_count = count > 0 ? count : 1;
     material->lobes[0].weight = 1;
-    for (int i = 0; i < volume->lobe_count; ++i) sum += (double)volume->lobes[i].weight;
-    for (int i = 0; i < volume->lobe_count; ++i) {
-        material->lobes[i] = volume->lobes[i];
-        material->lobes[i].weight = (float)((double)volume->lobes[i].weight / sum);
+    for (int i = 0; i < count; ++i) sum += (double)lobes[i].weight;
+    for (int i = 0; i < count; ++i) {
+        material->lobes[i] = lobes[i];
+        material->lobes[i].weight = (float)((double)lobes[i].weight / sum);
     }
 }
 
@@ -1784,11 +1846,23 @@ static int spsi_find_material(const spsi_frame *frame, const spsi_material *mate
     return -1;
 }
 
+/* The channel of a material, which is a new one if no other looks the same. */
+static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
+    int channel = spsi_find_material(frame, material);
+    frame->scatters |= material->scatters;
+    frame->emits |= material->emits;
+    if (channel < 0) {
+        channel = frame->material_count++;
+        frame->materials[channel] = *material;
+    }
+    return channel;
+}
+
 static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium, spsi_table *table) {
     const sps_volume *volume = medium->volume;
     spsi_material material;
     memset(&material, 0, sizeof material);
-    spsi_material_lobes(volume, &material);
+    spsi_material_lobes(volume->lobes, volume->lobe_count, &material);
     if (volume->transfer) {
         frame->classifies = 1;
         material.table = table;
@@ -1800,15 +1874,9 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
         if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
         medium->light_channel = frame->light_channel_count++;
     } else {
-        spsi_material_gas(volume, &material);
+        spsi_material_gas(volume->extinction, volume->albedo, volume->emission, &material);
     }
-    frame->scatters |= material.scatters;
-    frame->emits |= material.emits;
-    medium->channel = spsi_find_material(frame, &material);
-    if (medium->channel < 0) {
-        medium->channel = frame->material_count++;
-        frame->materials[medium->channel] = material;
-    }
+    medium->channel = spsi_take_material(frame, &material);
     return SPS_OK;
 }
 
@@ -1857,6 +1925,33 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
             spsi_voxel_position(medium, at, point);
             spsi_bounds_add(&frame->volume_bounds, point);
         }
+    }
+    return SPS_OK;
+}
+
+/* Sets of particles are gases whose value is extinction. */
+static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame) {
+    for (int i = 0; i < frame->scene->particles_count; ++i) {
+        const sps_particles *particles = &frame->scene->particles[i];
+        spsi_swarm *set = &frame->sets[frame->set_count];
+        spsi_material material;
+        if (particles->count == 0) continue;
+        if (frame->set_count == SPSI_SETS_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "particles_count",
+                                   frame->scene->particles_count, "at most 64 sets may hold particles");
+        /* both are at most SPSI_PARTICLES_MAX, so that the sum fits where a size_t has 32 bits */
+        frame->particles_asked += particles->count;
+        if (frame->particles_asked > SPSI_PARTICLES_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "particles", i, "count, with those before it,",
+                                   (double)frame->particles_asked, "all sets together must have 2^29 at most");
+        memset(&material, 0, sizeof material);
+        spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
+        spsi_material_gas(1, particles->albedo, particles->emission, &material);
+        set->particles = particles;
+        set->index = i;
+        set->channel = spsi_take_material(frame, &material);
+        frame->set_count += 1;
+        frame->light_channel_count = 1;
     }
     return SPS_OK;
 }
@@ -1919,7 +2014,9 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     frame->view = *view;
     frame->wants_depth = wants_depth;
     frame->volume_bounds = frame->mesh_bounds = spsi_nowhere;
-    if (spsi_resolve_volumes(context, frame) || spsi_resolve_meshes(context, frame)) return NULL;
+    if (spsi_resolve_particles(context, frame) || spsi_resolve_volumes(context, frame) ||
+        spsi_resolve_meshes(context, frame))
+        return NULL;
     if (view->width > 0 && view->height > 0 && spsi_resolve_view(context, frame)) return NULL;
     spsi_resolve_lights(frame);
     frame->has_ambient = !spsi_black(scene->ambient);
@@ -2323,6 +2420,136 @@ static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
+/* --- particles --- */
+
+#define SPSI_PARTICLE_BATCH 4096 /* read at a time */
+
+/* What is wrong with a particle: its field and the rule, and the value; NULL: nothing. */
+static const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
+    for (int i = 0; i < 3; ++i) {
+        *value = (double)particle->position[i];
+        *rule = "it must be within 1e15";
+        if (spsi_bad_coordinate(value, 1)) return "position";
+    }
+    *value = (double)particle->radius;
+    *rule = "it must be 0..1e15";
+    if (!(*value >= 0 && *value <= SPSI_COORDINATE_MAX)) return "radius";
+    *value = (double)particle->optical_depth;
+    *rule = "it must be 0..1e18";
+    return *value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX ? NULL : "optical_depth";
+}
+
+/* Fails on particles that are no balls of gas, or makes them nothing. */
+static sps_result spsi_particles_validate(sps_context *context, const spsi_swarm *set, sps_particle *list, size_t first,
+                                          size_t count, int replace) {
+    for (size_t i = 0; i < count; ++i) {
+        const char *rule;
+        double value;
+        const char *wrong = spsi_particle_wrong(&list[i], &rule, &value);
+        char field[64];
+        if (!wrong) continue;
+        if (replace) {
+            list[i].radius = 0;
+            context->stats.values_replaced += 1;
+            continue;
+        }
+        SPS_SNPRINTF(field, sizeof field, "particle[%.0f].%s", (double)(first + i), wrong);
+        return spsi_fail_field(context, SPS_ERROR_DATA, "particles", set->index, field, value, rule);
+    }
+    return SPS_OK;
+}
+
+/* Moves those of a batch that are something to its beginning; gives how many they are. */
+static int spsi_particles_keep(sps_particle *batch, size_t count) {
+    int kept = 0;
+    for (size_t i = 0; i < count; ++i)
+        if (batch[i].radius >= SPSI_VALUE_MIN && batch[i].optical_depth >= SPSI_VALUE_MIN) batch[kept++] = batch[i];
+    return kept;
+}
+
+static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_swarm *set, size_t *asked,
+                                  sps_particle *list) {
+    const sps_particles *particles = set->particles;
+    for (size_t first = 0; first < particles->count; first += SPSI_PARTICLE_BATCH) {
+        const size_t left = particles->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
+        sps_particle *batch = list + frame->particle_count; /* there is room: what was asked before is at least that */
+        int returned;
+        if (spsi_progress(context, 0.2 * (double)*asked / (double)frame->particles_asked)) return context->result;
+        memset(batch, 0, count * sizeof *batch);
+        context->stats.particle_calls += 1;
+        returned = particles->read_fn(particles->user, first, count, batch);
+        if (returned)
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "particles", set->index, "read_fn", returned, NULL);
+        if (spsi_particles_validate(context, set, batch, first, count, frame->scene->replace_invalid))
+            return context->result;
+        frame->particle_count += spsi_particles_keep(batch, count);
+        *asked += count;
+    }
+    set->end = frame->particle_count;
+    return SPS_OK;
+}
+
+/* Where the particles are, how large and how far apart: means that one stray particle among many does not move. */
+static void spsi_measure_particles(spsi_frame *frame) {
+    double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
+    if (frame->particle_count == 0) return;
+    for (int i = 0; i < 3; ++i) origin[i] = (double)frame->particles[0].position[i];
+    for (int n = 0; n < frame->particle_count; ++n) {
+        const sps_particle *particle = &frame->particles[n];
+        double low[3], high[3];
+        for (int i = 0; i < 3; ++i) {
+            const double at = (double)particle->position[i], apart = at - origin[i];
+            const double reach =
+                fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that a double tells both ends */
+            low[i] = at - reach;
+            high[i] = at + reach;
+            sum[i] += apart;
+            squares += apart * apart;
+        }
+        spsi_bounds_add(&frame->volume_bounds, low);
+        spsi_bounds_add(&frame->volume_bounds, high);
+        logs += log((double)particle->radius);
+    }
+    frame->particle_radius = exp(logs / frame->particle_count);
+    squares -= spsi_dot(sum, sum) / frame->particle_count;
+    frame->particle_spread = sqrt(fmax(squares / frame->particle_count, 0));
+}
+
+/* Reads every set of particles, once, and keeps 20 bytes of each particle. */
+static sps_result spsi_gather_particles(sps_context *context, spsi_frame *frame) {
+    const uint64_t replaced = context->stats.values_replaced;
+    size_t asked = 0;
+    sps_particle *list;
+    if (frame->set_count == 0) return SPS_OK;
+    list = (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles_asked, sizeof(sps_particle));
+    if (!list) return context->result;
+    for (int i = 0; i < frame->set_count; ++i)
+        if (spsi_gather_set(context, frame, &frame->sets[i], &asked, list)) return context->result;
+    frame->particles = list;
+    context->stats.particles = (uint64_t)frame->particle_count;
+    spsi_measure_particles(frame);
+    if (context->stats.values_replaced > replaced && context->config.message_fn) {
+        char text[96];
+        SPS_SNPRINTF(text, sizeof text, "%.0f particles were no balls of gas and count as none",
+                     (double)(context->stats.values_replaced - replaced));
+        context->config.message_fn(context->config.message_user, text);
+    }
+    return SPS_OK;
+}
+
+/* The set that a kept particle belongs to. */
+static const spsi_swarm *spsi_swarm_of(const spsi_frame *frame, int particle) {
+    int low = 0, high = frame->set_count - 1;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (particle < frame->sets[middle].end)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return &frame->sets[low];
+}
+
 /* ============================================================================================= >>polygons
    10 Triangles, as seen by the eye and by each light, with homogeneous edge functions [Olano & Greer 1997]: for corners
    h0, h1, h2 in ray space, (h1 x h2) . (x, y, 1) is positive on the inside of that edge, also for corners behind the
@@ -2699,6 +2926,24 @@ static void spsi_ball_shape(const spsi_rays *rays, const double c[3], const doub
     ball->radius = (float)(radius * sqrt(per_square));
 }
 
+/* Pixels along one axis between the two planes through the rays' origin that touch a ball: x solves (X - x T)^2 =
+   r^2 |across - x along|^2. Where it reaches behind the origin, it is on one side of either plane; where it holds the
+   planes' common line, no pixel is out of the question. */
+static void spsi_ball_near_range(const double across[3], const double along[3], const double offset[3], double radius,
+                                 int size, int *first, int *last) {
+    const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
+    const double a = t * t - square * spsi_dot(along, along), b = x * t - square * spsi_dot(across, along);
+    const double c = x * x - square * spsi_dot(across, across), root = sqrt(fmax(b * b - a * c, 0));
+    double low, high;
+    *first = 0;
+    *last = size - 1;
+    if (!(root > 0) || !(fabs(a) > 1e-9 * t * t)) return;
+    low = fmin((b - root) / a, (b + root) / a);
+    high = fmax((b - root) / a, (b + root) / a);
+    if (a > 0 || x - b / a * t > 0) *first = (int)fmin(fmax(ceil(a > 0 ? low : high), 0), size);
+    if (a > 0 || !(x - b / a * t > 0)) *last = (int)fmax(fmin(floor(a > 0 ? high : low), size - 1), -1);
+}
+
 static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, const sps_particle *particle,
                             spsi_ball *ball) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
@@ -2713,9 +2958,8 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     ball->near_by = rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > 0.05 * spsi_length(offset));
     ball->t = (float)(q[2] - rays->depth_reference);
     if (ball->near_by) {
-        ball->x0 = ball->y0 = 0;
-        ball->x1 = rays->width - 1;
-        ball->y1 = rays->height - 1;
+        spsi_ball_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
+        spsi_ball_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
         for (int i = 0; i < 3; ++i) ball->offset[i] = (float)offset[i];
         ball->world_radius = (float)radius;
         return;
@@ -2914,17 +3158,26 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Cuts the volumes' bounds into slabs. */
+/* What stands for the edge of a voxel where there are particles: a ball of that many of them in radius has the variance
+   of a voxel's kernel (r^2 / 5 if it is even). Particles much smaller than the cloud that they make up are not told
+   apart: a cloud takes about 500 of these at most. 0 without particles. */
+static double spsi_particle_edge(const spsi_frame *frame) {
+    return fmax(0.7 * frame->particle_radius, frame->particle_spread / 200);
+}
+
+/* Cuts the bounds of volumes and particles into slabs. */
 static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
-    for (int i = 0; i < frame->medium_count; ++i)
-        extent = fmin(extent, spsi_voxel_extent(&frame->media[i], sweep->normal));
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->volume_bounds, corner, point);
         low = fmin(low, spsi_dot(point, sweep->normal));
         high = fmax(high, spsi_dot(point, sweep->normal));
     }
+    if (frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
+        extent = fmax(spsi_particle_edge(frame), (high - low) / (SPSI_SLABS_MAX / 16));
+    for (int i = 0; i < frame->medium_count; ++i)
+        extent = fmin(extent, spsi_voxel_extent(&frame->media[i], sweep->normal));
     sweep->start = low;
     sweep->thickness = fmin(frame->view.slab * extent, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / sweep->thickness);
@@ -2984,7 +3237,21 @@ static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, doub
     return spsi_rays_complete(rays);
 }
 
-/* Rays for the light's sheets: texels of a voxel's size divided by the quality's number. */
+/* The texels that a light's sheets may have on their longer side, where shadow_size does not say. */
+static int spsi_light_texels_most(const spsi_frame *frame) {
+    return frame->medium_count > 0 ? 4096 : frame->map_texels;
+}
+
+/* The wished size of a light's texels: a voxel's, or a particle's, divided by the quality's number. Particles alone do
+   not ask for more texels than a depth map has. */
+static double spsi_light_texel(const spsi_frame *frame, const double right[3], const double down[3]) {
+    double size = spsi_voxel_across(frame, right, down) / frame->shadow_texels, across[3];
+    if (frame->particle_count == 0) return size;
+    spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
+    return fmin(size, fmax(spsi_particle_edge(frame) / frame->shadow_texels, spsi_length(across) / frame->map_texels));
+}
+
+/* Rays for the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const sps_light *light = &frame->scene->lights[sweep->light];
     double centre[3], forward[3], right[3], down[3];
@@ -2992,8 +3259,8 @@ static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame
     spsi_bounds_centre(&frame->volume_bounds, centre);
     spsi_light_direction(light, centre, forward);
     spsi_basis(forward, right, down);
-    if (spsi_rays_fit(light, &frame->volume_bounds, spsi_voxel_across(frame, right, down) / frame->shadow_texels,
-                      frame->view.shadow_size, 4096, &sweep->rays))
+    if (spsi_rays_fit(light, &frame->volume_bounds, spsi_light_texel(frame, right, down), frame->view.shadow_size,
+                      spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
     SPS_SNPRINTF(
         sentence, sizeof sentence,
@@ -3014,13 +3281,13 @@ static int spsi_shadow_light(const spsi_frame *frame, int n) {
     return -1;
 }
 
-/* Sets up the n-th sweep. Without volumes there are no slabs, and nothing can be in the way of slicing. */
+/* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
     memset(sweep, 0, sizeof *sweep);
     sweep->light = spsi_shadow_light(frame, n);
     sweep->first = n == 0;
     sweep->normal[2] = sweep->thickness = 1;
-    if (frame->medium_count == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
     if (spsi_sweep_direction(context, frame, sweep) || spsi_sweep_slabs(context, frame, sweep)) return context->result;
     return sweep->light < 0 ? SPS_OK : spsi_sweep_light(context, frame, sweep);
 }
@@ -3157,7 +3424,7 @@ static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays,
     splatter->reach_slabs = (float)(cut * SPSI_SIGMA * sqrt(reach));
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
     splatter->depth_reference = (float)rays->depth_reference;
-    splatter->eye_near = rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
+    splatter->eye_near = spsi_rays_begin(rays);
     { /* the widest footprint, in pixels to the fourth power */
         const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
         const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
@@ -3297,14 +3564,14 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
 }
 
 /* v of the polygon in front of which a section must end, and of the near plane behind which it begins. */
-static inline void spsi_limits(const spsi_tile *tile, const spsi_splatter *s, int x, int y, spsi_v mean,
+static inline void spsi_limits(const spsi_tile *tile, float sign, float eye_near, int x, int y, spsi_v mean,
                                spsi_v per_depth, spsi_v *low, spsi_v *high) {
     spsi_v beyond = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
-    spsi_v near_v = spsi_mul(spsi_sub(spsi_set(s->eye_near), mean), per_depth);
+    spsi_v near_v = spsi_mul(spsi_sub(spsi_set(eye_near), mean), per_depth);
     beyond = spsi_clamp(spsi_mul(spsi_sub(beyond, mean), per_depth), spsi_set(-2), spsi_set(2));
     near_v = spsi_clamp(near_v, spsi_set(-2), beyond);
-    *low = s->sign > 0 ? near_v : spsi_sub(spsi_set(0), beyond);
-    *high = s->sign > 0 ? beyond : spsi_sub(spsi_set(0), near_v);
+    *low = sign > 0 ? near_v : spsi_sub(spsi_set(0), beyond);
+    *high = sign > 0 ? beyond : spsi_sub(spsi_set(0), near_v);
 }
 
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
@@ -3333,7 +3600,7 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         if (clamped) {
             const spsi_v mean =
                 spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
-            spsi_limits(tile, s, x, y + r, mean, spsi_set(f->per_depth[i]), &low, &high);
+            spsi_limits(tile, s->sign, s->eye_near, x, y + r, mean, spsi_set(f->per_depth[i]), &low, &high);
         }
         spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
                           spsi_add(v_column, spsi_set(rows->v[r])), per_slab, rows->starts[r], rows->ends[r], clamped,
@@ -3409,7 +3676,7 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     weight = spsi_div(spsi_mul(spsi_set(value * s->near_weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
-    spsi_limits(tile, s, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
+    spsi_limits(tile, s->sign, s->eye_near, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
     spsi_add_sections(channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
                       tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
 }
@@ -3527,6 +3794,180 @@ static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick
     anchor->slab = (float)((spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness - first_slab);
 }
 
+/* --- particles --- */
+
+/* What is the same for all particles of a sweep, for one set of rays. */
+typedef struct spsi_crossing {
+    const spsi_rays *rays;
+    float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
+    float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
+    float eye_near;               /* t at which rays begin, as t - depth_reference */
+    double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
+    double reach;                 /* change of slab coordinate, and */
+    double reach_depth;           /* of t, per world unit square to slabs, and along the rays' axis, at most */
+} spsi_crossing;
+
+/* A particle as one set of rays sees it, in one chunk of slabs. */
+typedef struct spsi_seen {
+    spsi_ball ball;
+    float weight;         /* extinction in the middle */
+    float slab, reach;    /* slab coordinate of the centre from the chunk's first slab on; radius in slabs */
+    float reach_depth;    /* radius in t, at most */
+    float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel where t stays */
+    int channel, list;    /* list: of particles in a tile, >>sweep; -1: none */
+} spsi_seen;
+
+static void spsi_crossing_build(const spsi_rays *rays, const spsi_sweep *sweep, int backwards,
+                                spsi_crossing *crossing) {
+    memset(crossing, 0, sizeof *crossing);
+    crossing->rays = rays;
+    crossing->sign = backwards ? -1.0f : 1.0f;
+    for (int i = 0; i < 3; ++i) crossing->row[i] = sweep->normal[i] / sweep->thickness;
+    crossing->slab_origin = sweep->start / sweep->thickness;
+    if (rays->perspective) {
+        crossing->slab_x = (float)spsi_dot(crossing->row, rays->a);
+        crossing->slab_y = (float)spsi_dot(crossing->row, rays->b);
+    }
+    crossing->slab_t = (float)spsi_dot(crossing->row, rays->c);
+    crossing->eye_near = spsi_rays_begin(rays);
+    crossing->reach = 1 / sweep->thickness;
+    crossing->reach_depth = spsi_length(rays->inverse[2]);
+}
+
+/* The slab coordinate of a particle's centre, and its radius in slabs for these rays. */
+static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particles *set, const sps_particle *particle,
+                                double *slab, double *reach) {
+    const spsi_rays *rays = crossing->rays;
+    double centre[3], offset[3], radius;
+    spsi_ball size;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
+    spsi_along(centre, rays->origin, -1, offset);
+    spsi_ball_size(rays, set, particle, spsi_dot(rays->inverse[2], offset), &size, &radius);
+    *slab = spsi_dot(crossing->row, centre) - crossing->slab_origin;
+    *reach = radius * crossing->reach;
+}
+
+static void spsi_seen_build(const spsi_crossing *crossing, const sps_particles *set, const sps_particle *particle,
+                            int channel, int first_slab, spsi_seen *seen) {
+    const spsi_rays *rays = crossing->rays;
+    double slab, reach, t;
+    spsi_ball_build(rays, set, particle, &seen->ball);
+    spsi_particle_slabs(crossing, set, particle, &slab, &reach);
+    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* it was spread too thinly */
+    t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
+    seen->slab = (float)(slab - first_slab);
+    seen->reach = (float)reach;
+    reach /= crossing->reach;
+    seen->reach_depth = (float)(reach * crossing->reach_depth);
+    seen->weight = (float)fmin((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / reach, 1e30);
+    seen->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
+    seen->tilt_y = (float)(spsi_dot(crossing->row, rays->b) * t);
+    seen->channel = channel;
+}
+
+/* Where a vector of rays crosses the slabs of a chunk, in halves of chords from their middles. */
+typedef struct spsi_planes_met {
+    spsi_v first, step; /* of plane 0, and from plane to plane */
+    spsi_v low, high;   /* where rays begin and end */
+} spsi_planes_met;
+
+static inline void spsi_seen_planes(const spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen,
+                                    const spsi_chord *chord, int x, int y, int clamped, spsi_planes_met *met) {
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
+    const spsi_v slope =
+        spsi_fma(at, spsi_set(crossing->slab_x), spsi_set(crossing->slab_t + (float)y * crossing->slab_y));
+    const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
+    spsi_v middle, per_depth;
+    if (seen->ball.near_by) {
+        const float eye_slab = tile->eye_slab - (float)(tile->slab_count - SPSI_CHUNK) / 2;
+        middle = spsi_fma(spsi_add(chord->middle, spsi_set((float)crossing->rays->depth_reference)), slope,
+                          spsi_set(eye_slab));
+    } else {
+        const float dy = (float)(y - seen->ball.y0) - seen->ball.y;
+        const spsi_v dx = spsi_add(spsi_set((float)(x - seen->ball.x0) - seen->ball.x), spsi_iota());
+        middle = spsi_fma(dx, spsi_set(seen->tilt_x), spsi_set(seen->slab + dy * seen->tilt_y));
+        middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
+    }
+    met->step = spsi_div(spsi_set(1), spsi_max(spsi_mul(rate, chord->half), spsi_set(1e-20f)));
+    met->first = spsi_mul(spsi_sub(zero, middle), met->step);
+    met->low = spsi_set(-1);
+    met->high = spsi_set(1);
+    if (!clamped) return;
+    per_depth = spsi_mul(met->step, rate);
+    spsi_limits(tile, crossing->sign, crossing->eye_near, x, y, chord->middle, per_depth, &met->low, &met->high);
+    met->low = spsi_clamp(met->low, spsi_set(-1), spsi_set(1));
+    met->high = spsi_clamp(met->high, spsi_set(-1), spsi_set(1));
+}
+
+/* Adds a vector of chords to slabs k0 .. k1 - 1. Before the first slab of all and behind the last, where particles end
+   that were widened to a pixel, the nearest slab takes what there is. */
+static inline void spsi_add_chords(const spsi_ball *ball, const spsi_planes_met *met, spsi_v weight, int k0, int k1,
+                                   int starts, int ends, float *sheet, size_t sheet_size) {
+    spsi_v v = spsi_fma(met->step, spsi_set((float)k0), met->first), before, after;
+    before = spsi_chord_share(ball, starts ? met->low : spsi_clamp(v, met->low, met->high));
+    for (int k = k0; k < k1 - ends; ++k, sheet += sheet_size) {
+        v = spsi_add(v, met->step);
+        after = spsi_chord_share(ball, spsi_clamp(v, met->low, met->high));
+        spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
+        before = after;
+    }
+    if (!ends) return;
+    after = spsi_chord_share(ball, met->high);
+    spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
+}
+
+/* The chords of one row of a ball. */
+static inline void spsi_splat_row(const spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int x0,
+                                  int x1, int y, int clamped, const int slabs[4], float *row) {
+    const spsi_v zero = spsi_set(0), beyond = spsi_set((float)x1 + 0.5f);
+    for (int x = x0; x <= x1; x += SPSI_LANES) {
+        const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
+        spsi_chord chord;
+        spsi_planes_met met;
+        spsi_v weight;
+        spsi_m inside;
+        spsi_ball_chord(crossing->rays, &seen->ball, x, y, &chord);
+        inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at, beyond));
+        if (!spsi_bits(inside)) continue;
+        spsi_seen_planes(tile, crossing, seen, &chord, x, y, clamped, &met);
+        weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(seen->weight));
+        if (seen->ball.soft)
+            weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
+        weight = spsi_select(inside, weight, zero);
+        spsi_add_chords(&seen->ball, &met, weight, slabs[0], slabs[1], slabs[2], slabs[3], row + (x - x0),
+                        tile->sheet_size);
+    }
+}
+
+/* Splats a particle into the chunk's slabs of a tile. `ends`: 1: no chunk comes before; 2: none behind; 3: neither. */
+static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int ends) {
+    const spsi_ball *ball = &seen->ball;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
+    const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
+    const int x0 = spsi_most(ball->x0, tile->x0 + tile->margin), x1 = spsi_least(ball->x1, tile->x1 - tile->margin);
+    const int y0 = spsi_most(ball->y0, tile->y0 + tile->margin), y1 = spsi_least(ball->y1, tile->y1 - tile->margin);
+    const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
+                                                            ball->t - seen->reach_depth < crossing->eye_near));
+    int slabs[4];
+    slabs[0] = (int)floorf(spsi_lower(spsi_higher(low, 0), SPSI_CHUNK - 1));
+    slabs[1] = (int)ceilf(spsi_lower(spsi_higher(high, (float)(slabs[0] + 1)), SPSI_CHUNK));
+    slabs[2] = (ends & 1) && slabs[0] == 0;
+    slabs[3] = (ends & 2) && slabs[1] == SPSI_CHUNK;
+    if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
+    tile->visits += 1;
+    tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(slabs[1] - slabs[0]);
+    for (int y = y0; y <= y1; ++y) {
+        float *row = tile->sheets + (size_t)seen->channel * tile->channel_size +
+                     (size_t)(slabs[0] + margin) * tile->sheet_size +
+                     (size_t)((y - tile->y0) * tile->pitch + (x0 - tile->x0));
+        if (clamped)
+            spsi_splat_row(tile, crossing, seen, x0, x1, y, 1, slabs, row);
+        else
+            spsi_splat_row(tile, crossing, seen, x0, x1, y, 0, slabs, row);
+    }
+}
+
 /* ========================================================================================== >>lightsheets
    13 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
    through when it enters slab k. The planes of texels that a chunk does not touch all hold the depth so far. Polygons
@@ -3620,7 +4061,7 @@ typedef struct spsi_light_shader {
     const spsi_frame *frame;
     const spsi_rays *rays;
     spsi_linear slab;
-    int material_of_channel[SPSI_VOLUMES_MAX]; /* -1: gases, whose sheets hold optical depth already */
+    int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, whose sheets hold optical depth already */
     spsi_planes *planes;
 } spsi_light_shader;
 
@@ -3816,7 +4257,7 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
                                    spsi_v *leave) {
     const spsi_rays *eye = &shader->frame->eye;
     const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
-    const float near_d = eye->near_depth > -DBL_MAX ? (float)(eye->near_depth - eye->depth_reference) : -FLT_MAX;
+    const float near_d = spsi_rays_begin(eye);
     *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
 }
@@ -4585,6 +5026,24 @@ typedef struct spsi_span {
     short eye[4], light[4]; /* x0, y0, x1, y1 in tiles; x1 < x0: nowhere */
 } spsi_span;
 
+/* Particles in the sweep's order: by the chunk in which each begins, and by number. Those of the chunk at hand, which
+   are as many as `current` says, are listed in that order; each is built once a chunk for either set of rays. */
+typedef struct spsi_crowd {
+    uint16_t (*chunks)[2]; /* per particle: first and last */
+    int *order, *present;
+    int *starts; /* per chunk: the first in `order` that begins there; one more at the end */
+    int current;
+} spsi_crowd;
+
+/* The chunk's particles as one set of rays sees them, by tile. Those that reach into four tiles at most, two by two,
+   are listed with the one that is leftmost and topmost; the others in the last list, which all tiles look at. */
+typedef struct spsi_bins {
+    spsi_crossing crossing;
+    spsi_seen *seen;
+    int *members, *starts; /* per tile, and one more: its first in `members` */
+    int columns, rows;
+} spsi_bins;
+
 /* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
 typedef struct spsi_run {
     sps_context *context;
@@ -4593,6 +5052,9 @@ typedef struct spsi_run {
     const spsi_brick *bricks;
     const spsi_span *spans;
     int *chunk_bricks, chunk_brick_count; /* bricks of the chunk at hand */
+    spsi_crowd crowd;
+    spsi_bins bins[2]; /* the eye's, and the light's */
+    int ends;          /* 1: this is the first chunk; 2: the last; 3: both */
     spsi_splatter eye_splatters[SPSI_VOLUMES_MAX], light_splatters[SPSI_VOLUMES_MAX];
     spsi_shader shader;
     spsi_light_shader light_shader;
@@ -4696,7 +5158,35 @@ static int spsi_span_meets(const short tiles[4], int x, int y) {
     return tiles[0] <= x && x <= tiles[2] && tiles[1] <= y && y <= tiles[3];
 }
 
-/* Splats the chunk's bricks that meet a tile; gives 0, with the sheets not even cleared, where there are none. */
+/* Splats the particles of one list that meet a tile; `touched`: whether the sheets are in use already. */
+static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int list, spsi_tile *tile, int column,
+                                int row, size_t floats, int touched) {
+    for (int i = bins->starts[list]; i < bins->starts[list + 1]; ++i) {
+        const spsi_seen *seen = &bins->seen[bins->members[i]];
+        const spsi_ball *ball = &seen->ball;
+        if (ball->x0 / SPSI_TILE_WIDTH > column || ball->x1 / SPSI_TILE_WIDTH < column ||
+            ball->y0 / SPSI_TILE_HEIGHT > row || ball->y1 / SPSI_TILE_HEIGHT < row)
+            continue;
+        if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
+        touched = 1;
+        spsi_splat_particle(tile, &bins->crossing, seen, run->ends);
+    }
+    return touched;
+}
+
+/* Splats the chunk's particles that meet a tile: its own, those of the tiles before it, and the wide ones. */
+static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light,
+                                     size_t floats, int touched) {
+    const spsi_bins *bins = &run->bins[for_light];
+    if (run->crowd.current == 0) return touched;
+    for (int y = row; y >= spsi_most(row - 1, 0); --y)
+        for (int x = column; x >= spsi_most(column - 1, 0); --x)
+            touched = spsi_tile_splat_list(run, bins, y * bins->columns + x, tile, column, row, floats, touched);
+    return spsi_tile_splat_list(run, bins, bins->columns * bins->rows, tile, column, row, floats, touched);
+}
+
+/* Splats the chunk's bricks and particles that meet a tile; gives 0, with the sheets not even cleared, where there are
+ * none. */
 static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
     const spsi_sweep *sweep = run->sweep;
     const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
@@ -4720,7 +5210,7 @@ static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int
                          &anchor, spsi_segment_at(run->context, brick->segment), brick,
                          tile->sheets + (size_t)channel * tile->channel_size);
     }
-    return touched;
+    return spsi_tile_splat_particles(run, tile, column, row, for_light, floats, touched);
 }
 
 static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_rays *rays, int column, int row,
@@ -4842,6 +5332,10 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
 
 /* --- setting up a sweep --- */
 
+static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
+    return context->brick_count > 0 || frame->particle_count > 0;
+}
+
 static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     const spsi_sweep *sweep = run->sweep;
     spsi_planes *planes = &run->planes;
@@ -4849,7 +5343,7 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     float *memory;
     size_t tiles;
     planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
-    if (sweep->light < 0 || context->brick_count == 0 || !run->frame->extinguishes) return SPS_OK;
+    if (sweep->light < 0 || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
     planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
@@ -4961,6 +5455,90 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
     return SPS_OK;
 }
 
+static int spsi_chunk_count(const spsi_sweep *sweep) { return (sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
+
+/* Lists of particles: one per tile, one for the wide ones, and one more to end them. */
+static size_t spsi_bin_lists(const spsi_rays *rays) {
+    return (size_t)(rays->width / SPSI_TILE_WIDTH + 1) * (size_t)(rays->height / SPSI_TILE_HEIGHT + 1) + 2;
+}
+
+static size_t spsi_crowd_bytes(size_t particles, size_t chunks) {
+    return particles * (2 * sizeof(int) + 2 * sizeof(uint16_t)) + 2 * (chunks + 1) * sizeof(int);
+}
+
+/* The chunks that particles touch, as the eye or the light sees them. */
+static void spsi_crowd_task(void *data, int index, int worker) {
+    const spsi_run *run = (const spsi_run *)data;
+    const spsi_frame *frame = run->frame;
+    const int last = spsi_least(frame->particle_count, (index + 1) * 256), chunks = spsi_chunk_count(run->sweep);
+    (void)worker;
+    for (int i = index * 256; i < last; ++i) {
+        const sps_particles *set = spsi_swarm_of(frame, i)->particles;
+        double slab, reach, other, room;
+        spsi_particle_slabs(&run->bins[0].crossing, set, &frame->particles[i], &slab, &reach);
+        if (run->bins[1].crossing.rays) {
+            spsi_particle_slabs(&run->bins[1].crossing, set, &frame->particles[i], &slab, &other);
+            reach = fmax(reach, other);
+        }
+        room = reach + 1e-3 + 1e-6 * reach;
+        run->crowd.chunks[i][0] = (uint16_t)fmin(fmax(floor((slab - room) / SPSI_CHUNK), 0), chunks - 1);
+        run->crowd.chunks[i][1] = (uint16_t)fmin(fmax(floor((slab + room) / SPSI_CHUNK), 0), chunks - 1);
+    }
+}
+
+/* Orders particles by the chunk in which they begin; gives the most that any chunk holds. `passing` is room for as many
+   numbers as `starts` has. */
+static int spsi_crowd_sort(const spsi_frame *frame, int chunks, spsi_crowd *crowd, int *passing) {
+    int here = 0, most = 0;
+    memset(crowd->starts, 0, ((size_t)chunks + 1) * sizeof(int));
+    memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
+    for (int i = 0; i < frame->particle_count; ++i) {
+        crowd->starts[crowd->chunks[i][0] + 1] += 1;
+        passing[crowd->chunks[i][1] + 1] += 1; /* those that a chunk no longer holds, and the one before it did */
+    }
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        here += crowd->starts[chunk + 1] - passing[chunk];
+        most = spsi_most(most, here);
+        crowd->starts[chunk + 1] += crowd->starts[chunk];
+    }
+    memcpy(passing, crowd->starts, ((size_t)chunks + 1) * sizeof(int));
+    for (int i = 0; i < frame->particle_count; ++i) crowd->order[passing[crowd->chunks[i][0]]++] = i;
+    return most;
+}
+
+static sps_result spsi_bins_reserve(sps_context *context, spsi_buffer_id id, int most, spsi_bins *bins) {
+    const spsi_rays *rays = bins->crossing.rays;
+    const size_t bytes = (size_t)most * (sizeof(spsi_seen) + sizeof(int)) + spsi_bin_lists(rays) * sizeof(int);
+    bins->seen = (spsi_seen *)spsi_reserve(context, id, 1, bytes);
+    if (!bins->seen) return context->result;
+    bins->members = (int *)(void *)(bins->seen + most);
+    bins->starts = bins->members + most;
+    bins->columns = (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    bins->rows = (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
+    return SPS_OK;
+}
+
+/* Finds out which chunks the particles are in, and reserves what the fullest chunk takes. */
+static sps_result spsi_run_crowd(sps_context *context, spsi_run *run) {
+    const spsi_sweep *sweep = run->sweep;
+    const int count = run->frame->particle_count, chunks = spsi_chunk_count(sweep);
+    spsi_crowd *crowd = &run->crowd;
+    int most, *passing;
+    if (count == 0) return SPS_OK;
+    crowd->order = (int *)spsi_reserve(context, SPSI_BUFFER_CROWD, 1, spsi_crowd_bytes((size_t)count, (size_t)chunks));
+    if (!crowd->order) return context->result;
+    crowd->present = crowd->order + count;
+    crowd->starts = crowd->present + count;
+    passing = crowd->starts + chunks + 1;
+    crowd->chunks = (uint16_t(*)[2])(void *)(passing + chunks + 1);
+    spsi_crossing_build(&run->frame->eye, sweep, sweep->back_to_front, &run->bins[0].crossing);
+    if (run->planes.width) spsi_crossing_build(&sweep->rays, sweep, 0, &run->bins[1].crossing);
+    spsi_parallel(context, (count + 255) / 256, spsi_crowd_task, run);
+    most = spsi_crowd_sort(run->frame, chunks, crowd, passing);
+    if (spsi_bins_reserve(context, SPSI_BUFFER_EYE_BALLS, most, &run->bins[0])) return context->result;
+    return run->planes.width ? spsi_bins_reserve(context, SPSI_BUFFER_LIGHT_BALLS, most, &run->bins[1]) : SPS_OK;
+}
+
 /* Fills the run for one sweep. */
 static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                  const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run) {
@@ -4989,7 +5567,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
             run->light_shader.material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
     if (spsi_run_planes(context, run) || spsi_run_splatters(context, run)) return context->result;
     spsi_run_linears(run);
-    if (spsi_run_tiles(context, run) || spsi_run_spans(context, run)) return context->result;
+    if (spsi_run_tiles(context, run) || spsi_run_spans(context, run) || spsi_run_crowd(context, run))
+        return context->result;
     spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_polygon_range_task, run);
     return SPS_OK;
 }
@@ -5001,6 +5580,64 @@ static void spsi_run_find_bricks(spsi_run *run, int chunk) {
     for (int i = 0; i < run->context->brick_count; ++i)
         if (run->spans[i].chunk0 <= chunk && chunk <= run->spans[i].chunk1)
             run->chunk_bricks[run->chunk_brick_count++] = i;
+}
+
+/* The chunk's particles: those of the chunk before that reach into it, and those that begin in it. */
+static void spsi_run_find_particles(spsi_run *run, int chunk) {
+    spsi_crowd *crowd = &run->crowd;
+    int count = 0;
+    if (run->frame->particle_count == 0) return;
+    for (int i = 0; i < crowd->current; ++i)
+        if (crowd->chunks[crowd->present[i]][1] >= chunk) crowd->present[count++] = crowd->present[i];
+    for (int i = crowd->starts[chunk]; i < crowd->starts[chunk + 1]; ++i) crowd->present[count++] = crowd->order[i];
+    crowd->current = count;
+}
+
+/* The list that a particle belongs in. */
+static int spsi_bins_list(const spsi_bins *bins, const spsi_ball *ball) {
+    const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
+    const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
+    if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
+    return x1 - x0 <= 1 && y1 - y0 <= 1 ? y0 * bins->columns + x0 : bins->columns * bins->rows;
+}
+
+static void spsi_seen_task(void *data, int index, int worker) {
+    spsi_run *run = (spsi_run *)data;
+    const int last = spsi_least(run->crowd.current, (index + 1) * 256);
+    (void)worker;
+    for (int i = index * 256; i < last; ++i) {
+        const int particle = run->crowd.present[i];
+        const spsi_swarm *set = spsi_swarm_of(run->frame, particle);
+        for (int n = 0; n < 2 && run->bins[n].seen; ++n) {
+            spsi_seen *seen = &run->bins[n].seen[i];
+            spsi_seen_build(&run->bins[n].crossing, set->particles, &run->frame->particles[particle],
+                            n == 0 ? set->channel : 0, run->shader.first_slab, seen);
+            seen->list = spsi_bins_list(&run->bins[n], &seen->ball);
+        }
+    }
+}
+
+/* Sorts the particles of one set of rays into their lists, in which their order stays. */
+static void spsi_bins_task(void *data, int index, int worker) {
+    const spsi_run *run = (const spsi_run *)data;
+    const spsi_bins *bins = &run->bins[index];
+    const int lists = bins->columns * bins->rows + 1;
+    (void)worker;
+    memset(bins->starts, 0, ((size_t)lists + 1) * sizeof(int));
+    for (int i = 0; i < run->crowd.current; ++i)
+        if (bins->seen[i].list >= 0) bins->starts[bins->seen[i].list] += 1;
+    for (int list = 0; list < lists; ++list) bins->starts[list + 1] += bins->starts[list];
+    for (int i = run->crowd.current - 1; i >= 0; --i) /* from the end: where a list ends becomes where it begins */
+        if (bins->seen[i].list >= 0) bins->members[--bins->starts[bins->seen[i].list]] = i;
+}
+
+/* Builds the chunk's particles for the eye and the light. */
+static void spsi_run_particles(spsi_run *run) {
+    const double start = spsi_clock(run->context);
+    if (run->crowd.current == 0) return;
+    spsi_parallel(run->context, (run->crowd.current + 255) / 256, spsi_seen_task, run);
+    spsi_parallel(run->context, run->bins[1].seen ? 2 : 1, spsi_bins_task, run);
+    run->context->stats.seconds_bin += spsi_clock(run->context) - start;
 }
 
 static int spsi_run_finished(const spsi_run *run) {
@@ -5022,11 +5659,14 @@ static void spsi_run_polygons(spsi_run *run, float low, float high) {
 
 static void spsi_run_chunk(spsi_run *run, int chunk) {
     sps_context *context = run->context;
-    const double start = spsi_clock(context);
+    double start;
     run->shader.first_slab = chunk * SPSI_CHUNK;
     run->slab_count = SPSI_CHUNK;
     run->low = (float)run->shader.first_slab;
     run->high = run->low + SPSI_CHUNK;
+    run->ends = (chunk == 0) + 2 * (chunk == spsi_chunk_count(run->sweep) - 1);
+    spsi_run_particles(run);
+    start = spsi_clock(context);
     spsi_parallel(context, run->planes.tiles_x * run->planes.tiles_y, spsi_light_task, run);
     context->stats.seconds_light += spsi_clock(context) - start;
     spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_eye_task, run);
@@ -5047,14 +5687,15 @@ static void spsi_run_count(spsi_run *run) {
 
 static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
     sps_context *context = run->context;
-    const int slabs = context->brick_count > 0 ? run->sweep->slab_count : 0;
+    const int slabs = spsi_holds_gas(context, run->frame) ? run->sweep->slab_count : 0;
     const int chunks = (slabs + SPSI_CHUNK - 1) / SPSI_CHUNK;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
         if (spsi_progress(context, progress + share * chunk / chunks)) return context->result;
         spsi_run_find_bricks(run, chunk);
-        if (run->chunk_brick_count == 0) {
+        spsi_run_find_particles(run, chunk);
+        if (run->chunk_brick_count == 0 && run->crowd.current == 0) {
             context->stats.slabs_empty += (uint64_t)spsi_least(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
             continue;
         }
@@ -5142,10 +5783,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
 /* --- a light's depth map, and the frame --- */
 
 /* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
-static int spsi_map_size(const spsi_frame *frame) {
-    static const int size[] = {1024, 512, 1024, 2048, 4096};
-    return spsi_most(frame->view.shadow_size, size[frame->view.quality]);
-}
+static int spsi_map_size(const spsi_frame *frame) { return spsi_most(frame->view.shadow_size, frame->map_texels); }
 
 /* One face of a cube of depth maps about a point light; faces overlap by a texel. */
 static void spsi_map_cube_face(const sps_light *light, int face, int size, spsi_rays *rays) {
@@ -5275,11 +5913,12 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *fram
     context->stats.seconds_polygons += built - start;
     if (spsi_run_build(context, frame, faces, hits, &sweep, run)) return context->result;
     swept = spsi_clock(context);
-    light = context->stats.seconds_light;
     context->stats.seconds_bin += swept - built;
+    light = context->stats.seconds_light + context->stats.seconds_bin; /* what is not the eye's */
     if (spsi_run_sweep(run, 0.2 + 0.8 * n / count, 0.8 / count) || spsi_add_sweep(context, run, total))
         return context->result;
-    context->stats.seconds_eye += spsi_clock(context) - swept - (context->stats.seconds_light - light);
+    context->stats.seconds_eye +=
+        spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
 }
 
@@ -5291,7 +5930,9 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     spsi_hit *hits;
     float *total;
     spsi_run *run;
-    if (spsi_gather(context, frame) || spsi_gather_faces(context, frame, &faces)) return context->result;
+    if (spsi_gather(context, frame) || spsi_gather_particles(context, frame) ||
+        spsi_gather_faces(context, frame, &faces))
+        return context->result;
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);

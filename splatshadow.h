@@ -937,6 +937,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_FACES,
     SPSI_BUFFER_REFERENCE_NODES,
+    SPSI_BUFFER_REFERENCE_PARTICLES,
+    SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
     SPSI_BUFFER_BALLS, /* a batch of particles as a map sees them, >>tmaps */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
@@ -3042,7 +3044,8 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
    always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
    4] */
 
-#define SPSI_COSINE_MIN 0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
+#define SPSI_PARTICLE_EDGE 0.7 /* radii */
+#define SPSI_COSINE_MIN    0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
 
 typedef struct spsi_sweep {
     int light; /* index of the light that casts shadows in this sweep; -1: none */
@@ -3158,11 +3161,11 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* What stands for the edge of a voxel where there are particles: a ball of that many of them in radius has the variance
-   of a voxel's kernel (r^2 / 5 if it is even). Particles much smaller than the cloud that they make up are not told
-   apart: a cloud takes about 500 of these at most. 0 without particles. */
+/* What stands for the edge of a voxel where there are particles: a ball has the variance of the kernel of a voxel of
+   0.7 radii (r^2 / 5 if it is even). Particles much smaller than the cloud that they make up need not be told apart in
+   depth: a cloud takes about 500 of these at most. 0 without particles. */
 static double spsi_particle_edge(const spsi_frame *frame) {
-    return fmax(0.7 * frame->particle_radius, frame->particle_spread / 200);
+    return fmax(SPSI_PARTICLE_EDGE * frame->particle_radius, frame->particle_spread / 200);
 }
 
 /* Cuts the bounds of volumes and particles into slabs. */
@@ -3242,13 +3245,14 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->map_texels;
 }
 
-/* The wished size of a light's texels: a voxel's, or a particle's, divided by the quality's number. Particles alone do
-   not ask for more texels than a depth map has. */
+/* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
+   divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
 static double spsi_light_texel(const spsi_frame *frame, const double right[3], const double down[3]) {
-    double size = spsi_voxel_across(frame, right, down) / frame->shadow_texels, across[3];
+    double size = spsi_voxel_across(frame, right, down) / frame->shadow_texels, own, across[3];
     if (frame->particle_count == 0) return size;
+    own = 0.5 * SPSI_PARTICLE_EDGE * frame->particle_radius / frame->shadow_texels;
     spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
-    return fmin(size, fmax(spsi_particle_edge(frame) / frame->shadow_texels, spsi_length(across) / frame->map_texels));
+    return fmin(size, fmax(own, spsi_length(across) / frame->map_texels));
 }
 
 /* Rays for the light's sheets. */
@@ -6007,6 +6011,24 @@ static size_t spsi_plan_gather_bytes(const spsi_frame *frame, const spsi_reading
     return (size_t)bytes;
 }
 
+/* Texels on the longer side of a sweep's light, at most: where particles are, which nobody has seen yet, the bounds
+   that were planned with are not those of the render. */
+static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
+    const int planned = spsi_most(sweep->rays.width, sweep->rays.height);
+    if (frame->set_count == 0) return (size_t)planned;
+    return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
+}
+
+/* Bytes of all particles in a sweep, as one set of rays sees them: a chunk may hold all of them. */
+static size_t spsi_plan_bins_bytes(const spsi_frame *frame, int width, int height) {
+    spsi_rays rays;
+    rays.width = width;
+    rays.height = height;
+    return frame->set_count == 0
+               ? 0
+               : frame->particles_asked * (sizeof(spsi_seen) + sizeof(int)) + spsi_bin_lists(&rays) * sizeof(int);
+}
+
 /* Bytes of the largest sweep's planes, sheets, spans and pixels. */
 static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                   uint64_t bricks, sps_plan_report *report) {
@@ -6015,22 +6037,27 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t columns = (size_t)((region[0] + region[2] - 1) / SPSI_TILE_WIDTH - region[0] / SPSI_TILE_WIDTH + 1);
     const size_t rows = (size_t)((region[1] + region[3] - 1) / SPSI_TILE_HEIGHT - region[1] / SPSI_TILE_HEIGHT + 1);
     const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
-    const size_t side = (size_t)spsi_most(sweep->rays.width, sweep->rays.height);
+    const size_t side = spsi_plan_light_side(frame, sweep);
+    const int gases = frame->medium_count > 0 || frame->set_count > 0;
     size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) +
            spsi_sample_bytes(context, frame->material_count * SPSI_PARTS);
+    eye += spsi_plan_bins_bytes(frame, frame->eye.width, frame->eye.height);
+    if (frame->set_count > 0) eye += spsi_crowd_bytes(frame->particles_asked, SPSI_SLABS_MAX / SPSI_CHUNK);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->light >= 0 && frame->medium_count > 0 && frame->extinguishes) {
+    if (sweep->light >= 0 && gases && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
-        const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float);
+        const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
+                             spsi_plan_bins_bytes(frame, (int)side, (int)side);
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     }
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slab_count : 0);
-    report->shadow_width = spsi_most(report->shadow_width, sweep->rays.width);
-    report->shadow_height = spsi_most(report->shadow_height, sweep->rays.height);
+    if (sweep->light < 0) return;
+    report->shadow_width = spsi_most(report->shadow_width, frame->set_count ? (int)side : sweep->rays.width);
+    report->shadow_height = spsi_most(report->shadow_height, frame->set_count ? (int)side : sweep->rays.height);
 }
 
 static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
@@ -6038,28 +6065,39 @@ static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, con
     report->pass[pass].reason = runs ? why : why_not;
 }
 
+static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
+    const int volumes = frame->medium_count > 0 && reading->blocks > 0, particles = frame->set_count > 0;
+    spsi_plan_pass(report, SPS_PASS_GATHER, volumes || particles,
+                   !particles ? "volumes must be read"
+                   : volumes  ? "volumes and particles must be read"
+                              : "particles must be read",
+                   frame->medium_count == 0 ? "no volume or particle that could be seen"
+                   : reading->held          ? "the voxels are held from an earlier call"
+                                            : "range_fn shows that no voxel matters");
+}
+
 static void spsi_plan_passes(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
-    const int volumes = frame->medium_count > 0, polygons = frame->triangle_count > 0, lit = frame->lit_count > 0;
-    const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count;
-    spsi_plan_pass(report, SPS_PASS_GATHER, volumes && reading->blocks > 0, "volumes must be read",
-                   !volumes        ? "no volume that could be seen"
-                   : reading->held ? "the voxels are held from an earlier call"
-                                   : "range_fn shows that no voxel matters");
+    const int gases = frame->medium_count > 0 || frame->set_count > 0, polygons = frame->triangle_count > 0;
+    const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count, lit = frame->lit_count > 0;
+    spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
     spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, polygons ? shadows : 0, "polygons cast shadows, one map per light",
                    polygons ? "no light casts shadows" : "no triangles");
-    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, volumes ? sweeps : 0,
-                   shadows ? "volumes are seen, one sweep per shadowing light" : "volumes are seen, one sweep",
-                   "no volume that could be seen");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, volumes && frame->extinguishes ? shadows : 0, "volumes cast shadows",
-                   !volumes  ? "no volume that could be seen"
+    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps : 0,
+                   shadows ? "volumes or particles are seen, one sweep per shadowing light"
+                           : "volumes or particles are seen, one sweep",
+                   "no volume or particle that could be seen");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, gases && frame->extinguishes ? shadows : 0,
+                   "volumes or particles cast shadows",
+                   !gases    ? "no volume or particle that could be seen"
                    : shadows ? "no volume has extinction"
                              : "no light casts shadows on anything");
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
-    spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0, "volumes scatter light",
-                   frame->scatters ? "no light" : "no volume scatters: albedo 0 or no extinction");
-    spsi_plan_pass(report, SPS_PASS_EMISSION, frame->emits, "a volume emits", "no volume emits");
+    spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0,
+                   "volumes or particles scatter light",
+                   frame->scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
+    spsi_plan_pass(report, SPS_PASS_EMISSION, frame->emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->scatters || polygons),
                    "there is ambient light", frame->has_ambient ? "nothing to light" : "ambient is black");
     spsi_plan_pass(report, SPS_PASS_SURFACE_LIGHT, polygons && lit ? sweeps : 0, "lights shine on polygons",
@@ -6072,7 +6110,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     const size_t size = (size_t)spsi_most(8, spsi_map_size(frame));
     size_t tables = 1, sum = sizeof *context + sizeof *frame;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
-    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table);
+    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
+                                          frame->particles_asked * sizeof(sps_particle);
     if (frame->triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
@@ -6098,6 +6137,8 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
         }
     for (int i = 0; i < frame->scene->mesh_count; ++i)
         report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
+    for (int i = 0; i < frame->set_count; ++i)
+        report->particle_calls += (frame->sets[i].particles->count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     report->sweep_count = spsi_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->material_count;
@@ -6132,17 +6173,25 @@ typedef struct spsi_node {
     int first, count; /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
 } spsi_node;
 
+/* A hierarchy of bounding boxes, of triangles or of particles. */
+typedef struct spsi_tree {
+    spsi_node *nodes;
+    int node_count, *order, count;
+    const spsi_face *faces; /* one of these is not NULL */
+    const sps_particle *particles;
+} spsi_tree;
+
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_grid grids[SPSI_VOLUMES_MAX];
-    spsi_node *nodes;
-    int node_count, *order;
+    spsi_tree triangles, particles;
+    int part_count;     /* volumes, and behind them sets of particles */
     double step;        /* world length */
     spsi_shader shader; /* only for the surface functions */
     float *total;
     int first_row;        /* of the rows at hand */
-    spsi_sample *samples; /* one per volume, per worker */
+    spsi_sample *samples; /* one per part, per worker */
 } spsi_marcher;
 
 /* --- the field --- */
@@ -6200,30 +6249,37 @@ static double spsi_field(const spsi_grid *grid, const double point[3], double gr
     return sum;
 }
 
-/* --- triangles --- */
+/* --- what rays meet --- */
 
-static void spsi_face_bounds(const spsi_face *face, double low[3], double high[3]) {
-    for (int corner = 0; corner < 3; ++corner)
-        for (int i = 0; i < 3; ++i) {
-            low[i] = fmin(low[i], face->position[corner][i]);
-            high[i] = fmax(high[i], face->position[corner][i]);
+static void spsi_item_bounds(const spsi_tree *tree, int item, double low[3], double high[3]) {
+    for (int i = 0; i < 3; ++i) {
+        for (int corner = 0; corner < 3 && tree->faces; ++corner) {
+            low[i] = fmin(low[i], tree->faces[item].position[corner][i]);
+            high[i] = fmax(high[i], tree->faces[item].position[corner][i]);
         }
+        if (tree->faces) continue;
+        low[i] = fmin(low[i], (double)tree->particles[item].position[i] - (double)tree->particles[item].radius);
+        high[i] = fmax(high[i], (double)tree->particles[item].position[i] + (double)tree->particles[item].radius);
+    }
 }
 
-static double spsi_face_centre(const spsi_face *face, int axis) {
+/* Three times the centre, for a triangle. */
+static double spsi_item_centre(const spsi_tree *tree, int item, int axis) {
+    if (!tree->faces) return (double)tree->particles[item].position[axis];
+    const spsi_face *face = &tree->faces[item];
     return face->position[0][axis] + face->position[1][axis] + face->position[2][axis];
 }
 
-/* Orders order[first..first+count) so that the middle one is in its place along an axis (Hoare's selection). */
-static void spsi_select_middle(const spsi_faces *faces, int *order, int count, int axis) {
+/* Orders order[0..count) so that the middle one is in its place along an axis (Hoare's selection). */
+static void spsi_select_middle(const spsi_tree *tree, int *order, int count, int axis) {
     int low = 0, high = count - 1;
     const int middle = count / 2;
     while (low < high) {
-        const double pivot = spsi_face_centre(&faces->list[order[(low + high) / 2]], axis);
+        const double pivot = spsi_item_centre(tree, order[(low + high) / 2], axis);
         int i = low, j = high;
         while (i <= j) {
-            while (spsi_face_centre(&faces->list[order[i]], axis) < pivot) ++i;
-            while (spsi_face_centre(&faces->list[order[j]], axis) > pivot) --j;
+            while (spsi_item_centre(tree, order[i], axis) < pivot) ++i;
+            while (spsi_item_centre(tree, order[j], axis) > pivot) --j;
             if (i <= j) {
                 const int other = order[i];
                 order[i++] = order[j];
@@ -6240,30 +6296,29 @@ static void spsi_select_middle(const spsi_faces *faces, int *order, int count, i
 }
 
 /* Splits nodes at the median of their longest axis, breadth first. */
-static void spsi_nodes_build(spsi_marcher *marcher) {
-    spsi_node *nodes = marcher->nodes;
-    for (int i = 0; i < marcher->faces->count; ++i) marcher->order[i] = i;
+static void spsi_tree_build(spsi_tree *tree) {
+    spsi_node *nodes = tree->nodes;
+    for (int i = 0; i < tree->count; ++i) tree->order[i] = i;
     nodes[0].first = 0;
-    nodes[0].count = marcher->faces->count;
-    marcher->node_count = 1;
-    for (int n = 0; n < marcher->node_count; ++n) {
+    nodes[0].count = tree->count;
+    tree->node_count = 1;
+    for (int n = 0; n < tree->node_count; ++n) {
         spsi_node *node = &nodes[n];
         const int first = node->first, count = node->count;
         int axis = 0;
         for (int i = 0; i < 3; ++i) node->low[i] = HUGE_VAL, node->high[i] = -HUGE_VAL;
-        for (int i = 0; i < count; ++i)
-            spsi_face_bounds(&marcher->faces->list[marcher->order[first + i]], node->low, node->high);
+        for (int i = 0; i < count; ++i) spsi_item_bounds(tree, tree->order[first + i], node->low, node->high);
         if (count <= SPSI_LEAF) continue;
         for (int i = 1; i < 3; ++i)
             if (node->high[i] - node->low[i] > node->high[axis] - node->low[axis]) axis = i;
-        spsi_select_middle(marcher->faces, marcher->order + first, count, axis);
-        nodes[marcher->node_count].first = first;
-        nodes[marcher->node_count].count = count / 2;
-        nodes[marcher->node_count + 1].first = first + count / 2;
-        nodes[marcher->node_count + 1].count = count - count / 2;
-        node->first = marcher->node_count;
+        spsi_select_middle(tree, tree->order + first, count, axis);
+        nodes[tree->node_count].first = first;
+        nodes[tree->node_count].count = count / 2;
+        nodes[tree->node_count + 1].first = first + count / 2;
+        nodes[tree->node_count + 1].count = count - count / 2;
+        node->first = tree->node_count;
         node->count = 0;
-        marcher->node_count += 2;
+        tree->node_count += 2;
     }
 }
 
@@ -6314,22 +6369,66 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* The nearest face along a ray (or any face at all); its number, or -1. */
-static int spsi_trace(const spsi_marcher *marcher, spsi_ray *ray, int any) {
-    int stack[64], top = 0, found = -1;
-    const int skip = ray->face;
-    if (marcher->faces->count == 0) return -1;
+static int spsi_ray_meets_node(const spsi_ray *ray, const spsi_node *node) {
+    double low[3], high[3], range[2];
+    for (int i = 0; i < 3; ++i) { /* flat boxes keep a little room for rounding */
+        const double room = 1e-12 * (fabs(node->low[i]) + fabs(node->high[i]) + fabs(ray->origin[i]));
+        low[i] = node->low[i] - room, high[i] = node->high[i] + room;
+    }
+    return spsi_ray_meets_box(ray, low, high, range);
+}
+
+/* Optical depth along the stretch of a ray that is in a ball: of density 1, or 1 - (r / radius)^2, it is the difference
+   of s / 2, or 3 s / 4 - s^3 / 4, at its ends, s running from -1 to 1 along the chord. */
+static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const sps_particles *set) {
+    const double radius = (double)particle->radius;
+    double offset[3], ends[2], middle, square, half, depth = (double)particle->optical_depth;
+    for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
+    middle = spsi_dot(offset, ray->direction);
+    spsi_along(offset, ray->direction, -middle, offset);
+    square = 1 - spsi_dot(offset, offset) / (radius * radius);
+    if (!(square > 0)) return 0;
+    if (set->is_extinction) depth *= radius * (set->soft ? 4.0 / 3 : 2.0);
+    half = radius * sqrt(square);
+    ends[0] = fmin(fmax((ray->low - middle) / half, -1), 1);
+    ends[1] = fmin(fmax((ray->high - middle) / half, -1), 1);
+    for (int i = 0; i < 2; ++i) ends[i] *= set->soft ? (3 - ends[i] * ends[i]) / 4 : 0.5;
+    return fmin(depth, (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) * (ends[1] - ends[0]);
+}
+
+/* Adds the optical depth of a stretch of a ray to each set's. */
+static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
+    const spsi_tree *tree = &marcher->particles;
+    const spsi_frame *frame = marcher->frame;
+    int stack[64], top = 0;
+    if (tree->count == 0 || !(ray->high > ray->low)) return;
     stack[top++] = 0;
     while (top > 0) {
-        const spsi_node *node = &marcher->nodes[stack[--top]];
-        double low[3], high[3], range[2];
-        for (int i = 0; i < 3; ++i) { /* flat boxes keep a little room for rounding */
-            const double room = 1e-12 * (fabs(node->low[i]) + fabs(node->high[i]) + fabs(ray->origin[i]));
-            low[i] = node->low[i] - room, high[i] = node->high[i] + room;
-        }
-        if (!spsi_ray_meets_box(ray, low, high, range)) continue;
+        const spsi_node *node = &tree->nodes[stack[--top]];
+        if (!spsi_ray_meets_node(ray, node)) continue;
         for (int i = 0; i < node->count; ++i) {
-            const int face = marcher->order[node->first + i];
+            const int particle = tree->order[node->first + i];
+            const spsi_swarm *set = spsi_swarm_of(frame, particle);
+            depths[set - frame->sets] += spsi_ray_depth_in_ball(ray, &frame->particles[particle], set->particles);
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+}
+
+/* The nearest face along a ray (or any face at all); its number, or -1. */
+static int spsi_trace(const spsi_marcher *marcher, spsi_ray *ray, int any) {
+    const spsi_tree *tree = &marcher->triangles;
+    int stack[64], top = 0, found = -1;
+    const int skip = ray->face;
+    if (tree->count == 0) return -1;
+    stack[top++] = 0;
+    while (top > 0) {
+        const spsi_node *node = &tree->nodes[stack[--top]];
+        if (!spsi_ray_meets_node(ray, node)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const int face = tree->order[node->first + i];
             if (face == skip || !spsi_ray_meets_face(&marcher->faces->list[face], ray)) continue;
             found = face;
             if (any) return found;
@@ -6343,11 +6442,16 @@ static int spsi_trace(const spsi_marcher *marcher, spsi_ray *ray, int any) {
 
 /* --- transport --- */
 
-/* The stretch of a ray (world origin) inside the volumes' bounds, and how many steps it takes. */
+static const spsi_material *spsi_part_material(const spsi_frame *frame, int part) {
+    return &frame->materials[part < frame->medium_count ? frame->media[part].channel
+                                                        : frame->sets[part - frame->medium_count].channel];
+}
+
+/* The stretch of a ray (world origin) inside the gases' bounds, and how many steps it takes. */
 static int spsi_march_range(const spsi_marcher *marcher, const double origin[3], const double direction[3], double low,
                             double high, double range[2]) {
     spsi_ray ray;
-    if (marcher->frame->medium_count == 0) return 0;
+    if (marcher->part_count == 0) return 0;
     memcpy(ray.origin, origin, sizeof ray.origin);
     memcpy(ray.direction, direction, sizeof ray.direction);
     ray.low = low;
@@ -6374,7 +6478,7 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 
 /* Transmittance of everything between a point and a light; `face` is the surface it lies on, or -1. */
 static double spsi_march_light(const spsi_marcher *marcher, const sps_light *light, const double point[3], int face) {
-    double toward[3], range[2], depth = 0, beyond = HUGE_VAL;
+    double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
     int count;
     spsi_ray ray;
     spsi_light_direction(light, point, toward);
@@ -6390,6 +6494,9 @@ static double spsi_march_light(const spsi_marcher *marcher, const sps_light *lig
     ray.high = beyond;
     ray.face = face;
     if (spsi_trace(marcher, &ray, 1) >= 0) return 0;
+    spsi_trace_particles(marcher, &ray, depths);
+    for (int i = 0; i < marcher->frame->set_count; ++i) depth += depths[i];
+    if (marcher->frame->medium_count == 0) return exp(-depth);
     count = spsi_march_range(marcher, point, toward, 0, beyond, range);
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
@@ -6423,32 +6530,47 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
     sample->has_normal = 1;
 }
 
-/* What is at one point of a ray. */
+/* What is on one step along a ray: volumes at its middle, particles' mean over all of it. */
 typedef struct spsi_point {
     double position[3], direction[3]; /* direction: of the eye's ray, unit */
-    double value[SPSI_VOLUMES_MAX], extinction[SPSI_VOLUMES_MAX], extinction_sum, value_sum;
+    double value[SPSI_MATERIALS_MAX], extinction[SPSI_MATERIALS_MAX], extinction_sum, value_sum;
     spsi_sample *samples;
 } spsi_point;
 
-static void spsi_point_build(const spsi_marcher *marcher, const double position[3], const double direction[3],
-                             spsi_point *point) {
-    memcpy(point->position, position, sizeof point->position);
-    memcpy(point->direction, direction, sizeof point->direction);
+static void spsi_point_take(spsi_point *point, int part, double value, double extinction) {
+    point->value[part] = value;
+    point->extinction[part] = extinction;
+    point->value_sum += value;
+    point->extinction_sum += extinction;
+}
+
+/* The step of a ray, whose direction is of unit length, from ray->low to ray->high. */
+static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
+    const spsi_frame *frame = marcher->frame;
+    double depths[SPSI_SETS_MAX] = {0};
+    float appearance[4] = {0, 0, 0, 0};
+    spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
+    memcpy(point->direction, ray->direction, sizeof point->direction);
     point->extinction_sum = point->value_sum = 0;
-    for (int m = 0; m < marcher->frame->medium_count; ++m) {
-        const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const spsi_material *material = spsi_part_material(frame, m);
         const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
-        double gradient[3] = {0, 0, 0};
-        float appearance[4] = {0, 0, 0, 0};
-        point->value[m] = spsi_field(&marcher->grids[m], position, surface ? gradient : NULL);
-        point->extinction[m] = spsi_extinction_at(material, point->value[m], appearance);
-        point->extinction_sum += point->extinction[m];
-        point->value_sum += point->value[m];
+        double gradient[3] = {0, 0, 0}, value;
+        memset(appearance, 0, sizeof appearance);
+        value = spsi_field(&marcher->grids[m], point->position, surface ? gradient : NULL);
+        spsi_point_take(point, m, value, spsi_extinction_at(material, value, appearance));
         spsi_march_sample(material, appearance, gradient, &point->samples[m]);
+    }
+    spsi_trace_particles(marcher, ray, depths);
+    for (int i = 0; i < frame->set_count; ++i) {
+        const int part = frame->medium_count + i;
+        const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
+        spsi_point_take(point, part, extinction, extinction);
+        spsi_march_sample(spsi_part_material(frame, part), appearance, none, &point->samples[part]);
     }
 }
 
-/* Adds, per unit of length, what all volumes at a point answer to one light. */
+/* Adds, per unit of length, what all gases at a point answer to one light. */
 static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const sps_light *light,
                                  double source[3]) {
     double travel[3], irradiance = 1;
@@ -6462,8 +6584,8 @@ static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *
     if (spsi_light_shadows(marcher->frame, light)) irradiance *= spsi_march_light(marcher, light, point->position, -1);
     spsi_set3(point->direction, toward_v);
     spsi_set3(travel, travel_v);
-    for (int m = 0; m < marcher->frame->medium_count && irradiance > 0; ++m) {
-        const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+    for (int m = 0; m < marcher->part_count && irradiance > 0; ++m) {
+        const spsi_material *material = spsi_part_material(marcher->frame, m);
         float lanes[SPSI_LANES];
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
         spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
@@ -6474,12 +6596,12 @@ static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *
     }
 }
 
-/* Radiance per unit of length that all volumes at a point send along the ray, before any of it is absorbed. */
+/* Radiance per unit of length that all gases at a point send along the ray, before any of it is absorbed. */
 static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
     const sps_scene *scene = marcher->frame->scene;
     source[0] = source[1] = source[2] = 0;
-    for (int m = 0; m < marcher->frame->medium_count; ++m) {
-        const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+    for (int m = 0; m < marcher->part_count; ++m) {
+        const spsi_material *material = spsi_part_material(marcher->frame, m);
         float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, point->samples[m].colour[c]);
@@ -6513,7 +6635,7 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
     const spsi_rays *eye = &marcher->frame->eye;
     double origin[3], direction[3], range[2], length;
     spsi_hit hit = {SPSI_INFINITY, -1, {0, 0}};
-    spsi_ray ray;
+    spsi_ray ray, step;
     int count;
     spsi_ray_point(eye, x, y, 0, origin);
     spsi_ray_direction(eye, x, y, direction);
@@ -6530,13 +6652,15 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
     count = spsi_march_range(marcher, origin, direction, ray.low, ray.high, range);
     radiance[0] = radiance[1] = radiance[2] = *distance = 0;
     *through = 1;
+    step = ray;
     for (int i = 0; i < count && !(*through <= 1e-12); ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
-        double at[3], source[3], depth, mean;
+        double source[3], depth, mean;
         spsi_point point;
         point.samples = samples;
-        spsi_along(origin, direction, t, at);
-        spsi_point_build(marcher, at, direction, &point);
+        step.low = t - 0.5 * h;
+        step.high = t + 0.5 * h;
+        spsi_point_build(marcher, &step, &point);
         if (!(point.value_sum > 0)) continue;
         depth = h * point.extinction_sum;
         mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
@@ -6565,7 +6689,7 @@ static void spsi_march_span_task(void *data, int index, int worker) {
     const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
     const int spans = spsi_march_spans(region[2]), row = marcher->first_row + index / spans;
     const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
-    spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->frame->medium_count;
+    spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
     for (int x = first; x < last; ++x) {
         float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
         double radiance[3], through, distance;
@@ -6658,6 +6782,17 @@ static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi
     return SPS_OK;
 }
 
+static sps_result spsi_tree_reserve(sps_context *context, int count, spsi_buffer_id order, spsi_buffer_id nodes,
+                                    spsi_tree *tree) {
+    tree->count = count;
+    if (count == 0) return SPS_OK;
+    tree->order = (int *)spsi_reserve(context, order, (size_t)count, sizeof(int));
+    tree->nodes = (spsi_node *)spsi_reserve(context, nodes, 2 * (size_t)count, sizeof(spsi_node));
+    if (!tree->order || !tree->nodes) return context->result;
+    spsi_tree_build(tree);
+    return SPS_OK;
+}
+
 static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi_faces *faces, double step,
                                    spsi_marcher *marcher) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
@@ -6668,21 +6803,24 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     marcher->shader.faces = faces;
     for (int i = 0; i < frame->medium_count; ++i)
         for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].step[k]));
-    marcher->step = step * extent;
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
     spsi_tell_replaced(context);
+    if (spsi_gather_particles(context, frame)) return context->result;
+    if (frame->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->particle_radius);
+    marcher->step = step * extent;
+    marcher->part_count = frame->medium_count + frame->set_count;
     spsi_eye_reference(frame);
     marcher->total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
-    marcher->samples = spsi_samples_reserve(context, frame->medium_count);
+    marcher->samples = spsi_samples_reserve(context, marcher->part_count);
     if (!marcher->total || !marcher->samples) return context->result;
-    if (faces->count == 0) return SPS_OK;
-    marcher->order = (int *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_FACES, (size_t)faces->count, sizeof(int));
-    marcher->nodes =
-        (spsi_node *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_NODES, 2 * (size_t)faces->count, sizeof(spsi_node));
-    if (!marcher->order || !marcher->nodes) return context->result;
-    spsi_nodes_build(marcher);
-    return SPS_OK;
+    marcher->triangles.faces = faces->list;
+    if (spsi_tree_reserve(context, faces->count, SPSI_BUFFER_REFERENCE_FACES, SPSI_BUFFER_REFERENCE_NODES,
+                          &marcher->triangles))
+        return context->result;
+    marcher->particles.particles = frame->particles;
+    return spsi_tree_reserve(context, frame->particle_count, SPSI_BUFFER_REFERENCE_PARTICLES,
+                             SPSI_BUFFER_REFERENCE_PARTICLE_NODES, &marcher->particles);
 }
 
 static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, double step, const sps_image *image) {

@@ -800,6 +800,15 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
     quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
 }
 
+/* Asks for memory that will be read soon, where the compiler knows how. */
+static inline void spsi_prefetch(const void *data, size_t size) {
+#if defined(__GNUC__)
+    for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
+#else
+    (void)data, (void)size;
+#endif
+}
+
 static inline spsi_v spsi_clamp(spsi_v a, spsi_v low, spsi_v high) { return spsi_max(low, spsi_min(a, high)); }
 static inline spsi_v spsi_abs(spsi_v a) { return spsi_max(a, spsi_sub(spsi_set(0), a)); }
 static inline spsi_v spsi_mix(spsi_v a, spsi_v b, spsi_v t) { return spsi_fma(spsi_sub(b, a), t, a); }
@@ -5044,7 +5053,8 @@ typedef struct spsi_crowd {
 typedef struct spsi_bins {
     spsi_crossing crossing;
     spsi_seen *seen;
-    int *members, *starts; /* per tile, and one more: its first in `members` */
+    int *members; /* numbers in `seen`, times 4, and 1 for a particle that reaches the next column of tiles, 2: row */
+    int *starts;  /* per tile, and one more: its first in `members` */
     int columns, rows;
 } spsi_bins;
 
@@ -5162,11 +5172,29 @@ static int spsi_span_meets(const short tiles[4], int x, int y) {
     return tiles[0] <= x && x <= tiles[2] && tiles[1] <= y && y <= tiles[3];
 }
 
-/* Splats the particles of one list that meet a tile; `touched`: whether the sheets are in use already. */
-static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int list, spsi_tile *tile, int column,
-                                int row, size_t floats, int touched) {
+/* Splats the particles of one list that also reach `beyond` its tile as told; `touched`: whether the sheets are in use.
+ */
+static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int list, int beyond, spsi_tile *tile,
+                                size_t floats, int touched) {
+    const int first = bins->starts[list], end = bins->starts[list + 1], ahead = 8;
+    for (int i = first; i < end; ++i) {
+        const int member = bins->members[i];
+        if (i + ahead < end && (bins->members[i + ahead] & beyond) == beyond)
+            spsi_prefetch(&bins->seen[bins->members[i + ahead] / 4], sizeof(spsi_seen));
+        if ((member & beyond) != beyond) continue;
+        if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
+        touched = 1;
+        spsi_splat_particle(tile, &bins->crossing, &bins->seen[member / 4], run->ends);
+    }
+    return touched;
+}
+
+/* Splats the wide particles that meet a tile. */
+static int spsi_tile_splat_wide(const spsi_run *run, const spsi_bins *bins, spsi_tile *tile, int column, int row,
+                                size_t floats, int touched) {
+    const int list = bins->columns * bins->rows;
     for (int i = bins->starts[list]; i < bins->starts[list + 1]; ++i) {
-        const spsi_seen *seen = &bins->seen[bins->members[i]];
+        const spsi_seen *seen = &bins->seen[bins->members[i] / 4];
         const spsi_ball *ball = &seen->ball;
         if (ball->x0 / SPSI_TILE_WIDTH > column || ball->x1 / SPSI_TILE_WIDTH < column ||
             ball->y0 / SPSI_TILE_HEIGHT > row || ball->y1 / SPSI_TILE_HEIGHT < row)
@@ -5183,10 +5211,11 @@ static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int c
                                      size_t floats, int touched) {
     const spsi_bins *bins = &run->bins[for_light];
     if (run->crowd.current == 0) return touched;
-    for (int y = row; y >= spsi_most(row - 1, 0); --y)
-        for (int x = column; x >= spsi_most(column - 1, 0); --x)
-            touched = spsi_tile_splat_list(run, bins, y * bins->columns + x, tile, column, row, floats, touched);
-    return spsi_tile_splat_list(run, bins, bins->columns * bins->rows, tile, column, row, floats, touched);
+    for (int up = 0; up <= (row > 0); ++up)
+        for (int left = 0; left <= (column > 0); ++left)
+            touched = spsi_tile_splat_list(run, bins, (row - up) * bins->columns + column - left, left + 2 * up, tile,
+                                           floats, touched);
+    return spsi_tile_splat_wide(run, bins, tile, column, row, floats, touched);
 }
 
 /* Splats the chunk's bricks and particles that meet a tile; gives 0, with the sheets not even cleared, where there are
@@ -5632,7 +5661,12 @@ static void spsi_bins_task(void *data, int index, int worker) {
         if (bins->seen[i].list >= 0) bins->starts[bins->seen[i].list] += 1;
     for (int list = 0; list < lists; ++list) bins->starts[list + 1] += bins->starts[list];
     for (int i = run->crowd.current - 1; i >= 0; --i) /* from the end: where a list ends becomes where it begins */
-        if (bins->seen[i].list >= 0) bins->members[--bins->starts[bins->seen[i].list]] = i;
+        if (bins->seen[i].list >= 0) {
+            const spsi_ball *ball = &bins->seen[i].ball;
+            const int right = ball->x1 / SPSI_TILE_WIDTH > ball->x0 / SPSI_TILE_WIDTH;
+            const int below = ball->y1 / SPSI_TILE_HEIGHT > ball->y0 / SPSI_TILE_HEIGHT;
+            bins->members[--bins->starts[bins->seen[i].list]] = 4 * i + right + 2 * below;
+        }
 }
 
 /* Builds the chunk's particles for the eye and the light. */

@@ -111,10 +111,14 @@ build/gallery/floor.obj: | build/gallery
 
 # --------------------------------------------------------------------------------------------------- measuring
 
-# `build/bench speed` prints the times alone.
+# `build/bench speed` prints the times alone, `build/bench maps` those of transmittance maps; bench_plain is plain C.
 .PHONY: bench accuracy
-bench: build/bench
+bench: build/bench build/bench_plain
 	build/bench
+	build/bench_plain maps
+
+build/bench_plain: examples/bench.c $(HEADERS) | build
+	$(CC) $(STANDARD) $(OPTIMIZE) -DSPS_NO_SIMD $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
 
 accuracy: build/bench
 	build/bench accuracy | tee build/accuracy.txt

@@ -264,6 +264,73 @@ typedef struct sps_particles {
     uint32_t end_canary;   /* leave 0 */
 } sps_particles;
 
+/* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
+   near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
+   needs them in order has them sorted. n stands for `components`; docs/manual.md says which to take. */
+typedef enum sps_tmap_technique {
+    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
+       a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
+    SPS_TMAP_DEEP = 0,
+    /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off,
+       the one whose error is set by the caller. 8 bytes a node and 4 a texel; a query searches. No components. */
+    SPS_TMAP_COMPRESSED,
+    /* Where transmittance falls to a half; 1 before, 0 behind. Right for what is opaque alone. 1 component. */
+    SPS_TMAP_DEPTH,
+    /* Optical depth at n planes, u = 1/n .. 1 or as given [Kim & Neumann 2001]. Exact there; between them, the planes
+       before and after bracket the truth. n 1..65, by default 8; a query costs 2 look-ups. */
+    SPS_TMAP_OPACITY,
+    /* Deep opacity map [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last occluder,
+       which come before them. Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8. */
+    SPS_TMAP_DEEP_OPACITY,
+    /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact behind everything; before that
+       it rings, by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the
+       last, since u = 0 and u = 1 are neighbours, or ask for texel_range. n 3, 5 .. 65, by default 7, and two more with
+       texel_range; a query costs n. */
+    SPS_TMAP_FOURIER,
+    /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings. n 2..64,
+       by default 8; a query costs n. */
+    SPS_TMAP_COSINE,
+    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
+       z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
+       exact behind everything. n 5, 7 or 9, by default 5; a query solves for the roots of a polynomial. */
+    SPS_TMAP_MOMENT,
+    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .., of
+       which the one that changes the area least goes when there is one too many. No bound, but small errors. n 4, 6 ..
+       64, by default 16; a query searches. */
+    SPS_TMAP_ADAPTIVE,
+    /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
+       engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps
+       between them. 3 components; insertion and query cost least of all. */
+    SPS_TMAP_BEER
+} sps_tmap_technique;
+
+/* Weights of the harmonics k of a Fourier or cosine map, n of them. */
+typedef enum sps_tmap_window {
+    SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
+    SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
+    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): a Fourier map's optical depth never falls on its way; most blur */
+} sps_tmap_window;
+
+/* All zero but far_depth is valid: an exact map. */
+typedef struct sps_tmap_settings {
+    uint32_t start_canary; /* leave 0 */
+    sps_tmap_technique technique;
+    int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
+    size_t byte_budget; /* what the finished map may take at most; 0: no limit */
+    /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
+       far. What lies before or behind counts as at either end. */
+    double near_depth, far_depth;
+    int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
+    const float *planes; /* opacity: u of each plane, rising from above 0 to 1, copied; NULL: even steps */
+    int cubic;           /* opacity: 1: monotone cubics between planes instead of straight lines */
+    sps_tmap_window window;
+    int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
+    int running_maximum; /* Fourier: 1: a query takes the most that the series has come to so far; n times the cost */
+    float epsilon;       /* compressed: largest error of transmittance, 0..0.5; 0 means 0.01 */
+    double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
+    uint32_t end_canary; /* leave 0 */
+} sps_tmap_settings;
+
 typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
 
 /* A light of no extent. It shadows volumes by slabs perpendicular to the half-way vector between eye and light, so
@@ -278,6 +345,11 @@ typedef struct sps_light {
     double position[3];  /* point */
     float color[3];      /* >= 0; directional: irradiance, point: intensity; all zero: no light */
     int no_shadow;       /* 1: shines through everything */
+    /* NULL: gas shades by slabs. Else it shades by a transmittance map made with these settings, which knows no limit
+       of slicing: around a point light that is among what it lights, the map has six faces. far_depth 0: the range of
+       depths is fitted to the gas. Surfaces shade by their own depth map either way. */
+    const sps_tmap_settings *shadow_map;
+    int shadow_map_size; /* texels on its longer side, or a face's, up to 16384; 0: shadow_size, or from quality */
     uint32_t end_canary; /* leave 0 */
 } sps_light;
 
@@ -394,73 +466,6 @@ typedef struct sps_stats_report {
     size_t bytes, bytes_peak; /* held now, and at most since sps_create */
 } sps_stats_report;
 
-/* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
-   near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
-   needs them in order has them sorted. n stands for `components`; docs/manual.md says which to take. */
-typedef enum sps_tmap_technique {
-    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
-       a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
-    SPS_TMAP_DEEP = 0,
-    /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off,
-       the one whose error is set by the caller. 8 bytes a node and 4 a texel; a query searches. No components. */
-    SPS_TMAP_COMPRESSED,
-    /* Where transmittance falls to a half; 1 before, 0 behind. Right for what is opaque alone. 1 component. */
-    SPS_TMAP_DEPTH,
-    /* Optical depth at n planes, u = 1/n .. 1 or as given [Kim & Neumann 2001]. Exact there; between them, the planes
-       before and after bracket the truth. n 1..65, by default 8; a query costs 2 look-ups. */
-    SPS_TMAP_OPACITY,
-    /* Deep opacity map [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last occluder,
-       which come before them. Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8. */
-    SPS_TMAP_DEEP_OPACITY,
-    /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact behind everything; before that
-       it rings, by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the
-       last, since u = 0 and u = 1 are neighbours, or ask for texel_range. n 3, 5 .. 65, by default 7, and two more with
-       texel_range; a query costs n. */
-    SPS_TMAP_FOURIER,
-    /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings. n 2..64,
-       by default 8; a query costs n. */
-    SPS_TMAP_COSINE,
-    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
-       z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
-       exact behind everything. n 5, 7 or 9, by default 5; a query solves for the roots of a polynomial. */
-    SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .., of
-       which the one that changes the area least goes when there is one too many. No bound, but small errors. n 4, 6 ..
-       64, by default 16; a query searches. */
-    SPS_TMAP_ADAPTIVE,
-    /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
-       engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps
-       between them. 3 components; insertion and query cost least of all. */
-    SPS_TMAP_BEER
-} sps_tmap_technique;
-
-/* Weights of the harmonics k of a Fourier or cosine map, n of them. */
-typedef enum sps_tmap_window {
-    SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
-    SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
-    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): a Fourier map's optical depth never falls on its way; most blur */
-} sps_tmap_window;
-
-/* All zero but far_depth is valid: an exact map. */
-typedef struct sps_tmap_settings {
-    uint32_t start_canary; /* leave 0 */
-    sps_tmap_technique technique;
-    int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
-    size_t byte_budget; /* what the finished map may take at most; 0: no limit */
-    /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
-       far. What lies before or behind counts as at either end. */
-    double near_depth, far_depth;
-    int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
-    const float *planes; /* opacity: u of each plane, rising from above 0 to 1, copied; NULL: even steps */
-    int cubic;           /* opacity: 1: monotone cubics between planes instead of straight lines */
-    sps_tmap_window window;
-    int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    int running_maximum; /* Fourier: 1: a query takes the most that the series has come to so far; n times the cost */
-    float epsilon;       /* compressed: largest error of transmittance, 0..0.5; 0 means 0.01 */
-    double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
-    uint32_t end_canary; /* leave 0 */
-} sps_tmap_settings;
-
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
 
 typedef struct sps_context sps_context; /* opaque */
@@ -505,32 +510,55 @@ SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
 
-/* A transmittance map: what an engine looks shadows of gases up in. `light` is the light's own view, of which the size
-   (the map's, in texels) and the camera count: perspective for a point light or a spot, orthographic for a directional
-   one. Add occluders, finish, query. A call on a map counts as one on its context, but for sps_tmap_query and what
-   reads a finished map. Errors: ARGUMENT, MEMORY; *map is NULL then. */
+/* A transmittance map: what an engine looks shadows up in. `light` is the light's own view, of which the size (the
+   map's, in texels) and the camera count: perspective for a point light or a spot, orthographic for a directional one;
+   for volumes also quality and slab. Add occluders, finish, query. Everything that settings and light point to is
+   copied. A call on a map counts as one on its context, but for queries and what else reads a finished map. Errors:
+   ARGUMENT, MEMORY (byte_budget too); *map is NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
-/* Inserts particles: along each texel's ray the chord, at its place. One that is smaller than a texel is spread over
-   one, so that none falls between rays. May be called any number of times before sps_tmap_finish. After a failure the
-   map may hold some of them, and is good for sps_tmap_destroy only. Errors: ARGUMENT, MEMORY, CALLBACK, DATA,
-   CANCELLED. */
-SPS_API sps_result sps_tmap_add_particles(sps_tmap *map, const sps_particles *particles);
+/* Adds the volumes, meshes and particles of a scene; its lights and background do not matter. What these structs hold
+   is copied, what they point to is borrowed until sps_tmap_finish, which reads it. May be called any number of times
+   before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
+SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
-/* Makes the map ready for queries; nothing can be added after. Errors: ARGUMENT (finished already), MEMORY. */
+/* Pulls the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
+   kernel cut at slabs square to the light's axis, every triangle where it is. Time is about occluders * texels under
+   them * components; memory, on top of the map's, 130 bytes a particle and 4 bytes a component of 64 rows of texels, or
+   16 bytes for every stretch in these. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
+   (finished already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
-/* Optical depths between the light and world positions (packed triples), interpolated between four texels;
-   transmittance is exp(-depth). 0 outside of the map, behind the light, and before sps_tmap_finish. May be called from
-   many threads. */
-SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *depths);
+/* Optical depth between the light and world positions (packed triples), and exp(-that); either may be NULL. Gas is
+   interpolated between four texels, surfaces shade by the share of these that they cover. 0, and transmittance 1,
+   outside of the map, behind the light, before near_depth, and before sps_tmap_finish. Where all is opaque, 1e15 and 0.
+   May be called from many threads. */
+SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
+                            float *transmittances);
 
-/* The texels, `components` floats each, rows from the top: what an engine uploads. Valid until sps_tmap_destroy; NULL
-   for a deep map and before sps_tmap_finish. docs/manual.md has the code that samples them as sps_tmap_query does. */
+/* Optical depths between which the truth lies for certain, as far as the rays of the texels tell: for deep, compressed,
+   opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know nothing for certain. */
+SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least, float *most);
+
+/* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
+   optical depth, 1 where it is densest in the middle), for a compressed one nodes (u, transmittance), of all texels one
+   after the other. Six faces follow each other: +x -x +y -y +z -z. Valid until sps_tmap_destroy; NULL before
+   sps_tmap_finish. docs/manual.md has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
-/* Bytes that the map holds. */
+/* Of deep and compressed maps: the number of each texel's first stretch or node, and at the end that of all. NULL for
+   other maps. */
+SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
+
+/* u of each texel's first opaque surface, 2 where there is none; NULL where there is none in all of the map. */
+SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
+
+/* The settings as they were resolved: components above all. */
+SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *settings);
+
+/* Bytes that the map holds; before sps_tmap_finish, those that it will hold, but for what only the occluders tell:
+   stretches or nodes of lists, and 4 a texel if anything is opaque. */
 SPS_API size_t sps_tmap_bytes(const sps_tmap *map);
 
 /* Frees the map; before its context. NULL is allowed. */
@@ -940,6 +968,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LIGHT_BALLS,
     SPSI_BUFFER_TILES,   /* what is known of each tile */
     SPSI_BUFFER_RUN,     /* what the tasks of a sweep share */
+    SPSI_BUFFER_MAP_RUN, /* the same of a map's volumes, >>occluders */
+    SPSI_BUFFER_MAP,     /* a light's transmittance map */
     SPSI_BUFFER_TOTAL,   /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,     /* directions and colours of one row of background */
     SPSI_BUFFER_MARCHER, /* >>reference */
@@ -948,7 +978,12 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_NODES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
-    SPSI_BUFFER_BALLS, /* a batch of particles as a map sees them, >>tmaps */
+    SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>occluders; */
+    SPSI_BUFFER_BALL_STARTS, /* where each tile's begin in */
+    SPSI_BUFFER_BALL_LIST,   /* the list of all tiles' */
+    SPSI_BUFFER_BAND,        /* sums or stretches of a band of tiles of a map */
+    SPSI_BUFFER_PLACES,      /* where each texel's stretches begin */
+    SPSI_BUFFER_CURVES,      /* per worker, what a texel of a map is made from */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
 
@@ -1443,6 +1478,985 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
     return material->table->shown[b + 1] > material->table->shown[a];
 }
 
+/* ======================================================================================== >>transmittance
+   7b Optical depth along one ray: what each technique of a transmittance map keeps of it, and how it is asked. A ray
+   runs from u = 0 to 1. What lies along it are stretches, even or of a particle's 1 - s^2; their sum is a curve of
+   straight lines and jumps, which no technique holds exactly but the list itself. Two kinds:
+
+   Sums take stretches in any order, a vector of neighbouring texels at a time, and are finished once:
+     opacity planes, and deep ones             [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
+     Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
+     power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
+     first, last and whole                     (Beer shadow maps)
+   Fits look at a ray's whole curve:
+     where T falls to a half, T's cosine series, nodes by least area [Salvi et al. 2010], and straight lines of T
+     within epsilon                            [Lokovic & Veach 2000]
+
+   Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
+   (components), but n log n for a compressed list; a query what its function says. T stands for exp(-optical depth). */
+
+#define SPSI_TMAP_COMPONENTS 65    /* most floats a texel */
+#define SPSI_SOFT_PIECES     8     /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off */
+#define SPSI_BEER_LENGTH     1e-6f /* least length of a Beer map's gas, so that its density stays finite */
+
+/* A stretch of a ray from u0 to u1, of optical depth `depth`: even (soft 0), or as 1 - s^2 with s from -1 to 1 through
+   it (soft 1), which is what a ray meets in a particle. */
+typedef struct spsi_stretch {
+    float u0, u1, depth, soft;
+} spsi_stretch;
+
+/* The same for a vector of neighbouring texels; depth 0: none there. */
+typedef struct spsi_stretches {
+    spsi_v u0, u1, depth;
+    int soft;
+} spsi_stretches;
+
+/* One node of the curve of optical depth along a texel's ray; straight lines between nodes, 0 before the first, the
+   last's after it. Two nodes may share one u: a jump (a sheet without thickness, an opaque surface whose depth is
+   SPSI_DEPTH_MAX), to which that u itself belongs already. */
+typedef struct spsi_node {
+    float u;
+    float depth;
+} spsi_node;
+
+typedef struct spsi_technique {
+    const char *name;             /* as in error sentences, with its article */
+    int least, most, step, usual; /* components: range, step from least, default; all 0 for lists */
+    int lists;                    /* 1: a list per texel, of a length that its ray decides */
+    int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
+    int range;                    /* 1: u is counted from the texel's first occluder to its last, which are its first
+                                     two components (the functions below see neither: they get the components after
+                                     them and the remapped u). Fourier: settings->texel_range decides instead, -1 */
+    /* Adds stretches to sums: component k of the vector's texels is at sums + k * stride. */
+    void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_stretches *stretches);
+    /* Turns the sums of one texel (packed) into what is kept, in place. NULL: they are that already. */
+    void (*finish)(const sps_tmap_settings *settings, float *texel);
+    /* Makes a texel of its ray's curve. */
+    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel);
+    /* Writes what the sums of `count` texels are before anything is inserted, where that is not 0. NULL: 0. */
+    void (*clear)(float *sums, size_t stride, size_t count, int components);
+    /* Optical depth before u in 0..1. */
+    float (*depth)(const sps_tmap_settings *settings, const float *texel, float u);
+    /* Bounds of it that hold for certain. NULL: none known, 0 .. SPSI_DEPTH_MAX is the answer. */
+    void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
+} spsi_technique;
+
+/* ---- stretches ---- */
+
+/* The share of a stretch that lies before u. One of no length lies wholly before u as soon as u >= u0, and so does any
+   that ends at u: a map's answer at an occluder's back includes it. */
+static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
+    float s;
+    if (u < stretch->u0) return 0;
+    if (!(u < stretch->u1)) return 1;
+    s = (u - stretch->u0) / (stretch->u1 - stretch->u0);
+    return stretch->soft > 0 ? s * s * (3 - 2 * s) : s;
+}
+
+/* Optical depth before u of a list sorted by u0: the exact answer. Cost: the stretches that begin before u. */
+static inline float spsi_stretches_depth(const spsi_stretch *list, uint32_t count, float u) {
+    double sum = 0;
+    for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
+        sum += (double)list[i].depth * (double)spsi_stretch_before(&list[i], u);
+    return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
+}
+
+/* By u0; all else only so that the order, and with it rounding, does not depend on that of insertion. */
+static inline int spsi_stretch_less(const spsi_stretch *a, const spsi_stretch *b) {
+    if (a->u0 < b->u0 || a->u0 > b->u0) return a->u0 < b->u0;
+    if (a->u1 < b->u1 || a->u1 > b->u1) return a->u1 < b->u1;
+    if (a->depth < b->depth || a->depth > b->depth) return a->depth < b->depth;
+    return a->soft < b->soft;
+}
+
+static void spsi_stretches_sink(spsi_stretch *heap, size_t count, size_t hole, spsi_stretch taken) {
+    for (;;) {
+        size_t child = 2 * hole + 1;
+        if (child + 1 < count && spsi_stretch_less(&heap[child], &heap[child + 1])) ++child;
+        if (child >= count || !spsi_stretch_less(&taken, &heap[child])) break;
+        heap[hole] = heap[child];
+        hole = child;
+    }
+    heap[hole] = taken;
+}
+
+/* Sorts stretches by where they begin. Heap sort: n log n at worst, and in place. [Williams 1964, Floyd 1964] */
+static void spsi_stretches_sort(spsi_stretch *list, uint32_t count) {
+    for (size_t i = count / 2; i-- > 0;) spsi_stretches_sink(list, count, i, list[i]);
+    for (size_t last = count; last-- > 1;) {
+        const spsi_stretch taken = list[last];
+        list[last] = list[0];
+        spsi_stretches_sink(list, last, 0, taken);
+    }
+}
+
+/* The shares of a vector of stretches that lie before u, as spsi_stretch_before. */
+static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi_v u) {
+    const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(1e-30f));
+    spsi_v s = spsi_clamp(spsi_div(spsi_sub(u, stretches->u0), length), spsi_set(0), one);
+    if (stretches->soft) s = spsi_mul(spsi_mul(s, s), spsi_fma(spsi_set(-2), s, spsi_set(3)));
+    s = spsi_select(spsi_less(u, stretches->u1), s, one);
+    return spsi_select(spsi_less(u, stretches->u0), spsi_set(0), s);
+}
+
+static inline spsi_v spsi_stretches_capped(const spsi_stretches *stretches) {
+    return spsi_clamp(stretches->depth, spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
+}
+
+static inline void spsi_accumulate(float *sums, spsi_v more) { spsi_store(sums, spsi_add(spsi_load(sums), more)); }
+
+/* Where the first of a vector's stretches begins and the last ends; gives 0 if there are none. */
+static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
+    float u0[SPSI_LANES], u1[SPSI_LANES];
+    const spsi_m there = spsi_less(spsi_set(0), stretches->depth);
+    if (!spsi_bits(there)) return 0;
+    spsi_store(u0, spsi_select(there, stretches->u0, spsi_set(1)));
+    spsi_store(u1, spsi_select(there, stretches->u1, spsi_set(0)));
+    for (int i = 1; i < SPSI_LANES; ++i) u0[0] = spsi_lower(u0[0], u0[i]), u1[0] = spsi_higher(u1[0], u1[i]);
+    *first = u0[0];
+    *last = u1[0];
+    return 1;
+}
+
+/* ---- curves ---- */
+
+/* Nodes that a curve of `count` stretches may have: a soft one bends it at both ends of its pieces. */
+#define SPSI_CURVE_NODES(count)   ((SPSI_SOFT_PIECES + 1) * (count))
+#define SPSI_CURVE_SCRATCH(count) (2 * SPSI_SOFT_PIECES * (count)) /* stretches that building it needs */
+
+/* The even pieces of a stretch, each as two bends of the curve: one where it begins, which looks ahead to its end, and
+   one where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve becomes at either. A
+   piece without length is one bend, a jump. */
+static int spsi_curve_bends(const spsi_stretch *stretch, spsi_stretch *bends) {
+    const int pieces = stretch->soft > 0 && stretch->u1 > stretch->u0 ? SPSI_SOFT_PIECES : 1;
+    const float depth = spsi_lower(stretch->depth, SPSI_DEPTH_MAX), length = stretch->u1 - stretch->u0;
+    float u = stretch->u0, before = 0;
+    int count = 0;
+    if (!(depth > 0)) return 0;
+    for (int i = 1; i <= pieces; ++i) {
+        const float end = i < pieces ? stretch->u0 + length * ((float)i / (float)pieces) : stretch->u1;
+        const float share = spsi_stretch_before(stretch, end); /* where the piece ends once that is a float */
+        const spsi_stretch ahead = {u, end, depth * (share - before), 0}, back = {end, u, ahead.depth, 0};
+        if (!(share > before)) continue;
+        bends[count++] = ahead;
+        if (end > u) bends[count++] = back;
+        u = end, before = share;
+    }
+    return count;
+}
+
+/* A sum of numbers as far apart as the slopes of thin dense and thick faint gas, of which some are taken away again:
+   what is lost in rounding is kept beside it. [Neumaier 1974] */
+typedef struct spsi_sum {
+    double high, low;
+} spsi_sum;
+
+static inline void spsi_sum_add(spsi_sum *sum, double x) {
+    const double high = sum->high + x;
+    sum->low += fabs(sum->high) >= fabs(x) ? sum->high - high + x : x - high + sum->high;
+    sum->high = high;
+}
+
+/* Appends a node, if it says something new: of more than two at one u only the outer ones do. */
+static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
+    const float capped = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
+    const int same = count > 0 && !(nodes[count - 1].u < u);
+    if (same && !(nodes[count - 1].depth < capped)) return count;
+    if (same && count > 1 && !(nodes[count - 2].u < u)) --count;
+    nodes[count].u = u;
+    nodes[count].depth = capped;
+    return count + 1;
+}
+
+/* The sum of stretches sorted by u0 as a curve, its ends and bends exact to rounding. `scratch` has room for
+   SPSI_CURVE_SCRATCH(count) stretches, `nodes` for SPSI_CURVE_NODES(count); gives how many there are, of which the
+   first has depth 0. Cost: n log n. */
+static int spsi_curve_build(const spsi_stretch *sorted, int count, spsi_stretch *scratch, spsi_node *nodes) {
+    int bends = 0, nodes_made = 0, open = 0;
+    double depth = 0;
+    spsi_sum slope = {0, 0};
+    for (int i = 0; i < count; ++i) bends += spsi_curve_bends(&sorted[i], scratch + bends);
+    spsi_stretches_sort(scratch, (uint32_t)bends);
+    for (int i = 0; i < bends; ++i) {
+        const double length = (double)scratch[i].u1 - (double)scratch[i].u0, more = (double)scratch[i].depth;
+        if (i > 0) depth += fmax(slope.high + slope.low, 0) * ((double)scratch[i].u0 - (double)scratch[i - 1].u0);
+        nodes_made = spsi_curve_append(nodes, nodes_made, scratch[i].u0, depth);
+        if (length > 0 || length < 0) {
+            spsi_sum_add(&slope, more / length);
+            open += length > 0 ? 1 : -1;
+            if (open == 0) slope.high = slope.low = 0;
+        } else
+            nodes_made = spsi_curve_append(nodes, nodes_made, scratch[i].u0, depth += more);
+    }
+    return nodes_made;
+}
+
+/* ---- turning angles ---- */
+
+/* Cosine and sine of 2 pi u to 2e-7, for |u| < 2^20; the sine of a small angle to 2e-7 of itself. u - n / 2 lies within
+   a quarter turn of 0 and is exact; the polynomials pass through cosine and sine / u at the zeros of a Chebyshev
+   polynomial in u^2. */
+static inline void spsi_turn(spsi_v u, spsi_v *cosine, spsi_v *sine) {
+    const spsi_v n = spsi_round(spsi_add(u, u)), half = spsi_mul(n, spsi_set(0.5f));
+    const spsi_v r = spsi_sub(u, half), x = spsi_mul(r, r);
+    const spsi_v sign = spsi_fma(spsi_sub(spsi_floor(half), half), spsi_set(4), spsi_set(1)); /* -1 for odd n */
+    spsi_v c = spsi_set(-24.98143447f), s = spsi_set(39.75982709f);
+    c = spsi_fma(c, x, spsi_set(60.14388956f));
+    s = spsi_fma(s, x, spsi_set(-76.58117264f));
+    c = spsi_fma(c, x, spsi_set(-85.45356477f));
+    s = spsi_fma(s, x, spsi_set(81.60247637f));
+    c = spsi_fma(c, x, spsi_set(64.93934648f));
+    s = spsi_fma(s, x, spsi_set(-41.34168061f));
+    c = spsi_fma(c, x, spsi_set(-19.73920855f));
+    s = spsi_fma(s, x, spsi_set(6.28318528f));
+    *cosine = spsi_mul(sign, spsi_fma(c, x, spsi_set(1)));
+    *sine = spsi_mul(sign, spsi_mul(s, r));
+}
+
+/* The next multiple of an angle: (c, s) turned by (c1, s1). */
+static inline void spsi_turn_by(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
+    const spsi_v turned = spsi_sub(spsi_mul(*c, c1), spsi_mul(*s, s1));
+    *s = spsi_fma(*s, c1, spsi_mul(*c, s1));
+    *c = turned;
+}
+
+/* The same for one angle in double precision: z = cosine, sine. */
+static inline void spsi_turn_double(double z[2], const double by[2]) {
+    const double cosine = z[0] * by[0] - z[1] * by[1];
+    z[1] = z[1] * by[0] + z[0] * by[1];
+    z[0] = cosine;
+}
+
+/* What harmonic k of n counts for. */
+static double spsi_window(sps_tmap_window window, int k, int n) {
+    const double share = (double)k / (n + 1);
+    if (window == SPS_TMAP_WINDOW_FEJER) return 1 - share;
+    return window == SPS_TMAP_WINDOW_LANCZOS && k > 0 ? sin(SPSI_PI * share) / (SPSI_PI * share) : 1;
+}
+
+/* ---- opacity planes ---- */
+
+static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
+    return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
+}
+
+/* The first plane that does not lie before u; the last if all do. */
+static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
+    const int last = settings->components - 1;
+    int low = 0, high = last;
+    if (!settings->planes) { /* one early, so that rounding does no harm */
+        low = spsi_most((int)(u * (float)settings->components) - 1, 0);
+        while (low < last && spsi_plane(settings, low) < u) ++low;
+        return spsi_least(low, last);
+    }
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (settings->planes[middle] < u)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* Adds to each plane what it has more than the one before it, so that those behind a stretch need no visit. */
+static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
+                                const spsi_stretches *stretches) {
+    const spsi_v depth = spsi_stretches_capped(stretches);
+    spsi_v before = spsi_set(0);
+    float first, end;
+    int last;
+    if (!spsi_stretches_extent(stretches, &first, &end)) return;
+    last = spsi_plane_from(settings, end);
+    for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
+        const spsi_v at = spsi_set(i < settings->components - 1 ? spsi_plane(settings, i) : 1);
+        const spsi_v share = spsi_max(spsi_stretches_before(stretches, at), before); /* rounding must not lower it */
+        spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
+        before = share;
+    }
+}
+
+static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel) {
+    double sum = 0;
+    for (int i = 0; i < settings->components; ++i) {
+        sum += (double)texel[i];
+        texel[i] = (float)fmin(sum, (double)SPSI_DEPTH_MAX);
+    }
+}
+
+/* The points that a curve through planes takes; 0 at u = 0 comes before the first plane. */
+static inline void spsi_opacity_knot(const sps_tmap_settings *settings, const float *texel, int i, double knot[2]) {
+    knot[0] = i < 0 ? 0 : (double)spsi_plane(settings, i);
+    knot[1] = i < 0 ? 0 : (double)texel[i];
+}
+
+static double spsi_secant(const double a[2], const double b[2]) {
+    return fabs(b[0] - a[0]) > 0 ? (b[1] - a[1]) / (b[0] - a[0]) : 0;
+}
+
+/* The slope at b of the cubic through rising points a, b, c: that of their parabola, but so low that nothing
+   overshoots. [Steffen 1990, equation 11] */
+static double spsi_steffen_inner(const double a[2], const double b[2], const double c[2]) {
+    const double before = spsi_secant(a, b), after = spsi_secant(b, c);
+    const double parabola = (before * (c[0] - b[0]) + after * (b[0] - a[0])) / fmax(c[0] - a[0], 1e-30);
+    return 2 * fmin(fmin(before, after), 0.5 * parabola);
+}
+
+/* The slope at the end a of a curve whose next points are b and c. [Steffen 1990, equations 24 to 27] */
+static double spsi_steffen_end(const double a[2], const double b[2], const double c[2]) {
+    const double secant = spsi_secant(a, b), part = (b[0] - a[0]) / (c[0] - a[0]);
+    return fmin(fmax(secant * (1 + part) - spsi_secant(b, c) * part, 0), 2 * secant);
+}
+
+/* A monotone cubic between planes i - 1 and i. */
+static double spsi_opacity_cubic(const sps_tmap_settings *settings, const float *texel, int i, double u) {
+    const int last = settings->components - 1;
+    double a[2], b[2], c[2], d[2], slope0, slope1, secant, t, length;
+    spsi_opacity_knot(settings, texel, i - 1, b);
+    spsi_opacity_knot(settings, texel, i, c);
+    if (i > 0) spsi_opacity_knot(settings, texel, i - 2, a);
+    if (i < last) spsi_opacity_knot(settings, texel, i + 1, d);
+    secant = spsi_secant(b, c);
+    slope0 = i > 0 ? spsi_steffen_inner(a, b, c) : i < last ? spsi_steffen_end(b, c, d) : secant;
+    slope1 = i < last ? spsi_steffen_inner(b, c, d) : i > 0 ? spsi_steffen_end(c, b, a) : secant;
+    length = c[0] - b[0];
+    t = length > 0 ? (u - b[0]) / length : 1;
+    /* Hermite's form about the straight line: exact for one, and at both ends */
+    t = b[1] + t * (c[1] - b[1]) + t * (1 - t) * length * ((1 - t) * (slope0 - secant) - t * (slope1 - secant));
+    return fmin(fmax(t, b[1]), c[1]);
+}
+
+/* Cost: two look-ups, or four if cubic; a search if the planes are given. */
+static float spsi_opacity_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    const int i = spsi_plane_from(settings, u);
+    double before[2], after[2], t;
+    if (!(u > 0)) return 0;
+    spsi_opacity_knot(settings, texel, i - 1, before);
+    spsi_opacity_knot(settings, texel, i, after);
+    if ((double)u >= after[0]) return texel[i];
+    if (settings->cubic) return (float)spsi_opacity_cubic(settings, texel, i, (double)u);
+    t = ((double)u - before[0]) / (after[0] - before[0]);
+    return (float)(before[1] + t * (after[1] - before[1]));
+}
+
+/* Optical depth never falls, so the planes about u bound it. */
+static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
+    const int i = spsi_plane_from(settings, u);
+    bracket[0] = i > 0 ? texel[i - 1] : 0;
+    bracket[1] = texel[i];
+}
+
+/* ---- Fourier series ---- */
+
+/* The mean of cos(2 pi k (u - m)) over a stretch of middle m and half its length h, x = 2 pi k h of sine s and
+   cosine c: sin x / x for an even one, 3 (sin x - x cos x) / x^3 for a soft one, whose difference loses its digits
+   for small x; its series, cut after x^10, is as good up to 2. */
+static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, int soft) {
+    const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
+    spsi_v series, closed;
+    if (!soft) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
+    series = spsi_set(-1.0f / 172972800);
+    series = spsi_fma(series, square, spsi_set(1.0f / 1330560));
+    series = spsi_fma(series, square, spsi_set(-1.0f / 15120));
+    series = spsi_fma(series, square, spsi_set(1.0f / 280));
+    series = spsi_fma(series, square, spsi_set(-0.1f));
+    series = spsi_fma(series, square, one);
+    closed = spsi_div(spsi_mul(spsi_set(3), spsi_sub(s, spsi_mul(x, c))), spsi_mul(spsi_max(square, one), safe));
+    return spsi_select(spsi_less(x, spsi_set(2)), series, closed);
+}
+
+/* a_k += 2 t cos(2 pi k m) spread_k, b_k likewise with the sine. */
+static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
+                                const spsi_stretches *stretches) {
+    const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(stretches->u0, stretches->u1));
+    const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(0)));
+    const spsi_v depth = spsi_stretches_capped(stretches), twice = spsi_add(depth, depth);
+    spsi_v c1, s1, ch, sh, c, s, cd, sd;
+    spsi_turn(middle, &c1, &s1);
+    spsi_turn(half, &ch, &sh);
+    c = c1, s = s1, cd = ch, sd = sh;
+    spsi_accumulate(sums, twice);
+    for (int k = 1; 2 * k < settings->components; ++k) {
+        const spsi_v x = spsi_mul(half, spsi_set((float)(2 * SPSI_PI * k)));
+        const spsi_v size = spsi_mul(twice, spsi_fourier_spread(x, cd, sd, stretches->soft));
+        spsi_accumulate(sums + (size_t)(2 * k - 1) * stride, spsi_mul(size, c));
+        spsi_accumulate(sums + (size_t)(2 * k) * stride, spsi_mul(size, s));
+        spsi_turn_by(&c, &s, c1, s1);
+        spsi_turn_by(&cd, &sd, ch, sh);
+    }
+}
+
+/* The window is baked in, so that whoever samples a map need not know of it. */
+static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel) {
+    const int n = (settings->components - 1) / 2;
+    for (int i = 1; i < settings->components; ++i)
+        texel[i] = (float)((double)texel[i] * spsi_window(settings->window, (i + 1) / 2, n));
+}
+
+/* a0 u / 2 + sum of (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k), at the angle whose cosine and sine are
+   given. [Jansen & Bavoil 2010, equation 6] */
+static double spsi_fourier_series(const float *texel, int components, double u, const double at[2]) {
+    double z[2] = {at[0], at[1]}, sum = 0;
+    for (int k = 1; 2 * k < components; ++k) {
+        sum += ((double)texel[2 * k - 1] * z[1] + (double)texel[2 * k] * (1 - z[0])) / k;
+        spsi_turn_double(z, at);
+    }
+    return 0.5 * (double)texel[0] * u + sum / (2 * SPSI_PI);
+}
+
+/* Never more than all there is, nor less than nothing. The running maximum is over u and what lies before it of 4 n
+   even samples, n harmonics: the highest is then seen four times in each of its periods. */
+static float spsi_fourier_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    const int n = settings->components, samples = 2 * (n - 1);
+    const double angle = 2 * SPSI_PI * (double)u, at[2] = {cos(angle), sin(angle)};
+    const double whole = fmin(0.5 * (double)texel[0], (double)SPSI_DEPTH_MAX);
+    double most = spsi_fourier_series(texel, n, (double)u, at);
+    if (settings->running_maximum) {
+        const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
+        double z[2] = {by[0], by[1]};
+        for (int i = 1; i < (double)u * samples; ++i) {
+            most = fmax(most, spsi_fourier_series(texel, n, (double)i / samples, z));
+            spsi_turn_double(z, by);
+        }
+    }
+    return (float)fmin(fmax(most, 0), whole);
+}
+
+/* ---- fits: what a curve gives to those who take it piece by piece ---- */
+
+/* A straight piece of a curve, of optical depths t0 to t1; u0 = u1 is a jump. */
+typedef struct spsi_piece {
+    double u0, u1, t0, t1;
+} spsi_piece;
+
+/* The piece that ends at node i; what comes before the first begins there, at nothing. */
+static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
+    spsi_piece piece;
+    piece.u1 = (double)curve[i].u;
+    piece.t1 = fmin((double)curve[i].depth, (double)SPSI_DEPTH_MAX);
+    piece.u0 = i > 0 ? (double)curve[i - 1].u : piece.u1;
+    piece.t0 = i > 0 ? fmin((double)curve[i - 1].depth, piece.t1) : 0;
+    return piece;
+}
+
+/* -log T, 0 for what is more than all light and SPSI_DEPTH_MAX for none. */
+static inline float spsi_depth_of(double transmittance) {
+    if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
+    return (float)(transmittance < 1 ? 0 - log(transmittance) : 0);
+}
+
+/* Transmittance between nodes (u, T) of straight lines: 1 before the first, the last's after it, the later one's where
+   two share one u. Cost: a binary search. */
+static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, float u) {
+    uint32_t low = 0, high = count; /* the first node behind u */
+    double t;
+    while (low < high) {
+        const uint32_t middle = low + (high - low) / 2;
+        if (nodes[middle].u <= u)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low == 0) return 1;
+    if (low == count) return (double)nodes[count - 1].depth;
+    t = ((double)u - (double)nodes[low - 1].u) / ((double)nodes[low].u - (double)nodes[low - 1].u);
+    return (double)nodes[low - 1].depth + t * ((double)nodes[low].depth - (double)nodes[low - 1].depth);
+}
+
+/* ---- depth maps ---- */
+
+/* u where T falls to a half; 2 where it never does. */
+static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+    const double half = 0.69314718055994531;
+    (void)settings;
+    texel[0] = 2;
+    for (int i = 0; i < count; ++i) {
+        const spsi_piece piece = spsi_curve_piece(curve, i);
+        if (!(piece.t1 >= half)) continue;
+        texel[0] = (float)(piece.u0 + (half - piece.t0) / (piece.t1 - piece.t0) * (piece.u1 - piece.u0));
+        return;
+    }
+}
+
+static float spsi_depth_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    (void)settings;
+    return u < texel[0] ? 0 : SPSI_DEPTH_MAX;
+}
+
+/* ---- cosine series ---- */
+
+/* sums[k] += integral of T cos(pi k u) over a piece. T = e^-t0 e^-s(u - u0), so that the integral of T e^(i w u) is
+   that function divided by i w - s, at both ends: no limit is needed but for k = 0 and s = 0. Since w is pi or more,
+   neither is there more rounding than that of T itself. */
+static void spsi_cosine_add(double *sums, int components, const spsi_piece *piece) {
+    const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0;
+    const double through0 = exp(-piece->t0), through1 = exp(-piece->t1);
+    const double by0[2] = {cos(SPSI_PI * piece->u0), sin(SPSI_PI * piece->u0)};
+    const double by1[2] = {cos(SPSI_PI * piece->u1), sin(SPSI_PI * piece->u1)};
+    double z0[2] = {by0[0], by0[1]}, z1[2] = {by1[0], by1[1]}, slope;
+    if (!(length > 0) || !(through0 > 0)) return;
+    slope = more / length;
+    sums[0] += length * through0 * (more > 1e-12 ? -expm1(-more) / more : 1);
+    for (int k = 1; k < components; ++k) {
+        const double w = SPSI_PI * k, cosine = through0 * z0[0] - through1 * z1[0];
+        const double sine = through1 * z1[1] - through0 * z0[1];
+        sums[k] += (slope * cosine + w * sine) / (slope * slope + w * w);
+        spsi_turn_double(z0, by0);
+        spsi_turn_double(z1, by1);
+    }
+}
+
+/* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), windows baked in. Mirrored at both ends T has no
+   jump there, as extinction repeated would. */
+static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+    const int n = settings->components;
+    const double end = count > 0 ? fmin((double)curve[count - 1].depth, (double)SPSI_DEPTH_MAX) : 0;
+    spsi_piece piece = {0, count > 0 ? (double)curve[0].u : 1, 0, 0};
+    double sums[SPSI_TMAP_COMPONENTS];
+    memset(sums, 0, sizeof sums);
+    spsi_cosine_add(sums, n, &piece);
+    for (int i = 0; i < count; ++i) {
+        piece = spsi_curve_piece(curve, i);
+        spsi_cosine_add(sums, n, &piece);
+    }
+    piece.u0 = piece.u1, piece.u1 = 1, piece.t0 = piece.t1 = end;
+    spsi_cosine_add(sums, n, &piece);
+    texel[0] = (float)sums[0];
+    for (int k = 1; k < n; ++k) texel[k] = (float)(2 * sums[k] * spsi_window(settings->window, k, n - 1));
+}
+
+/* T is taken as no less than e^-SPSI_LIGHT_END, 1e-7: that is what rounding leaves of coefficients up to 1, and a
+   series that rings below 0 would be opaque otherwise. */
+static float spsi_cosine_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    const double by[2] = {cos(SPSI_PI * (double)u), sin(SPSI_PI * (double)u)};
+    double z[2] = {by[0], by[1]}, sum = (double)texel[0];
+    for (int k = 1; k < settings->components; ++k) {
+        sum += (double)texel[k] * z[0];
+        spsi_turn_double(z, by);
+    }
+    return spsi_depth_of(fmax(sum, exp(-(double)SPSI_LIGHT_END)));
+}
+
+/* ---- transmittance in straight lines ---- */
+
+/* The next place at which to cut a piece, so that straight lines of T between the cuts stay within step^2 of the
+   exponential: even steps of the root of T. Over a fall of T from a^2 to b^2 the line is at most (a - b)^2 above it,
+   half of that for small steps and all of it where b is 0. Cuts are floats, no later than asked for; where floats lie
+   too far apart there is nothing between them to be wrong. Gives u1 where nothing more is to be cut. */
+static float spsi_piece_cut(const spsi_piece *piece, float u, double step) {
+    const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, end = exp(-0.5 * piece->t1);
+    const double root = exp(-0.5 * (piece->t0 + more * (((double)u - piece->u0) / fmax(length, 1e-300)))) - step;
+    float cut;
+    if (!(length > 0) || root <= end) return (float)piece->u1;
+    cut = (float)(piece->u0 + length * ((-2 * log(root) - piece->t0) / more));
+    if ((double)cut > piece->u0 + length * ((-2 * log(root) - piece->t0) / more)) cut = nextafterf(cut, -1);
+    return spsi_lower(cut > u ? cut : nextafterf(u, 2), (float)piece->u1);
+}
+
+/* T at a cut of a piece, of which u1 is the last. */
+static double spsi_piece_through(const spsi_piece *piece, float u) {
+    const double length = piece->u1 - piece->u0;
+    if (!((double)u < piece->u1)) return exp(-piece->t1);
+    return exp(-(piece->t0 + (piece->t1 - piece->t0) * (((double)u - piece->u0) / length)));
+}
+
+/* Nodes (u, T) of an adaptive map while it is made: `cost` is what leaving a node out changes of the area below. */
+typedef struct spsi_adaptive {
+    spsi_node nodes[SPSI_TMAP_COMPONENTS / 2 + 1];
+    double cost[SPSI_TMAP_COMPONENTS / 2 + 1];
+    int count, most;
+} spsi_adaptive;
+
+static void spsi_adaptive_price(spsi_adaptive *map, int i) {
+    const spsi_node *a = map->nodes + spsi_most(i - 1, 0), *b = a + 1, *c = a + 2;
+    if (i < 1 || i >= map->count - 1) return; /* ends stay */
+    map->cost[i] = fabs(((double)b->u - (double)a->u) * ((double)c->depth - (double)a->depth) -
+                        ((double)c->u - (double)a->u) * ((double)b->depth - (double)a->depth));
+}
+
+/* Appends a node; if that is one too many, the inner one goes that changes the area least. [Salvi et al. 2010] */
+static void spsi_adaptive_append(spsi_adaptive *map, float u, double through) {
+    const float rounded = (float)through;
+    const spsi_node *last = &map->nodes[spsi_most(map->count - 1, 0)];
+    int least = 1;
+    if (map->count > 0 && !(last->u < u) && !(rounded < last->depth)) return;
+    map->nodes[map->count].u = u;
+    map->nodes[map->count].depth = rounded;
+    map->cost[map->count] = 0;
+    map->count += 1;
+    spsi_adaptive_price(map, map->count - 2);
+    if (map->count <= map->most) return;
+    for (int i = 2; i < map->count - 1; ++i)
+        if (map->cost[i] < map->cost[least]) least = i;
+    map->count -= 1;
+    for (int i = least; i < map->count; ++i) map->nodes[i] = map->nodes[i + 1], map->cost[i] = map->cost[i + 1];
+    spsi_adaptive_price(map, least - 1);
+    spsi_adaptive_price(map, least);
+}
+
+/* Curves are cut before, as T is no straight line between their nodes: into what is good to 1/4096 of all light. */
+static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+    spsi_adaptive map;
+    map.count = 0;
+    map.most = settings->components / 2;
+    spsi_adaptive_append(&map, count > 0 ? curve[0].u : 0, 1);
+    for (int i = 0; i < count; ++i) {
+        const spsi_piece piece = spsi_curve_piece(curve, i);
+        float u = (float)piece.u0;
+        do {
+            u = spsi_piece_cut(&piece, u, 1.0 / 64);
+            spsi_adaptive_append(&map, u, spsi_piece_through(&piece, u));
+        } while ((double)u < piece.u1);
+    }
+    for (int i = 0; i < map.most; ++i) {
+        const spsi_node *node = &map.nodes[spsi_least(i, map.count - 1)];
+        texel[2 * i] = node->u;
+        texel[2 * i + 1] = node->depth;
+    }
+}
+
+static float spsi_adaptive_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    const spsi_node *nodes = (const spsi_node *)(const void *)texel;
+    return spsi_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
+}
+
+/* A deep shadow map while it is made: the last node, the slopes of a line from there that have stayed within the error
+   so far, and where they were last looked at. */
+typedef struct spsi_compressor {
+    spsi_node *out;
+    int count;
+    double low, high;            /* slopes */
+    double below, above;         /* how far a line may be from a cut of the curve */
+    double last_u, last_through; /* the last cut that the slopes allow for */
+} spsi_compressor;
+
+static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
+    spsi_node *node = &c->out[c->count++];
+    node->u = (float)u;
+    node->depth = (float)through;
+    c->low = -(double)SPSI_INFINITY;
+    c->high = 0; /* T never rises */
+}
+
+/* Ends the line at the last cut, as near to the truth as its slopes allow. */
+static void spsi_compressor_end(spsi_compressor *c) {
+    const spsi_node *from = &c->out[c->count - 1];
+    const double length = c->last_u - (double)from->u, start = (double)from->depth;
+    double slope;
+    if (!(length > 0)) return;
+    slope = fmin(fmax((c->last_through - start) / length, c->low), c->high);
+    spsi_compressor_node(c, c->last_u, fmin(fmax(start + slope * length, 0), start));
+}
+
+/* Narrows the slopes to those that pass a cut; gives 0, and leaves them, if there are none. */
+static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
+    const spsi_node *from = &c->out[c->count - 1];
+    const double length = u - (double)from->u, start = (double)from->depth;
+    const double bottom = fmax(through - c->below, 0) - start, top = through + c->above - start;
+    if (!(length > 0)) return bottom <= 0 && top >= 0;
+    if (fmax(c->low, bottom / length) > fmin(c->high, top / length)) return 0;
+    c->low = fmax(c->low, bottom / length);
+    c->high = fmin(c->high, top / length);
+    return 1;
+}
+
+static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
+    if (!spsi_compressor_allows(c, u, through)) {
+        spsi_compressor_end(c);
+        if (!spsi_compressor_allows(c, u, through)) /* a jump */
+            spsi_compressor_node(c, u, fmin(through, (double)c->out[c->count - 1].depth));
+    }
+    c->last_u = u;
+    c->last_through = through;
+}
+
+#define SPSI_EPSILON_MIN 1e-6f /* least error asked for: nodes are floats, good to 6e-8 */
+
+static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)spsi_higher(epsilon, SPSI_EPSILON_MIN)); }
+
+/* Nodes that a curve of `count` may be compressed to: two for each cut. There are fewer steps of the root of T than
+   1 / step, of which rounding may make two cuts each. */
+static int spsi_compressed_most(int count, float epsilon) {
+    return 2 + 2 * count + (int)(4 / spsi_compress_step(epsilon));
+}
+
+/* Deep shadow map: straight lines of T, in out[i].depth, from T = 1 at the curve's first node to its last; nowhere,
+   also not between nodes, more than epsilon (1e-6 or more) off; never rising. Lines are as long as they can be without
+   turning back [Lokovic & Veach 2000, section 3.2]. A quarter of epsilon is what cuts of the curve may be off between,
+   always upwards, as lines lie above exponentials; 1.2e-7 is for rounding. `out` has room for
+   spsi_compressed_most(count, epsilon); gives how many there are. Cost: one look at each cut. */
+static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
+    const double error = (double)spsi_higher(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
+    spsi_compressor c = {out, 0, 0, 0, error - 1.2e-7, error - step * step - 1.2e-7, 0, 1};
+    if (count <= 0) return 0;
+    c.last_u = (double)curve[0].u;
+    spsi_compressor_node(&c, c.last_u, 1);
+    for (int i = 0; i < count; ++i) {
+        const spsi_piece piece = spsi_curve_piece(curve, i);
+        float u = (float)piece.u0;
+        do {
+            u = spsi_piece_cut(&piece, u, step);
+            spsi_compressor_take(&c, (double)u, spsi_piece_through(&piece, u));
+        } while ((double)u < piece.u1);
+    }
+    spsi_compressor_end(&c);
+    return c.count;
+}
+
+/* What compressed nodes say: -log T. */
+static float spsi_compressed_depth(const spsi_node *nodes, uint32_t count, float u) {
+    return spsi_depth_of(spsi_nodes_transmittance(nodes, count, u));
+}
+
+/* ---- moments ---- */
+
+#define SPSI_MOMENTS_MAX 8
+
+/* Ways to choose 2 j of k. */
+static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2 + 1] = {
+    {1, 0, 0, 0, 0},  {1, 0, 0, 0, 0},   {1, 1, 0, 0, 0},   {1, 3, 0, 0, 0},    {1, 6, 1, 0, 0},
+    {1, 10, 5, 0, 0}, {1, 15, 15, 1, 0}, {1, 21, 35, 7, 0}, {1, 28, 70, 28, 1},
+};
+
+/* Sums of t E z^k, z = 2 u - 1: z = m + h s about the stretch's middle, where odd powers of s have no mean and even
+   ones that of an even stretch, 1 / (2 j + 1), or of a soft one, 3 / ((2 j + 1) (2 j + 3)). */
+static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
+                               const spsi_stretches *stretches) {
+    const spsi_v m = spsi_sub(spsi_add(stretches->u0, stretches->u1), spsi_set(1));
+    const spsi_v h = spsi_sub(stretches->u1, stretches->u0), square = spsi_mul(h, h);
+    const spsi_v depth = spsi_stretches_capped(stretches);
+    spsi_v powers[SPSI_MOMENTS_MAX + 1], spread[SPSI_MOMENTS_MAX / 2 + 1];
+    powers[0] = spread[0] = spsi_set(1);
+    for (int k = 1; k < settings->components; ++k) powers[k] = spsi_mul(powers[k - 1], m);
+    for (int j = 1; 2 * j < settings->components; ++j) { /* from each mean to the next */
+        const float ratio =
+            stretches->soft ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
+        spread[j] = spsi_mul(spread[j - 1], spsi_mul(square, spsi_set(ratio)));
+    }
+    for (int k = 0; k < settings->components; ++k) {
+        spsi_v mean = powers[k];
+        for (int j = 1; 2 * j <= k; ++j)
+            mean = spsi_fma(spsi_mul(powers[k - 2 * j], spread[j]), spsi_set(spsi_moment_choose[k][j]), mean);
+        spsi_accumulate(sums + (size_t)k * stride, spsi_mul(depth, mean));
+    }
+}
+
+static void spsi_moment_finish(const sps_tmap_settings *settings, float *texel) {
+    const double whole = (double)texel[0];
+    for (int k = 1; k < settings->components; ++k)
+        texel[k] = whole > 0 ? (float)fmin(fmax((double)texel[k] / whole, -1), 1) : 0;
+    texel[0] = spsi_lower(texel[0], SPSI_DEPTH_MAX);
+}
+
+/* The moments of a distribution as the factor of its Hankel matrix, H_ij = b_(i+j), i, j = 0 .. size - 1. */
+typedef struct spsi_hankel {
+    int size;
+    double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower left; H = factor * its transpose */
+} spsi_hankel;
+
+/* Cholesky's factor; gives 0 where b are no moments of more than size - 1 points. */
+static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
+    for (int i = 0; i < hankel->size; ++i)
+        for (int j = 0; j <= i; ++j) {
+            double sum = b[i + j];
+            for (int k = 0; k < j; ++k) sum -= hankel->factor[i][k] * hankel->factor[j][k];
+            if (i == j && !(sum > 1e-14)) return 0;
+            hankel->factor[i][j] = i == j ? sqrt(sum) : sum / hankel->factor[j][j];
+        }
+    return 1;
+}
+
+/* A texel's moments, mixed with a share of those of a wide distribution, lest rounding make them those of none, or of
+   too few points to be told apart; more where that is not enough. The distributions are those of [Muenstermann et al.
+   2018], for the same reason: their matrices are far from singular. Gives the share. */
+static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
+    static const double wide[3][SPSI_MOMENTS_MAX / 2] = {
+        {0.375, 0.375}, {0.48, 0.451, 0.45}, {0.75, 0.67666666666666667, 0.63, 0.60030303030303030}};
+    double b[SPSI_MOMENTS_MAX + 1];
+    hankel->size = (components + 1) / 2;
+    for (;; share = fmin(10 * share, 1)) {
+        b[0] = 1;
+        for (int k = 1; k < components; ++k) {
+            const double moment = fmin(fmax((double)texel[k], -1), 1);
+            b[k] = (1 - share) * moment + (k % 2 == 0 ? share * wide[hankel->size - 3][k / 2 - 1] : 0);
+        }
+        if (spsi_hankel_factor(hankel, b) || share >= 1) return share;
+    }
+}
+
+/* The orthonormal polynomials at x: factor^-1 (1, x, x^2 ..). Gives the sum of their squares, of which 1 over it is the
+   most that can lie at x. */
+static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *values) {
+    double power = 1, squares = 0;
+    for (int i = 0; i < hankel->size; ++i, power *= x) {
+        values[i] = power;
+        for (int k = 0; k < i; ++k) values[i] -= hankel->factor[i][k] * values[k];
+        values[i] /= hankel->factor[i][i];
+        squares += values[i] * values[i];
+    }
+    return squares;
+}
+
+/* A polynomial's value, and its slope, of the derivative of order `order`. */
+static double spsi_polynomial(const double *c, int degree, int order, double x, double *slope) {
+    double value = 0;
+    *slope = 0;
+    for (int i = degree; i >= order; --i) {
+        double factor = 1;
+        for (int k = 0; k < order; ++k) factor *= i - k;
+        *slope = *slope * x + value;
+        value = value * x + factor * c[i];
+    }
+    return value;
+}
+
+/* The root between a and b, at which the values' signs differ: Newton's steps, or halves where they lead astray. */
+static double spsi_polynomial_root(const double *c, int degree, int order, double a, double b, int rising) {
+    double x = 0.5 * (a + b);
+    for (int i = 0; i < 100; ++i) {
+        double slope, step;
+        const double value = spsi_polynomial(c, degree, order, x, &slope);
+        if ((value > 0) == rising)
+            b = x;
+        else
+            a = x;
+        step = fabs(slope) > 0 ? x - value / slope : a;
+        if (!(step > a && step < b)) step = 0.5 * (a + b);
+        if (fabs(step - x) <= 1e-13 * fmax(fabs(x), 1)) return step;
+        x = step;
+    }
+    return x;
+}
+
+/* The roots of odd order within -reach .. reach, in order: those of each derivative part those of the one before it. */
+static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
+    double ends[SPSI_MOMENTS_MAX / 2 + 1];
+    int count = 0;
+    for (int order = degree - 1; order >= 0; --order) {
+        const int parts = count + 1;
+        double unused;
+        memcpy(ends, roots, (size_t)count * sizeof *roots);
+        ends[count] = reach;
+        count = 0;
+        for (int i = 0; i < parts; ++i) {
+            const double a = i > 0 ? ends[i - 1] : -reach;
+            const int low = spsi_polynomial(c, degree, order, a, &unused) > 0;
+            const int high = spsi_polynomial(c, degree, order, ends[i], &unused) > 0;
+            if (low != high) roots[count++] = spsi_polynomial_root(c, degree, order, a, ends[i], high);
+        }
+    }
+    return count;
+}
+
+/* What share lies before z at least, and at most, of all distributions with these moments: that of the only one of so
+   few points of which one is z. Where p_k are the orthonormal polynomials, the others are the roots of sum p_k(z)
+   p_k(x), and at each of them lies 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015, algorithm 2]. Points beyond
+   1000 hold less than 1e-12, as the moments are no more than 1. */
+static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
+    double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
+    const double here = 1 / spsi_hankel_solve(hankel, z, at);
+    double whole = here;
+    int count;
+    for (int i = hankel->size - 1; i >= 0; --i) {
+        c[i] = at[i];
+        for (int k = i + 1; k < hankel->size; ++k) c[i] -= hankel->factor[k][i] * c[k];
+        c[i] /= hankel->factor[i][i];
+    }
+    count = spsi_polynomial_roots(c, hankel->size - 1, 1000, roots);
+    for (int i = 0; i < count; ++i) {
+        const double weight = 1 / spsi_hankel_solve(hankel, roots[i], at);
+        whole += weight;
+        before += roots[i] < z ? weight : 0;
+    }
+    bounds[0] = before / whole;
+    bounds[1] = (before + here) / whole;
+}
+
+/* Biases for 4, 6 and 8 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 to 5 rows, and the roots of a
+   polynomial of degree 2 to 4. At u = 1 all of it lies before. */
+static float spsi_moment_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    static const double biases[3] = {5e-7, 5e-6, 5e-5};
+    spsi_hankel hankel;
+    double bounds[2];
+    if (!(texel[0] > 0)) return 0;
+    if (u >= 1) return texel[0];
+    spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
+    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
+    return (float)(0.5 * (bounds[0] + bounds[1]) * (double)texel[0]);
+}
+
+/* A mixture of (1 - a) F and a G that has the biased moments is within their bounds, and since G is 0 .. 1, F is
+   within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that rounding has put off by d of the
+   whole, as long as what it takes for G to make up for it, d / a, leaves G's matrix positive: d (matrix size) < a
+   (least eigenvalue: 0.199, 0.0137, 0.0049). These biases allow for 2e-6, the rounding of a thousand sums and more. The
+   answer itself, less biased, is included. */
+static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
+    static const double biases[3] = {3e-5, 6e-4, 2e-3};
+    const double whole = (double)texel[0], answer = (double)spsi_moment_depth(settings, texel, u);
+    spsi_hankel hankel;
+    double bounds[2], share;
+    bracket[0] = bracket[1] = (float)answer;
+    if (!(whole > 0) || u >= 1) return;
+    share = spsi_hankel_build(&hankel, texel, settings->components, biases[(settings->components - 5) / 2]);
+    spsi_hankel_bounds(&hankel, 2 * (double)u - 1, bounds);
+    bracket[0] = (float)(share < 1 ? fmin(fmax((bounds[0] - share) / (1 - share), 0) * whole, answer) : 0);
+    bracket[1] = (float)(share < 1 ? fmax(fmin(bounds[1] / (1 - share), 1) * whole, answer) : whole);
+}
+
+/* ---- Beer ---- */
+
+static void spsi_beer_clear(float *sums, size_t stride, size_t count, int components) {
+    for (int k = 0; k < components; ++k)
+        for (size_t i = 0; i < count; ++i) sums[(size_t)k * stride + i] = k == 0; /* nothing begins before the end */
+}
+
+/* Until the map is finished: where gas begins, where it ends, and all of it. */
+static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
+                             const spsi_stretches *stretches) {
+    const spsi_v depth = spsi_stretches_capped(stretches), first = spsi_load(sums), last = spsi_load(sums + stride);
+    const spsi_m there = spsi_less(spsi_set(0), depth);
+    (void)settings;
+    spsi_store(sums, spsi_select(there, spsi_min(first, stretches->u0), first));
+    spsi_store(sums + stride, spsi_select(there, spsi_max(last, stretches->u1), last));
+    spsi_accumulate(sums + 2 * stride, depth);
+}
+
+/* Where it ends becomes how dense it is between. Gas of no length gets some before where it is, so that all of it
+   counts there, and at u = 1. */
+static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
+    const float last = texel[1];
+    (void)settings;
+    texel[1] = 0;
+    if (!(texel[2] > 0)) return;
+    texel[2] = spsi_lower(texel[2], SPSI_DEPTH_MAX);
+    texel[0] = spsi_higher(spsi_lower(texel[0], last - SPSI_BEER_LENGTH), 0);
+    texel[1] = texel[2] / spsi_higher(last - texel[0], SPSI_BEER_LENGTH);
+}
+
+static float spsi_beer_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    (void)settings;
+    return spsi_lower(spsi_higher(u - texel[0], 0) * texel[1], texel[2]);
+}
+
+/* By sps_tmap_technique. */
+static const spsi_technique spsi_techniques[] = {
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a depth map", 1, 1, 1, 1, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depth, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, spsi_opacity_depth,
+     spsi_opacity_bracket},
+    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
+     spsi_opacity_depth, spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, spsi_fourier_depth,
+     NULL},
+    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depth, NULL},
+    {"a moment map", 5, 9, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, spsi_moment_depth,
+     spsi_moment_bracket},
+    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, spsi_adaptive_depth, NULL},
+    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depth,
+     NULL},
+};
+
 /* ================================================================================================ >>scene
    8  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
    zero. */
@@ -1668,6 +2682,65 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
     return spsi_check_gas_colours(context, name, i, set->albedo, set->emission);
 }
 
+/* Checks a technique's number of components, range included, where it is not left to the technique. */
+static sps_result spsi_check_components(sps_context *context, const sps_tmap_settings *settings) {
+    const spsi_technique *technique = &spsi_techniques[settings->technique];
+    const int more = technique->range < 0 && settings->texel_range ? 2 : 0, n = settings->components;
+    const int least = technique->least + more;
+    char rule[96];
+    if (n == 0) return SPS_OK;
+    if (technique->lists) {
+        SPS_SNPRINTF(rule, sizeof rule, "%s has as many as its rays take: it must be 0", technique->name);
+    } else {
+        if (n >= least && n <= technique->most && (n - least) % technique->step == 0) return SPS_OK;
+        if (least == technique->most)
+            SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
+        else
+            SPS_SNPRINTF(rule, sizeof rule, "%s has %d, %d .. %d", technique->name, least, least + technique->step,
+                         technique->most);
+    }
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n, rule);
+}
+
+/* Checks all settings of a map but the range of its depths. */
+static sps_result spsi_check_settings(sps_context *context, const sps_tmap_settings *settings) {
+    if (spsi_check_canaries(context, "settings", -1, settings->start_canary, settings->end_canary))
+        return context->result;
+    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "technique",
+                               (double)(int)settings->technique, "it must be an sps_tmap_technique");
+    if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "window", (double)(int)settings->window,
+                               "it must be an sps_tmap_window");
+    if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "epsilon", (double)settings->epsilon,
+                               "it must be 0..0.5");
+    if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "surface_bias", settings->surface_bias,
+                               "it must be 0..1e15");
+    return spsi_check_components(context, settings);
+}
+
+/* Checks the map that a light shades gas by. Its range is the gas's own, and surfaces have a map of their own. */
+static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
+    const sps_tmap_settings *settings = light->shadow_map;
+    if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map_size", light->shadow_map_size,
+                               "it must be 0..16384");
+    if (!settings) return SPS_OK;
+    if (spsi_check_settings(context, settings)) return context->result;
+    if (settings->omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map->omnidirectional",
+                               settings->omnidirectional, "a directional light has one direction");
+    if (settings->near_depth < 0 || settings->near_depth > 0 || settings->far_depth < 0 || settings->far_depth > 0)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map->far_depth", settings->far_depth,
+                               "it and near_depth must be 0: the range is fitted to the gas");
+    if (settings->surface_bias > 0)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map->surface_bias",
+                               settings->surface_bias, "it must be 0: surfaces shade by their own depth map");
+    return SPS_OK;
+}
+
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const double *bad;
     double direction[3];
@@ -1689,7 +2762,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     bad = spsi_bad_coordinate(light->position, 3);
     if (light->kind == SPS_LIGHT_POINT && bad)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "position", *bad, "it must be within 1e15");
-    return SPS_OK;
+    return spsi_check_shadow_map(context, light, i);
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
@@ -2571,6 +3644,7 @@ static const spsi_swarm *spsi_swarm_of(const spsi_frame *frame, int particle) {
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
     float normal[3][3], color[3][3];
+    float optical_depth; /* for maps; SPSI_DEPTH_MAX: opaque */
 } spsi_face;
 
 typedef struct spsi_hit {
@@ -2642,6 +3716,7 @@ static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *pl
             face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
         }
     }
+    face->optical_depth = mesh->transparency > 0 ? -logf(mesh->transparency) : SPSI_DEPTH_MAX;
     spsi_face_normals(mesh, placement, triangle, own, face);
     return 1;
 }
@@ -3047,6 +4122,191 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
                     half);
 }
 
+/* =============================================================================================== >>tmaps
+   10c Transmittance maps: a light's texels, and how they are asked. Each of up to six faces is a grid of rays; u is the
+   share of the way from near_depth to far_depth along t. Six faces share the rays of their common edges, and t is the
+   largest coordinate from the light, the same seen from either side: so nothing changes suddenly from face to face.
+   What is opaque is kept apart, as a depth per texel: no technique could hold it without harm to all else. */
+
+#define SPSI_FACES 6
+
+struct sps_tmap {
+    sps_context *context;
+    const spsi_technique *technique;
+    sps_tmap_settings settings; /* resolved */
+    sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
+    sps_view view;              /* the light's */
+    double matrix[16];          /* its world_to_clip */
+    int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
+    int face_count, replace_invalid;
+    int finished, failed;
+    spsi_rays rays[SPSI_FACES];
+    double per_depth;        /* 1 / (far - near) */
+    double bias, bias_per_t; /* of surfaces, in t */
+    spsi_buffer planes;
+    spsi_buffer volumes, meshes, particles; /* as they were added, until the map is finished */
+    int volume_count, mesh_count, particles_count;
+    spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
+    spsi_buffer starts;   /* of lists: each texel's first item, and one more */
+    spsi_buffer surfaces; /* u of each texel's first opaque surface, 2: none; no data: there are none at all */
+};
+
+static size_t spsi_tmap_texel_count(const sps_tmap *map) {
+    return (size_t)map->rays[0].width * (size_t)map->rays[0].height * (size_t)map->face_count;
+}
+
+/* One of six faces about a point; the middles of the outermost texels lie on the cube's edges. */
+static int spsi_rays_of_face(const double position[3], int face, int size, spsi_rays *rays) {
+    static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    const double pitch = 2.0 / spsi_most(size - 1, 1);
+    double forward[3] = {0, 0, 0};
+    memset(rays, 0, sizeof *rays);
+    rays->perspective = 1;
+    rays->width = rays->height = size;
+    forward[face / 2] = face % 2 ? -1 : 1;
+    spsi_rays_aim(rays, position, axes[(face / 2 + 1) % 3], axes[(face / 2 + 2) % 3], forward, pitch, pitch);
+    return spsi_rays_complete(rays);
+}
+
+/* The face that a direction goes through: the axis of its largest component. */
+static int spsi_face_of(const double offset[3]) {
+    const double x = fabs(offset[0]), y = fabs(offset[1]), z = fabs(offset[2]);
+    const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    return 2 * axis + (offset[axis] < 0);
+}
+
+/* The settings of one texel's own u, and its floats. */
+typedef struct spsi_texel {
+    const float *floats;
+    float u; /* below 0: before everything */
+} spsi_texel;
+
+static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
+    spsi_texel texel;
+    texel.floats = (const float *)map->texels.data + index * (size_t)map->settings.components;
+    texel.u = u;
+    if (!map->has_range) return texel;
+    {
+        const float first = texel.floats[0], length = texel.floats[1] - first;
+        texel.u = u < first ? -1 : length > 0 ? spsi_lower((u - first) / length, 1) : 1;
+        texel.floats += 2;
+    }
+    return texel;
+}
+
+/* Optical depth of gas before u in one texel. */
+static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
+    if (map->technique->lists) {
+        const uint32_t *starts = (const uint32_t *)map->starts.data + index;
+        const uint32_t count = starts[1] - starts[0];
+        return map->settings.technique == SPS_TMAP_DEEP
+                   ? spsi_stretches_depth((const spsi_stretch *)map->texels.data + starts[0], count, u)
+                   : spsi_compressed_depth((const spsi_node *)map->texels.data + starts[0], count, u);
+    }
+    {
+        const spsi_texel texel = spsi_tmap_texel(map, index, u);
+        return texel.u < 0 ? 0 : map->technique->depth(&map->inner, texel.floats, texel.u);
+    }
+}
+
+/* Bounds of that. */
+static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
+    bounds[0] = 0;
+    bounds[1] = SPSI_DEPTH_MAX;
+    if (map->settings.technique == SPS_TMAP_DEEP) {
+        bounds[0] = bounds[1] = spsi_tmap_depth(map, index, u);
+    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+        const float through = expf(-spsi_tmap_depth(map, index, u)), epsilon = map->settings.epsilon;
+        bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
+        bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
+    } else if (map->technique->bracket) {
+        const spsi_texel texel = spsi_tmap_texel(map, index, u);
+        bounds[1] = 0;
+        if (!(texel.u < 0)) map->technique->bracket(&map->inner, texel.floats, texel.u, bounds);
+    }
+}
+
+/* The four texels about a point. */
+typedef struct spsi_place_in_map {
+    size_t texel[4];
+    double weight[4], t;
+    float u;
+} spsi_place_in_map;
+
+/* Gives 0 outside of the map and before near_depth. */
+static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
+    const int width = map->rays[0].width, height = map->rays[0].height;
+    double q[3], offset[3];
+    int x, y, face = 0;
+    if (map->face_count > 1) {
+        spsi_along(point, map->rays[0].origin, -1, offset);
+        face = spsi_face_of(offset);
+    }
+    spsi_project(&map->rays[face], point, q);
+    place->t = q[2];
+    place->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
+    if (!(place->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
+    if (map->face_count > 1) /* rounding must not lead out of the face */
+        q[0] = fmin(fmax(q[0], 0), width - 1), q[1] = fmin(fmax(q[1], 0), height - 1);
+    if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
+    x = (int)floor(q[0]);
+    y = (int)floor(q[1]);
+    for (int i = 0; i < 4; ++i) {
+        const int tx = spsi_least(spsi_most(x + (i & 1), 0), width - 1);
+        const int ty = spsi_least(spsi_most(y + (i >> 1), 0), height - 1);
+        place->texel[i] = ((size_t)face * (size_t)height + (size_t)ty) * (size_t)width + (size_t)tx;
+        place->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
+    }
+    return 1;
+}
+
+/* The share of the four texels whose surfaces do not come before the point. */
+static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
+    const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
+    const float *surfaces = (const float *)map->surfaces.data;
+    double lit = 0, sum = 0;
+    if (!surfaces) return 1;
+    for (int i = 0; i < 4; ++i) {
+        sum += place->weight[i];
+        if (!((double)surfaces[place->texel[i]] + bias < (double)place->u)) lit += place->weight[i];
+    }
+    return lit < sum ? lit / sum : 1;
+}
+
+/* Optical depth of gas at a world point: of four texels at the point's own u, not of what lies between their depths.
+   `lit`: the share that surfaces leave. */
+static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *lit) {
+    spsi_place_in_map place;
+    double sum = 0;
+    *lit = 1;
+    if (!spsi_tmap_locate(map, point, &place)) return 0;
+    for (int i = 0; i < 4; ++i)
+        if (place.weight[i] > 0) sum += place.weight[i] * (double)spsi_tmap_depth(map, place.texel[i], place.u);
+    *lit = spsi_tmap_lit(map, &place);
+    return fmin(sum, (double)SPSI_DEPTH_MAX);
+}
+
+/* Optical depth, surfaces included, from that of gas and the share that surfaces leave. */
+static double spsi_depth_with_surfaces(double depth, double lit) {
+    return lit > 0 ? fmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
+}
+
+/* Certain bounds of the optical depth at a world point, surfaces included. */
+static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
+    spsi_place_in_map place;
+    double lit;
+    bracket[0] = bracket[1] = 0;
+    if (!spsi_tmap_locate(map, point, &place)) return;
+    for (int i = 0; i < 4; ++i) {
+        float bounds[2];
+        if (!(place.weight[i] > 0)) continue;
+        spsi_tmap_bounds(map, place.texel[i], place.u, bounds);
+        for (int k = 0; k < 2; ++k) bracket[k] += place.weight[i] * (double)bounds[k];
+    }
+    lit = spsi_tmap_lit(map, &place);
+    for (int k = 0; k < 2; ++k) bracket[k] = spsi_depth_with_surfaces(bracket[k], lit);
+}
+
 /* ============================================================================================== >>slicing
    11 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
    normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
@@ -3057,8 +4317,9 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
 #define SPSI_COSINE_MIN    0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
 
 typedef struct spsi_sweep {
-    int light; /* index of the light that casts shadows in this sweep; -1: none */
-    int first; /* 1: this sweep also carries ambient, emission, lights without shadow, and coverage */
+    int light;  /* index of the light that casts shadows in this sweep; -1: none */
+    int sheets; /* 1: gas shades by that light's sheets, 0: there is no light, or it has a map */
+    int first;  /* 1: this sweep also carries ambient, emission, lights without shadow, and coverage */
     int back_to_front;
     double normal[3]; /* s */
     double start;     /* s . p of the first slab's entry */
@@ -3125,7 +4386,7 @@ static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_sweep
     char sentence[256];
     SPS_SNPRINTF(sentence, sizeof sentence,
                  "light[%d] is inside or too close to the volumes: one of its rays meets the slabs at a cosine of %g, "
-                 "and 0.1 is needed; move it away, or set no_shadow on it",
+                 "and 0.1 is needed; move it away, or set shadow_map or no_shadow on it",
                  sweep->light, cosine);
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
@@ -3136,8 +4397,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!frame->view.world_to_clip)
         SPS_SNPRINTF(camera, sizeof camera, "view.field_of_view is %g", frame->view.field_of_view);
-    if (sweep->light >= 0 && unshadowed_helps)
-        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set no_shadow on light[%d]", sweep->light);
+    if (sweep->sheets && unshadowed_helps)
+        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->light);
     SPS_SNPRINTF(sentence, sizeof sentence,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
                  cosine, way_out);
@@ -3150,7 +4411,7 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
     spsi_eye_direction(frame, eye);
     memcpy(sweep->normal, eye, sizeof eye);
     sweep->back_to_front = 0;
-    if (sweep->light >= 0) {
+    if (sweep->sheets) {
         const sps_light *light = &frame->scene->lights[sweep->light];
         spsi_bounds_centre(&frame->volume_bounds, centre);
         spsi_light_direction(light, centre, toward);
@@ -3278,7 +4539,7 @@ static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame
     SPS_SNPRINTF(
         sentence, sizeof sentence,
         "light[%d] is too close to the volumes: as seen from it they do not lie within a cone of 78 degrees about "
-        "their middle; move it away, or set no_shadow on it",
+        "their middle; move it away, or set shadow_map or no_shadow on it",
         sweep->light);
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
@@ -3298,11 +4559,12 @@ static int spsi_shadow_light(const spsi_frame *frame, int n) {
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
     memset(sweep, 0, sizeof *sweep);
     sweep->light = spsi_shadow_light(frame, n);
+    sweep->sheets = sweep->light >= 0 && !frame->scene->lights[sweep->light].shadow_map;
     sweep->first = n == 0;
     sweep->normal[2] = sweep->thickness = 1;
     if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
     if (spsi_sweep_direction(context, frame, sweep) || spsi_sweep_slabs(context, frame, sweep)) return context->result;
-    return sweep->light < 0 ? SPS_OK : spsi_sweep_light(context, frame, sweep);
+    return sweep->sheets ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
 }
 
 /* ================================================================================================ >>splat
@@ -3760,6 +5022,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
+    memset(&f, 0, sizeof f); /* compilers do not see that perspective fills it in later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
@@ -4174,6 +5437,7 @@ typedef struct spsi_shader {
     const spsi_sweep *sweep;
     const spsi_faces *faces;
     const spsi_planes *planes;
+    const sps_tmap *tmap; /* what the sweep's light shades gas by instead of planes; NULL: planes */
     const spsi_depth_map *map;
     const spsi_hit *hits;      /* whole image */
     spsi_linear slab;          /* slab coordinate */
@@ -4275,9 +5539,31 @@ static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *l
     *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
 }
 
-static inline spsi_v spsi_lookup_planes(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v d) {
+/* World position at depth d, relative to the shader's position origin. */
+static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
+    for (int i = 0; i < 3; ++i)
+        position[i] =
+            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
+}
+
+static spsi_v spsi_lookup_tmap(const spsi_shader *shader, const spsi_pixels *p, spsi_v d) {
+    float lanes[3][SPSI_LANES], depths[SPSI_LANES];
+    spsi_v position[3];
+    spsi_position_at(shader, p->line.at, (float)p->line.y, d, position);
+    for (int i = 0; i < 3; ++i) spsi_store(lanes[i], position[i]);
+    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        double point[3], lit;
+        for (int i = 0; i < 3; ++i) point[i] = shader->position_origin[i] + (double)lanes[i][lane];
+        depths[lane] = (float)spsi_tmap_at(shader->tmap, point, &lit);
+    }
+    return spsi_load(depths);
+}
+
+/* Optical depth between the sweep's light and the rays' points at depth d, on plane k. */
+static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v d) {
     const spsi_planes *planes = shader->planes;
     spsi_v x = spsi_fma(d, p->light_slope[0], p->light_base[0]), y = spsi_fma(d, p->light_slope[1], p->light_base[1]);
+    if (shader->tmap) return spsi_lookup_tmap(shader, p, d);
     if (shader->sweep->rays.perspective) {
         const spsi_v t = spsi_max(spsi_fma(d, p->light_slope[2], p->light_base[2]), spsi_set(FLT_MIN * 16));
         x = spsi_div(x, t);
@@ -4368,13 +5654,6 @@ static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile 
     return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(line->scale)), way);
 }
 
-/* World position at depth d, relative to the shader's position origin. */
-static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
-    for (int i = 0; i < 3; ++i)
-        position[i] =
-            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
-}
-
 static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
     for (int i = 0; i < 3; ++i) {
         const int j = (i + 1) % 3, k = (i + 2) % 3;
@@ -4392,7 +5671,9 @@ typedef struct spsi_slab {
     spsi_sample *samples;                 /* material_count for each part */
     spsi_v enter, leave;                  /* depths along the ray */
     spsi_v first, last;                   /* shares of the slab, in the light's order, between which the ray is in it */
-    spsi_v light[2];                      /* optical depth between the light and these two ends */
+    spsi_v light[2];                      /* optical depth between the light and these two ends; */
+    int plane;                            /* and it was looked up on this plane last, */
+    spsi_v plane_light;                   /* and was this there */
     spsi_v lit[SPSI_PARTS];               /* share of each part that polygons leave in the light */
     spsi_v depth, part_depth[SPSI_PARTS]; /* optical depth of all samples */
 } spsi_slab;
@@ -4632,8 +5913,11 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_pixels *p, sps
 
 /* What the sweep's own light is when it enters and leaves a slab where the ray does. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_pixels *p, spsi_slab *slab) {
-    const spsi_v d0 = spsi_plane_depth(&p->line, slab->k), d1 = spsi_plane_depth(&p->line, slab->k + 1);
-    const spsi_v a0 = spsi_lookup_planes(shader, p, slab->k, d0), a1 = spsi_lookup_planes(shader, p, slab->k + 1, d1);
+    const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1), a1 = spsi_lookup_light(shader, p, slab->k + 1, d1);
+    spsi_v a0 = slab->plane_light;
+    if (slab->plane != slab->k) a0 = spsi_lookup_light(shader, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+    slab->plane = slab->k + 1;
+    slab->plane_light = a1;
     slab->light[0] = spsi_mix(a0, a1, slab->first);
     slab->light[1] = spsi_mix(a0, a1, slab->last);
     spsi_lit_shares(shader, p, slab);
@@ -4785,8 +6069,9 @@ static double spsi_bilinear_at(const float *grid, int width, int height, double 
 static double spsi_light_depth(const spsi_shader *shader, const double point[3]) {
     const spsi_sweep *sweep = shader->sweep;
     const spsi_planes *planes = shader->planes;
-    double q[3], slab, before, after;
+    double q[3], slab, before, after, lit;
     int k;
+    if (shader->tmap) return spsi_tmap_at(shader->tmap, point, &lit);
     if (!planes->width) return 0;
     spsi_project(&sweep->rays, point, q);
     if (sweep->rays.perspective && !(q[2] > 0)) return 0;
@@ -5011,6 +6296,8 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
     slab.samples = samples;
     slab.material_count = shader->frame->material_count;
     slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
+    slab.plane = -1;
+    slab.plane_light = spsi_set(0);
     spsi_pixels_build(shader, x, y, &p);
     for (int i = 0; i < 4 && slab_count > 0 && shader->frame->has_gradient; ++i)
         spsi_line_build(shader, x + (i == 1) - (i == 0), y + (i == 3) - (i == 2), &p.around[i]);
@@ -5164,7 +6451,7 @@ static void spsi_span_task(void *data, int index, int worker) {
         span->chunk0 = (int)floor(fmax(low - reach, 0) / SPSI_CHUNK);
         span->chunk1 = (int)floor(fmin(high + reach, sweep->slab_count) / SPSI_CHUNK);
         spsi_span_tiles(medium, brick, &run->frame->eye, run->margin, span->eye);
-        if (sweep->light >= 0) spsi_span_tiles(medium, brick, &sweep->rays, 0, span->light);
+        if (sweep->sheets) spsi_span_tiles(medium, brick, &sweep->rays, 0, span->light);
     }
 }
 
@@ -5376,7 +6663,7 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     float *memory;
     size_t tiles;
     planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
-    if (sweep->light < 0 || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
+    if (!sweep->sheets || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
     planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
@@ -5402,7 +6689,7 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
         int good =
             spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
-        if (run->sweep->light >= 0)
+        if (run->sweep->sheets)
             good &=
                 spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
                                     material->table ? 1 : material->extinction, frame->cut, &run->light_splatters[i]);
@@ -5436,8 +6723,6 @@ static void spsi_run_linears(spsi_run *run) {
             spsi_linear_build(&frame->eye, run->map.rays[face].inverse[i], run->map.rays[face].origin,
                               i == 2 ? -run->map.rays[face].depth_reference : 0, &run->map.along[face][i]);
     }
-    if (sweep->light >= 0)
-        spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &run->light_shader.slab);
 }
 
 static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
@@ -5572,6 +6857,22 @@ static sps_result spsi_run_crowd(sps_context *context, spsi_run *run) {
     return run->planes.width ? spsi_bins_reserve(context, SPSI_BUFFER_LIGHT_BALLS, most, &run->bins[1]) : SPS_OK;
 }
 
+/* What a light's sheets hold, channel by channel, and where they go. */
+static void spsi_light_shader_build(const spsi_frame *frame, const spsi_sweep *sweep, spsi_planes *planes,
+                                    spsi_light_shader *shader) {
+    static const double zero[3] = {0, 0, 0};
+    double row[3];
+    shader->frame = frame;
+    shader->rays = &sweep->rays;
+    shader->planes = planes;
+    shader->material_of_channel[0] = -1;
+    for (int i = 0; i < frame->medium_count; ++i)
+        if (frame->materials[frame->media[i].channel].table)
+            shader->material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
+    for (int i = 0; i < 3; ++i) row[i] = sweep->normal[i] / sweep->thickness;
+    if (sweep->sheets) spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &shader->slab);
+}
+
 /* Fills the run for one sweep. */
 static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                  const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run) {
@@ -5591,13 +6892,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
     shader->unshadowed = sweep->first && (frame->has_ambient || frame->emits || frame->lit_count > frame->shadow_count);
     shader->end_depth = (float)-log(frame->threshold);
-    run->light_shader.frame = frame;
-    run->light_shader.rays = &sweep->rays;
-    run->light_shader.planes = &run->planes;
-    run->light_shader.material_of_channel[0] = -1;
-    for (int i = 0; i < frame->medium_count; ++i)
-        if (frame->materials[frame->media[i].channel].table)
-            run->light_shader.material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
+    spsi_light_shader_build(frame, sweep, &run->planes, &run->light_shader);
     if (spsi_run_planes(context, run) || spsi_run_splatters(context, run)) return context->result;
     spsi_run_linears(run);
     if (spsi_run_tiles(context, run) || spsi_run_spans(context, run) || spsi_run_crowd(context, run))
@@ -5818,7 +7113,7 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* --- a light's depth map, and the frame --- */
+/* --- a light's depth map --- */
 
 /* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
 static int spsi_map_size(const spsi_frame *frame) { return spsi_most(frame->view.shadow_size, frame->map_texels); }
@@ -5913,6 +7208,962 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
     return SPS_OK;
 }
 
+/* =========================================================================================== >>occluders
+   15b Filling transmittance maps. A band of tiles at a time, each tile a task of its own that takes volumes, particles
+   and triangles in their order, so that bits do not depend on the number of workers. What meets a vector of texels is
+   always a vector of stretches; what becomes of it depends on the visit: sums of a technique that takes them in any
+   order; the texel's range, before that, where the technique wants it; or a list that is first counted, then filled,
+   sorted, and made into a curve to which the technique is fitted. Volumes are splatted into slabs square to the light's
+   axis, which is one visit of all voxels for sums and two for the rest. Cost: occluders times texels under them times
+   components; 4 bytes for each of these in a band of 64 rows, or 16 for each stretch in it. */
+
+typedef enum spsi_visit { SPSI_VISIT_RANGE, SPSI_VISIT_SUMS, SPSI_VISIT_COUNT, SPSI_VISIT_LIST } spsi_visit;
+
+/* What all maps of a light, or faces of one, are made from. */
+typedef struct spsi_occluders {
+    const spsi_frame *frame;
+    spsi_faces faces;
+    const spsi_ball *balls;                   /* for the face at hand */
+    const uint32_t *tile_starts, *tile_balls; /* of each tile, and one more */
+    int *boxes;                               /* of triangles, in texels of the face at hand */
+    spsi_run *run;                            /* of volumes; NULL: none */
+    double progress, progress_share;          /* where the work begins, and its share of all */
+} spsi_occluders;
+
+typedef struct spsi_filling {
+    sps_context *context;
+    sps_tmap *map;
+    const spsi_occluders *occluders;
+    int face, row, tiles_x; /* the band of tiles at hand */
+    spsi_visit visit;
+    float *ranges, *sums;      /* of the band, tile after tile */
+    size_t first_texel;        /* of the band */
+    uint32_t *starts, *places; /* of the band's texels: the first stretch, and how many, or where the next goes */
+    spsi_stretch *stretches;   /* of the band */
+    uint32_t most;             /* stretches of a texel */
+    int has_sizes;             /* 1: it is known how many nodes each texel of a compressed map takes */
+    char *scratch;             /* scratch_size per worker: a curve and what is made of it */
+    size_t scratch_size;
+    double slab_u, u_per_slab; /* u of the plane between slabs: slab_u + k u_per_slab */
+    double progress;
+} spsi_filling;
+
+/* A tile's texels. Its sums are components planes of width x height floats and a vector more, so that a vector that
+   reaches beyond the last row spoils nothing. */
+typedef struct spsi_bin {
+    const spsi_filling *filling;
+    int x0, y0, width, height;
+    size_t stride;
+    float *ranges, *sums;
+} spsi_bin;
+
+static int spsi_filling_height(const spsi_filling *filling) {
+    return spsi_least(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->row * SPSI_TILE_HEIGHT);
+}
+
+/* Floats of a band with so many components. */
+static size_t spsi_band_floats(const sps_tmap *map, int components) {
+    const size_t tiles = (size_t)(map->rays[0].width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    const size_t height = (size_t)spsi_least(SPSI_TILE_HEIGHT, map->rays[0].height);
+    return (size_t)components * ((size_t)map->rays[0].width * height + tiles * SPSI_LANES);
+}
+
+static void spsi_bin_place(const spsi_filling *filling, int column, spsi_bin *bin) {
+    size_t before;
+    bin->filling = filling;
+    bin->x0 = column * SPSI_TILE_WIDTH;
+    bin->y0 = filling->row * SPSI_TILE_HEIGHT;
+    bin->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - bin->x0);
+    bin->height = spsi_filling_height(filling);
+    bin->stride = (size_t)(bin->width * bin->height) + SPSI_LANES;
+    before = (size_t)bin->x0 * (size_t)bin->height + (size_t)column * SPSI_LANES;
+    bin->ranges = filling->ranges + 2 * before;
+    bin->sums = filling->sums + (size_t)filling->map->inner.components * before;
+}
+
+/* The number of a texel in its map. */
+static size_t spsi_bin_texel(const spsi_bin *bin, int x, int y) {
+    const spsi_rays *rays = &bin->filling->map->rays[0];
+    return ((size_t)bin->filling->face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
+}
+
+static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretches *stretches) {
+    const spsi_m some = spsi_less(spsi_set(0), stretches->depth);
+    const spsi_v first = spsi_load(bin->ranges + at), last = spsi_load(bin->ranges + bin->stride + at);
+    spsi_store(bin->ranges + at, spsi_select(some, spsi_min(first, stretches->u0), first));
+    spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, stretches->u1), last));
+}
+
+/* Counts u from the texel's first occluder to its last. */
+static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches *stretches) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(bin->ranges + at);
+    const spsi_v length = spsi_sub(spsi_load(bin->ranges + bin->stride + at), first);
+    const spsi_v inverse =
+        spsi_select(spsi_less(zero, length), spsi_div(one, spsi_max(length, spsi_set(FLT_MIN))), zero);
+    stretches->u0 = spsi_clamp(spsi_mul(spsi_sub(stretches->u0, first), inverse), zero, one);
+    stretches->u1 = spsi_clamp(spsi_mul(spsi_sub(stretches->u1, first), inverse), zero, one);
+}
+
+static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
+    const spsi_filling *filling = bin->filling;
+    uint32_t *places = filling->places + (spsi_bin_texel(bin, x, y) - filling->first_texel);
+    float lanes[3][SPSI_LANES];
+    spsi_store(lanes[0], stretches->u0);
+    spsi_store(lanes[1], stretches->u1);
+    spsi_store(lanes[2], stretches->depth);
+    for (int i = 0; i < spsi_least(SPSI_LANES, bin->x0 + bin->width - x); ++i) {
+        if (!(lanes[2][i] > 0)) continue;
+        if (filling->visit == SPSI_VISIT_LIST) {
+            const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], (float)stretches->soft};
+            filling->stretches[places[i]] = one;
+        }
+        places[i] += 1;
+    }
+}
+
+/* What meets the texels from (x, y) of a tile on; of those beyond its edge, depth must be 0. */
+static void spsi_insert(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
+    const spsi_filling *filling = bin->filling;
+    const size_t at = (size_t)((y - bin->y0) * bin->width + (x - bin->x0));
+    spsi_stretches within = *stretches;
+    if (filling->visit == SPSI_VISIT_RANGE) {
+        spsi_insert_range(bin, at, stretches);
+    } else if (filling->visit == SPSI_VISIT_SUMS) {
+        if (filling->map->has_range) spsi_stretches_within(bin, at, &within);
+        filling->map->technique->insert(&filling->map->inner, bin->sums + at, bin->stride, &within);
+    } else {
+        spsi_insert_list(bin, x, y, stretches);
+    }
+}
+
+/* --- particles --- */
+
+static void spsi_insert_one(const spsi_bin *bin, int x, int y, double u0, double u1, double depth) {
+    float lanes[3][SPSI_LANES] = {{0}};
+    spsi_stretches one;
+    lanes[0][0] = (float)fmin(fmax(u0, 0), 1);
+    lanes[1][0] = (float)fmin(fmax(u1, 0), 1);
+    lanes[2][0] = (float)depth;
+    one.u0 = spsi_load(lanes[0]);
+    one.u1 = spsi_load(lanes[1]);
+    one.depth = spsi_load(lanes[2]);
+    one.soft = 0;
+    spsi_insert(bin, x, y, &one);
+}
+
+/* An even piece of a chord that reaches beyond 0..1: what lies before the light is left out, what else is outside
+   counts at either end. `light`: u of the light's own place, or -infinity. */
+static void spsi_insert_piece(const spsi_bin *bin, int x, int y, double u0, double u1, double depth, double light) {
+    const double ends[4] = {-HUGE_VAL, 0, 1, HUGE_VAL};
+    const double per_u = u1 > u0 ? depth / (u1 - u0) : 0;
+    for (int i = 0; i < 3; ++i) {
+        const double from = fmax(fmax(u0, light), ends[i]), to = fmin(u1, ends[i + 1]);
+        if (from < to) spsi_insert_one(bin, x, y, from, to, per_u * (to - from));
+    }
+}
+
+/* A chord that is cut: in even pieces, of which a soft one takes eight, whose ends are exact. */
+static void spsi_insert_cut(const spsi_bin *bin, const spsi_ball *ball, int x, int y, const float chord[3]) {
+    const sps_tmap *map = bin->filling->map;
+    const int count = ball->soft ? 8 : 1;
+    const double per_t = map->per_depth, length = 2 * (double)chord[1] * per_t / count;
+    const double start = ((double)chord[0] - (double)chord[1]) * per_t;
+    const double light = map->rays[0].perspective ? -map->settings.near_depth * per_t : -HUGE_VAL;
+    for (int i = 0; i < count; ++i) {
+        const double s0 = (double)i / count, s1 = (double)(i + 1) / count;
+        const double share = ball->soft ? s1 * s1 * (3 - 2 * s1) - s0 * s0 * (3 - 2 * s0) : 1;
+        spsi_insert_piece(bin, x, y, start + i * length, start + (i + 1) * length, share * (double)chord[2], light);
+    }
+}
+
+/* A row of a ball's texels from x on. Chords that lie within 0..1 go in together, others one by one. */
+static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x, int y, int last) {
+    const sps_tmap *map = bin->filling->map;
+    const spsi_v per_t = spsi_set((float)map->per_depth), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
+    spsi_stretches stretches;
+    spsi_chord chord;
+    spsi_v inside;
+    int bits;
+    spsi_ball_chord(&map->rays[bin->filling->face], ball, x, y, &chord);
+    stretches.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
+    stretches.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
+    stretches.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
+    stretches.soft = ball->soft;
+    bits = spsi_bits(spsi_less(zero, stretches.depth));
+    if (!bits) return;
+    bits &= spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1));
+    if (bits) {
+        float lanes[3][SPSI_LANES];
+        spsi_store(lanes[0], chord.middle);
+        spsi_store(lanes[1], chord.half);
+        spsi_store(lanes[2], stretches.depth);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const float cut[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
+            if (bits >> i & 1) spsi_insert_cut(bin, ball, x + i, y, cut);
+        }
+        inside = spsi_select(spsi_less(stretches.u0, zero), zero, stretches.depth);
+        stretches.depth = spsi_select(spsi_less(one, stretches.u1), zero, inside);
+        stretches.u0 = spsi_clamp(stretches.u0, zero, one);
+        stretches.u1 = spsi_clamp(stretches.u1, zero, one);
+    }
+    spsi_insert(bin, x, y, &stretches);
+}
+
+static void spsi_bin_balls(const spsi_bin *bin, int tile) {
+    const spsi_occluders *occluders = bin->filling->occluders;
+    if (!occluders->balls) return;
+    for (uint32_t i = occluders->tile_starts[tile]; i < occluders->tile_starts[tile + 1]; ++i) {
+        const spsi_ball *ball = &occluders->balls[occluders->tile_balls[i]];
+        const int x0 = spsi_most(ball->x0, bin->x0), x1 = spsi_least(ball->x1, bin->x0 + bin->width - 1);
+        const int y0 = spsi_most(ball->y0, bin->y0), y1 = spsi_least(ball->y1, bin->y0 + bin->height - 1);
+        for (int y = y0; y <= y1; ++y)
+            for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(bin, ball, x, y, x1);
+    }
+}
+
+/* --- triangles --- */
+
+/* A triangle in a tile: a sheet without thickness, or, where it is opaque, the nearest surface of the texels. */
+static void spsi_bin_triangle(const spsi_bin *bin, int number) {
+    const spsi_filling *filling = bin->filling;
+    const sps_tmap *map = filling->map;
+    const spsi_rays *rays = &map->rays[filling->face];
+    const int *box = filling->occluders->boxes + 4 * number;
+    const float depth = filling->occluders->faces.list[number].optical_depth;
+    float *surfaces = (float *)map->surfaces.data;
+    const int opaque = depth >= SPSI_DEPTH_MAX;
+    spsi_edges edges;
+    if (!spsi_face_edges(&filling->occluders->faces, number, rays, &edges)) return;
+    for (int y = spsi_most(box[1], bin->y0); y <= spsi_least(box[3], bin->y0 + bin->height - 1); ++y)
+        for (int x = spsi_most(box[0], bin->x0); x <= spsi_least(box[2], bin->x0 + bin->width - 1); ++x) {
+            double w[3], t, u;
+            if (!spsi_face_hit(&edges, x, y, w)) continue;
+            t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
+            if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
+            u = fmin(fmax(t * map->per_depth, 0), 1);
+            if (!opaque)
+                spsi_insert_one(bin, x, y, u, u, (double)depth);
+            else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
+                surfaces[spsi_bin_texel(bin, x, y)] = spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)u);
+        }
+}
+
+static void spsi_bin_triangles(const spsi_bin *bin) {
+    const spsi_occluders *occluders = bin->filling->occluders;
+    for (int i = 0; i < occluders->faces.count; ++i) {
+        const int *box = occluders->boxes + 4 * i;
+        if (box[0] < bin->x0 + bin->width && box[2] >= bin->x0 && box[1] < bin->y0 + bin->height && box[3] >= bin->y0)
+            spsi_bin_triangle(bin, i);
+    }
+}
+
+static void spsi_fill_task(void *data, int index, int worker) {
+    const spsi_filling *filling = (const spsi_filling *)data;
+    spsi_bin bin;
+    (void)worker;
+    spsi_bin_place(filling, index, &bin);
+    spsi_bin_balls(&bin, filling->row * filling->tiles_x + index);
+    spsi_bin_triangles(&bin);
+}
+
+/* --- volumes --- */
+
+/* The slabs of a chunk that a tile's voxels were splatted into, as stretches. */
+static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
+    const spsi_filling *filling = bin->filling;
+    const spsi_run *run = filling->occluders->run;
+    const spsi_light_shader *shader = &run->light_shader;
+    spsi_stretches stretches;
+    stretches.soft = 0;
+    for (int y = bin->y0; y < bin->y0 + bin->height; ++y)
+        for (int x = bin->x0; x < bin->x0 + bin->width; x += SPSI_LANES) {
+            const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+            const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
+            const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
+            const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
+            const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
+            const spsi_m here = spsi_less(at, spsi_set((float)(bin->x0 + bin->width) - 0.5f));
+            for (int k = 0; k < SPSI_CHUNK; ++k) {
+                const double u = filling->slab_u + (run->shader.first_slab + k) * filling->u_per_slab;
+                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + run->slab_margin) * tile->sheet_size,
+                                                length, per_slab, slabs);
+                depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
+                if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
+                stretches.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
+                stretches.u1 = spsi_set((float)fmin(fmax(u + filling->u_per_slab, 0), 1));
+                stretches.depth = depth;
+                spsi_insert(bin, x, y, &stretches);
+            }
+        }
+}
+
+static void spsi_fill_volumes_task(void *data, int index, int worker) {
+    const spsi_filling *filling = (const spsi_filling *)data;
+    spsi_run *run = filling->occluders->run;
+    spsi_bin bin;
+    spsi_tile tile;
+    spsi_bin_place(filling, index, &bin);
+    spsi_tile_place(run, &tile, &run->sweep->rays, index, filling->row, 0, worker);
+    tile.open = ~UINT64_C(0);
+    if (spsi_tile_splat(run, &tile, index, filling->row, 1, spsi_light_sheet_floats(run->frame)))
+        spsi_bin_slabs(&bin, &tile);
+}
+
+static void spsi_fill_volumes(spsi_filling *filling) {
+    spsi_run *run = filling->occluders->run;
+    const int chunks = run ? (run->sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK : 0;
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        spsi_run_find_bricks(run, chunk);
+        if (run->chunk_brick_count == 0) continue;
+        run->shader.first_slab = chunk * SPSI_CHUNK;
+        spsi_parallel(filling->context, filling->tiles_x, spsi_fill_volumes_task, filling);
+    }
+}
+
+/* --- what becomes of a band --- */
+
+static void spsi_clear_task(void *data, int index, int worker) {
+    const spsi_filling *filling = (const spsi_filling *)data;
+    const sps_tmap *map = filling->map;
+    spsi_bin bin;
+    (void)worker;
+    spsi_bin_place(filling, index, &bin);
+    if (filling->visit == SPSI_VISIT_RANGE)
+        for (size_t i = 0; i < bin.stride; ++i) bin.ranges[i] = 1, bin.ranges[bin.stride + i] = 0;
+    if (filling->visit != SPSI_VISIT_SUMS) return;
+    memset(bin.sums, 0, (size_t)map->inner.components * bin.stride * sizeof(float));
+    if (map->technique->clear) map->technique->clear(bin.sums, bin.stride, bin.stride, map->inner.components);
+}
+
+/* Writes a tile's sums to its texels. */
+static void spsi_store_task(void *data, int index, int worker) {
+    const spsi_filling *filling = (const spsi_filling *)data;
+    const sps_tmap *map = filling->map;
+    const int components = map->inner.components;
+    spsi_bin bin;
+    (void)worker;
+    spsi_bin_place(filling, index, &bin);
+    for (int i = 0; i < bin.width * bin.height; ++i) {
+        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i % bin.width, bin.y0 + i / bin.width);
+        float *out = (float *)map->texels.data + texel * (size_t)map->settings.components;
+        if (map->has_range) {
+            *out++ = bin.ranges[i];
+            *out++ = spsi_higher(bin.ranges[bin.stride + (size_t)i], bin.ranges[i]);
+        }
+        for (int k = 0; k < components; ++k) out[k] = bin.sums[(size_t)k * bin.stride + (size_t)i];
+        if (map->technique->finish) map->technique->finish(&map->inner, out);
+    }
+}
+
+/* One parallel visit of all occluders to a band. */
+static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
+    filling->visit = visit;
+    if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
+    spsi_parallel(filling->context, filling->tiles_x, spsi_clear_task, filling);
+    spsi_fill_volumes(filling);
+    spsi_parallel(filling->context, filling->tiles_x, spsi_fill_task, filling);
+    return SPS_OK;
+}
+
+static sps_result spsi_fill_sums(spsi_filling *filling) {
+    const sps_tmap *map = filling->map;
+    const size_t floats = spsi_band_floats(map, map->inner.components + 2 * map->has_range);
+    filling->ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
+    if (!filling->ranges) return filling->context->result;
+    filling->sums = filling->ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
+    if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
+    if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
+    spsi_parallel(filling->context, filling->tiles_x, spsi_store_task, filling);
+    return SPS_OK;
+}
+
+/* --- lists --- */
+
+/* Counts the band's stretches, lists them, and says how many any texel has at most. */
+static sps_result spsi_fill_lists(spsi_filling *filling) {
+    sps_context *context = filling->context;
+    const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
+    uint64_t sum = 0;
+    filling->starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_PLACES, 2 * texels + 1, sizeof(uint32_t));
+    if (!filling->starts) return context->result;
+    filling->places = filling->starts + texels + 1;
+    memset(filling->places, 0, texels * sizeof *filling->places);
+    if (spsi_fill_band(filling, SPSI_VISIT_COUNT)) return context->result;
+    filling->most = 0;
+    for (size_t i = 0; i < texels; ++i) {
+        filling->most = filling->places[i] > filling->most ? filling->places[i] : filling->most;
+        filling->starts[i] = (uint32_t)sum;
+        sum += filling->places[i];
+        filling->places[i] = filling->starts[i];
+    }
+    filling->starts[texels] = (uint32_t)sum;
+    if (sum > INT32_MAX)
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in 64 rows", (double)sum,
+                               "2^31 - 1 are held at most");
+    filling->stretches = (spsi_stretch *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_stretch));
+    if (!filling->stretches) return context->result;
+    return spsi_fill_band(filling, SPSI_VISIT_LIST);
+}
+
+/* Sorts the lists of a tile, and makes of each what the technique keeps: floats, or, where that is a list too, the
+   number of its items, in `places`. */
+static void spsi_fit_task(void *data, int index, int worker) {
+    const spsi_filling *filling = (const spsi_filling *)data;
+    const sps_tmap *map = filling->map;
+    const size_t most = filling->most;
+    spsi_stretch *scratch = (spsi_stretch *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
+    spsi_node *curve = (spsi_node *)(void *)(scratch + SPSI_CURVE_SCRATCH(most)),
+              *nodes = curve + SPSI_CURVE_NODES(most);
+    spsi_bin bin;
+    spsi_bin_place(filling, index, &bin);
+    for (int i = 0; i < bin.width * bin.height; ++i) {
+        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i % bin.width, bin.y0 + i / bin.width);
+        const size_t place = texel - filling->first_texel;
+        const uint32_t count = filling->starts[place + 1] - filling->starts[place];
+        spsi_stretch *list = filling->stretches + filling->starts[place];
+        int node_count;
+        if (!filling->has_sizes) spsi_stretches_sort(list, count);
+        if (map->settings.technique == SPS_TMAP_DEEP) {
+            filling->places[place] = count;
+            continue;
+        }
+        node_count = spsi_curve_build(list, (int)count, scratch, curve);
+        if (map->technique->fit) {
+            map->technique->fit(&map->inner, curve, node_count,
+                                (float *)map->texels.data + texel * (size_t)map->settings.components);
+            continue;
+        }
+        node_count = spsi_curve_compress(curve, node_count, map->settings.epsilon, nodes);
+        if (filling->has_sizes)
+            memcpy((spsi_node *)map->texels.data + ((const uint32_t *)map->starts.data)[texel], nodes,
+                   (size_t)node_count * sizeof *nodes);
+        else
+            filling->places[place] = (uint32_t)node_count;
+    }
+}
+
+/* Makes room for the items of a band whose numbers are in `places`, and copies a deep map's. */
+static sps_result spsi_append_band(spsi_filling *filling) {
+    sps_tmap *map = filling->map;
+    const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
+    const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
+    uint32_t *starts = (uint32_t *)map->starts.data + filling->first_texel;
+    const size_t held = starts[0];
+    uint64_t sum = held;
+    for (size_t i = 0; i < texels; ++i) {
+        starts[i] = (uint32_t)sum;
+        sum += filling->places[i];
+    }
+    if (sum > UINT32_MAX)
+        return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, "tmap", -1, "items", (double)sum,
+                               "2^32 - 1 are held at most");
+    starts[texels] = (uint32_t)sum;
+    if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
+        return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, "settings", -1, "byte_budget",
+                               (double)map->settings.byte_budget, "the map takes more than that");
+    if (!spsi_buffer_extend(filling->context, &map->texels, held, (size_t)sum, item)) return filling->context->result;
+    if (map->settings.technique == SPS_TMAP_DEEP)
+        memcpy((spsi_stretch *)map->texels.data + held, filling->stretches, ((size_t)sum - held) * item);
+    return SPS_OK;
+}
+
+static sps_result spsi_fill_fits(spsi_filling *filling) {
+    sps_context *context = filling->context;
+    const sps_tmap *map = filling->map;
+    const spsi_technique *technique = map->technique;
+    size_t most, nodes;
+    if (spsi_fill_lists(filling)) return context->result;
+    most = filling->most;
+    nodes = SPSI_CURVE_NODES(most) +
+            (technique->fit ? 0 : (size_t)spsi_compressed_most((int)SPSI_CURVE_NODES(most), map->settings.epsilon));
+    filling->scratch_size = (SPSI_CURVE_SCRATCH(most) + 1) * sizeof(spsi_stretch) + nodes * sizeof(spsi_node);
+    filling->scratch =
+        (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
+    if (!filling->scratch) return context->result;
+    filling->has_sizes = 0;
+    spsi_parallel(context, filling->tiles_x, spsi_fit_task, filling);
+    if (!technique->lists) return SPS_OK;
+    if (spsi_append_band(filling)) return context->result;
+    filling->has_sizes = 1;
+    if (map->settings.technique == SPS_TMAP_COMPRESSED)
+        spsi_parallel(context, filling->tiles_x, spsi_fit_task, filling);
+    return SPS_OK;
+}
+
+/* --- particles into tiles --- */
+
+typedef struct spsi_ball_job {
+    const spsi_rays *rays;
+    const spsi_occluders *occluders;
+    spsi_ball *balls;
+} spsi_ball_job;
+
+static void spsi_balls_task(void *data, int index, int worker) {
+    const spsi_ball_job *job = (const spsi_ball_job *)data;
+    const spsi_occluders *occluders = job->occluders;
+    const spsi_frame *frame = occluders->frame;
+    const int last = spsi_least(frame->particle_count, (index + 1) * 1024);
+    (void)worker;
+    for (int i = index * 1024; i < last; ++i)
+        spsi_ball_build(job->rays, spsi_swarm_of(frame, i)->particles, &frame->particles[i], &job->balls[i]);
+}
+
+/* Counts the balls of each tile in starts, or, where there is a list, enters them at starts, which move on. */
+static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts, uint32_t *list) {
+    for (size_t i = 0; i < count; ++i) {
+        const spsi_ball *ball = &balls[i];
+        if (ball->x1 < ball->x0 || ball->y1 < ball->y0) continue;
+        for (int y = ball->y0 / SPSI_TILE_HEIGHT; y <= ball->y1 / SPSI_TILE_HEIGHT; ++y)
+            for (int x = ball->x0 / SPSI_TILE_WIDTH; x <= ball->x1 / SPSI_TILE_WIDTH; ++x) {
+                uint32_t *start = &starts[y * tiles_x + x];
+                if (list) list[*start] = (uint32_t)i;
+                *start += 1;
+            }
+    }
+}
+
+/* Sees the particles as a face's rays do, and lists each tile's in their order. */
+static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays, spsi_occluders *occluders) {
+    const int tiles_x = (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    const size_t tiles = (size_t)tiles_x * (size_t)((rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT);
+    const size_t count = (size_t)occluders->frame->particle_count;
+    uint32_t *starts, *list;
+    uint64_t sum = 0;
+    spsi_ball_job job;
+    if (count == 0) return SPS_OK;
+    job.rays = rays;
+    job.occluders = occluders;
+    job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
+    starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
+    if (!job.balls || !starts) return context->result;
+    spsi_parallel(context, (int)((count + 1023) / 1024), spsi_balls_task, &job);
+    memset(starts, 0, (tiles + 1) * sizeof *starts);
+    spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
+    for (size_t i = 0; i <= tiles; ++i) {
+        sum += starts[i];
+        starts[i] = (uint32_t)sum;
+    }
+    if (sum > UINT32_MAX)
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "particles in tiles", (double)sum,
+                               "2^32 - 1 are held at most");
+    list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
+    if (!list) return context->result;
+    spsi_balls_into_tiles(job.balls, count, tiles_x, starts, list);
+    memmove(starts + 1, starts, tiles * sizeof *starts); /* each had moved on to where the next begins */
+    starts[0] = 0;
+    occluders->balls = job.balls;
+    occluders->tile_starts = starts;
+    occluders->tile_balls = list;
+    return SPS_OK;
+}
+
+/* --- a face, and a map --- */
+
+/* Slabs square to a face's axis, for the volumes of a frame. */
+static sps_result spsi_tmap_sweep(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                  spsi_sweep *sweep) {
+    double least = 1;
+    memset(sweep, 0, sizeof *sweep);
+    sweep->light = -1;
+    sweep->sheets = 1;
+    memcpy(sweep->normal, rays->inverse[2], sizeof sweep->normal);
+    spsi_normalise(sweep->normal);
+    sweep->rays = *rays;
+    for (int corner = 0; corner < 4; ++corner) {
+        double ray[3];
+        spsi_ray_direction(rays, corner & 1 ? rays->width - 1 : 0, corner & 2 ? rays->height - 1 : 0, ray);
+        spsi_normalise(ray);
+        least = fmin(least, spsi_dot(sweep->normal, ray));
+    }
+    if (!(least >= SPSI_COSINE_MIN))
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "least cosine of a ray with the axis", least,
+                               "volumes need 0.1; narrow the light's field_of_view, or make the map omnidirectional");
+    return spsi_sweep_slabs(context, frame, sweep);
+}
+
+/* What splatting volumes into a face takes. */
+static sps_result spsi_tmap_run(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, spsi_run *run) {
+    memset(run, 0, sizeof *run);
+    run->context = context;
+    run->frame = frame;
+    run->sweep = sweep;
+    run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    run->slab_margin = spsi_slab_margin(frame);
+    spsi_light_shader_build(frame, sweep, &run->planes, &run->light_shader);
+    if (spsi_run_splatters(context, run)) return context->result;
+    return spsi_run_spans(context, run);
+}
+
+static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
+    sps_tmap *map = filling->map;
+    const spsi_rays *rays = &map->rays[filling->face];
+    const int rows = (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
+    spsi_sweep sweep;
+    if (spsi_occluders_bin(filling->context, rays, occluders)) return filling->context->result;
+    for (int i = 0; i < occluders->faces.count; ++i)
+        spsi_face_box(&occluders->faces, i, rays, occluders->boxes + 4 * i);
+    if (occluders->run) {
+        const double per_depth = spsi_length(rays->inverse[2]) * map->per_depth;
+        if (spsi_tmap_sweep(filling->context, occluders->frame, rays, &sweep) ||
+            spsi_tmap_run(filling->context, occluders->frame, &sweep, occluders->run))
+            return filling->context->result;
+        filling->u_per_slab = sweep.thickness * per_depth;
+        filling->slab_u = (sweep.start - spsi_dot(sweep.normal, rays->origin)) * per_depth -
+                          map->settings.near_depth * map->per_depth;
+    }
+    for (filling->row = 0; filling->row < rows; ++filling->row) {
+        filling->progress = occluders->progress + occluders->progress_share *
+                                                      ((double)filling->face + (double)filling->row / rows) /
+                                                      map->face_count;
+        filling->first_texel =
+            ((size_t)filling->face * (size_t)rays->height + (size_t)filling->row * SPSI_TILE_HEIGHT) *
+            (size_t)rays->width;
+        if (map->technique->sums ? spsi_fill_sums(filling) : spsi_fill_fits(filling)) return filling->context->result;
+    }
+    return SPS_OK;
+}
+
+/* What the map holds, or, before it is finished, will hold as far as is known. */
+static size_t spsi_tmap_bytes(const sps_tmap *map) {
+    const size_t texels = spsi_tmap_texel_count(map);
+    const size_t fixed = sizeof *map + map->planes.size;
+    if (map->finished) return fixed + map->texels.size + map->starts.size + map->surfaces.size;
+    if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
+    return fixed + texels * (size_t)map->settings.components * sizeof(float);
+}
+
+static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
+    char rule[96];
+    SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
+    return spsi_fail_field(map->context, SPS_ERROR_MEMORY, "settings", -1, "byte_budget",
+                           (double)map->settings.byte_budget, rule);
+}
+
+/* Room for what the map holds, as far as that is known. */
+static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
+    const size_t texels = spsi_tmap_texel_count(map);
+    float *surfaces = NULL;
+    if (map->technique->lists) {
+        if (!spsi_buffer_reserve(map->context, &map->starts, texels + 1, sizeof(uint32_t))) return map->context->result;
+        memset(map->starts.data, 0, (texels + 1) * sizeof(uint32_t));
+    } else if (!spsi_buffer_reserve(map->context, &map->texels, texels,
+                                    (size_t)map->settings.components * sizeof(float)))
+        return map->context->result;
+    if (!has_surfaces) return SPS_OK;
+    surfaces = (float *)spsi_buffer_reserve(map->context, &map->surfaces, texels, sizeof(float));
+    for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = 2;
+    return map->context->result;
+}
+
+/* Gives back what a list has grown to beyond what it holds. */
+static sps_result spsi_tmap_trim(sps_tmap *map) {
+    const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
+    const size_t count = ((const uint32_t *)map->starts.data)[spsi_tmap_texel_count(map)];
+    spsi_buffer exact = {NULL, 0};
+    if (map->texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
+    if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
+    memcpy(exact.data, map->texels.data, count * item);
+    spsi_buffer_release(map->context, &map->texels);
+    map->texels = exact;
+    return SPS_OK;
+}
+
+/* Fills a map with the triangles, and with the voxels and particles of the frame, which are gathered. */
+static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
+    sps_context *context = map->context;
+    spsi_filling filling;
+    int has_surfaces = 0;
+    if (context->brick_count > 0 && occluders->frame->medium_count > 0 && occluders->frame->extinguishes) {
+        occluders->run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_MAP_RUN, 1, sizeof(spsi_run));
+        if (!occluders->run) return context->result;
+    }
+    for (int i = 0; i < occluders->faces.count; ++i)
+        has_surfaces |= occluders->faces.list[i].optical_depth >= SPSI_DEPTH_MAX;
+    if (spsi_tmap_reserve_texels(map, has_surfaces)) return context->result;
+    memset(&filling, 0, sizeof filling);
+    filling.context = context;
+    filling.map = map;
+    filling.occluders = occluders;
+    filling.tiles_x = (map->rays[0].width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
+    for (filling.face = 0; filling.face < map->face_count; ++filling.face)
+        if (spsi_fill_face(&filling, occluders)) return context->result;
+    if ((map->technique->lists && spsi_tmap_trim(map)) ||
+        spsi_progress(context, occluders->progress + occluders->progress_share))
+        return context->result;
+    map->finished = 1;
+    if (map->settings.byte_budget && spsi_tmap_bytes(map) > map->settings.byte_budget) {
+        map->finished = 0;
+        return spsi_tmap_refuse_budget(map, (double)(spsi_tmap_bytes(map) + map->surfaces.size));
+    }
+    return SPS_OK;
+}
+
+/* --- making one --- */
+
+static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
+    if (spsi_check_settings(context, settings)) return context->result;
+    if (!(settings->near_depth >= 0 && settings->far_depth > settings->near_depth &&
+          settings->far_depth <= SPSI_COORDINATE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
+                               "it must be above near_depth, which is not negative, and within 1e15");
+    if (light->width < 1 || light->height < 1)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, light->width < 1 ? "width" : "height",
+                               light->width < 1 ? light->width : light->height, "a map's must be 1..16384");
+    if (settings->omnidirectional && light->width != light->height)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "width", light->width,
+                               "an omnidirectional map's must be its height");
+    return spsi_check_view(context, light);
+}
+
+/* Fills in the number of components, as many as the budget has room for if that is left to the technique. */
+static sps_result spsi_tmap_resolve(sps_tmap *map) {
+    const spsi_technique *technique = map->technique;
+    sps_tmap_settings *settings = &map->settings;
+    const size_t budget = settings->byte_budget;
+    map->has_range = technique->range > 0 || (technique->range < 0 && settings->texel_range);
+    if (settings->components == 0) {
+        const int more = technique->range < 0 ? 2 * map->has_range : 0;
+        settings->components = technique->usual + more;
+        while (budget && spsi_tmap_bytes(map) > budget &&
+               settings->components - technique->step >= technique->least + more && technique->step > 0)
+            settings->components -= technique->step;
+    }
+    if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
+    map->inner = *settings;
+    map->inner.components -= 2 * map->has_range;
+    return budget && spsi_tmap_bytes(map) > budget ? spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map))
+                                                   : SPS_OK;
+}
+
+/* Copies and checks the planes of an opacity map. */
+static sps_result spsi_tmap_take_planes(sps_tmap *map) {
+    const int count = map->inner.components;
+    const float *from = map->settings.planes;
+    float *planes;
+    map->settings.planes = map->inner.planes = NULL;
+    if (!from || (map->settings.technique != SPS_TMAP_OPACITY && map->settings.technique != SPS_TMAP_DEEP_OPACITY))
+        return SPS_OK;
+    planes = (float *)spsi_buffer_reserve(map->context, &map->planes, (size_t)count, sizeof(float));
+    if (!planes) return map->context->result;
+    for (int i = 0; i < count; ++i) {
+        planes[i] = from[i];
+        if (!(planes[i] > (i > 0 ? planes[i - 1] : 0) && planes[i] <= 1) || (i == count - 1 && planes[i] < 1)) {
+            char field[32];
+            SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "settings", -1, field, (double)planes[i],
+                                   "they must rise from above 0, and the last must be 1");
+        }
+    }
+    map->settings.planes = map->inner.planes = planes;
+    return SPS_OK;
+}
+
+/* The rays of a map's faces. */
+static sps_result spsi_tmap_aim(sps_tmap *map) {
+    map->face_count = map->settings.omnidirectional ? SPSI_FACES : 1;
+    if (map->face_count == 1 && spsi_rays_build(map->context, &map->view, &map->rays[0])) return map->context->result;
+    for (int face = 0; face < map->face_count; ++face) {
+        spsi_rays *rays = &map->rays[face];
+        if (map->face_count > 1 && !spsi_rays_of_face(map->view.position, face, map->view.width, rays))
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "view", -1, "position", map->view.position[0],
+                                   "texels cannot be told apart there");
+        rays->depth_reference = map->settings.near_depth;
+        rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
+    }
+    {
+        const double per_length = spsi_length(map->rays[0].inverse[2]);
+        const double texel = fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
+        const int own = map->settings.surface_bias > 0;
+        map->bias = own                        ? map->settings.surface_bias * per_length
+                    : map->rays[0].perspective ? 0
+                                               : 2 * texel * per_length;
+        map->bias_per_t = own || !map->rays[0].perspective ? 0 : 2 * texel * per_length;
+    }
+    return SPS_OK;
+}
+
+/* Fills a map that is zeroed but for its context. */
+static sps_result spsi_tmap_build(sps_tmap *map, const sps_view *light, const sps_tmap_settings *settings) {
+    map->settings = *settings;
+    map->technique = &spsi_techniques[settings->technique];
+    map->view = *light;
+    if (light->world_to_clip) {
+        memcpy(map->matrix, light->world_to_clip, sizeof map->matrix);
+        map->view.world_to_clip = map->matrix;
+    }
+    map->per_depth = 1 / (settings->far_depth - settings->near_depth);
+    if (spsi_tmap_aim(map) || spsi_tmap_resolve(map)) return map->context->result;
+    return spsi_tmap_take_planes(map);
+}
+
+/* Appends structs to those that a map has been given. */
+static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held, const void *more, int count,
+                                   size_t size) {
+    const size_t kept = (size_t)*held, all = kept + (size_t)count;
+    if (count == 0) return SPS_OK;
+    if (count > INT32_MAX - *held)
+        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "scene", -1, "number of structs", (double)all,
+                               "2^31 - 1 of a kind can be added");
+    if (!spsi_buffer_extend(map->context, buffer, kept, all, size)) return map->context->result;
+    memcpy((char *)buffer->data + kept * size, more, (size_t)count * size);
+    *held += count;
+    return SPS_OK;
+}
+
+static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
+    if (spsi_check_scene(map->context, scene)) return map->context->result;
+    map->replace_invalid |= scene->replace_invalid;
+    if (spsi_tmap_append(map, &map->volumes, &map->volume_count, scene->volumes, scene->volume_count,
+                         sizeof(sps_volume)) ||
+        spsi_tmap_append(map, &map->meshes, &map->mesh_count, scene->meshes, scene->mesh_count, sizeof(sps_mesh)))
+        return map->context->result;
+    return spsi_tmap_append(map, &map->particles, &map->particles_count, scene->particles, scene->particles_count,
+                            sizeof(sps_particles));
+}
+
+/* Releases what a map holds. */
+static void spsi_tmap_release(sps_tmap *map) {
+    spsi_buffer_release(map->context, &map->planes);
+    spsi_buffer_release(map->context, &map->texels);
+    spsi_buffer_release(map->context, &map->starts);
+    spsi_buffer_release(map->context, &map->surfaces);
+}
+
+/* What was added is read, and no longer needed. */
+static void spsi_tmap_forget(sps_tmap *map) {
+    spsi_buffer_release(map->context, &map->volumes);
+    spsi_buffer_release(map->context, &map->meshes);
+    spsi_buffer_release(map->context, &map->particles);
+    map->volume_count = map->mesh_count = map->particles_count = 0;
+}
+
+/* The frame of all that was added, as the light's first face sees it. NULL: failed. */
+static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
+    spsi_frame *frame;
+    sps_view nothing = map->view;
+    nothing.width = nothing.height = 0; /* no eye */
+    memset(scene, 0, sizeof *scene);
+    scene->volumes = (const sps_volume *)map->volumes.data;
+    scene->volume_count = map->volume_count;
+    scene->meshes = (const sps_mesh *)map->meshes.data;
+    scene->mesh_count = map->mesh_count;
+    scene->particles = (const sps_particles *)map->particles.data;
+    scene->particles_count = map->particles_count;
+    scene->replace_invalid = map->replace_invalid;
+    frame = spsi_frame_build(map->context, scene, &nothing, 0);
+    if (!frame) return NULL;
+    frame->view = map->view;
+    frame->eye = map->rays[0];
+    spsi_resolve_quality(frame);
+    return frame;
+}
+
+/* Reads all that was added, and fills the map with it. */
+static sps_result spsi_tmap_finish(sps_tmap *map) {
+    sps_context *context = map->context;
+    sps_scene scene;
+    spsi_occluders occluders;
+    spsi_frame *frame = spsi_tmap_frame(map, &scene);
+    memset(&occluders, 0, sizeof occluders);
+    if (!frame) return context->result;
+    if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) ||
+        spsi_gather_faces(context, frame, &occluders.faces))
+        return context->result;
+    occluders.frame = frame;
+    occluders.progress = 0.2;
+    occluders.progress_share = 0.8;
+    return spsi_tmap_fill(map, &occluders);
+}
+
+/* --- a light's own map --- */
+
+/* The depths along a face's axis between which all gas lies. */
+static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
+    sps_tmap_settings *settings = &map->settings;
+    double low = HUGE_VAL, high = 0, room;
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3], q[3];
+        spsi_bounds_corner(bounds, corner, point);
+        if (map->face_count > 1) {
+            for (int i = 0; i < 3; ++i) high = fmax(high, fabs(point[i] - map->rays[0].origin[i]));
+            low = 0;
+            continue;
+        }
+        spsi_project(&map->rays[0], point, q);
+        low = fmin(low, q[2]);
+        high = corner > 0 ? fmax(high, q[2]) : q[2];
+    }
+    /* the ends of a Fourier series are neighbours */
+    room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? 0.05 * (high - low) : 0;
+    settings->near_depth = map->rays[0].perspective ? fmax(low - room, 0) : low - room;
+    settings->far_depth = high + room;
+    map->per_depth = 1 / (settings->far_depth - settings->near_depth);
+    for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
+}
+
+/* Six grids of rays about a point light, whose texels are as large as wished where the gas is farthest. */
+static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, const sps_light *light, double texel,
+                                      int size, int most) {
+    double farthest = 0;
+    for (int i = 0; i < 3; ++i)
+        farthest = fmax(farthest, fmax(frame->volume_bounds.high[i] - light->position[i],
+                                       light->position[i] - frame->volume_bounds.low[i]));
+    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
+    map->settings.omnidirectional = 1;
+    map->face_count = SPSI_FACES;
+    for (int face = 0; face < SPSI_FACES; ++face)
+        if (!spsi_rays_of_face(light->position, face, size, &map->rays[face]))
+            return spsi_fail(map->context, SPS_ERROR_UNSUPPORTED,
+                             "a light's shadow_map cannot tell its texels apart so far from the world's origin");
+    return SPS_OK;
+}
+
+/* Aims a light's map at the gas: one grid of rays if the light sees all of it within a cone, six if not. */
+static sps_result spsi_tmap_aim_light(sps_tmap *map, const spsi_frame *frame, const sps_light *light) {
+    const int size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
+    const int most = spsi_light_texels_most(frame);
+    double centre[3], forward[3], right[3], down[3], texel;
+    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_light_direction(light, centre, forward);
+    spsi_basis(forward, right, down);
+    texel = spsi_light_texel(frame, right, down);
+    map->face_count = 1;
+    if (!map->settings.omnidirectional && spsi_rays_fit(light, &frame->volume_bounds, texel, size, most, &map->rays[0]))
+        return SPS_OK;
+    if (light->kind == SPS_LIGHT_POINT) return spsi_tmap_aim_round(map, frame, light, texel, size, most);
+    return spsi_fail(map->context, SPS_ERROR_UNSUPPORTED, "a light's shadow_map cannot tell its texels apart");
+}
+
+/* The map that gas shades by in the light of a sweep; NULL if there is none, or it failed. */
+static sps_tmap *spsi_light_tmap_build(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                       double progress, double share) {
+    const sps_light *light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+    spsi_occluders occluders;
+    sps_tmap *map;
+    if (!light || sweep->sheets || spsi_bounds_empty(&frame->volume_bounds)) return NULL;
+    map = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_MAP, 1, sizeof *map);
+    if (!map) return NULL;
+    memset(map, 0, sizeof *map);
+    memset(&occluders, 0, sizeof occluders);
+    map->context = context;
+    map->settings = *light->shadow_map;
+    map->technique = &spsi_techniques[map->settings.technique];
+    occluders.frame = frame;
+    occluders.progress = progress;
+    occluders.progress_share = share;
+    if (!spsi_tmap_aim_light(map, frame, light) && !spsi_tmap_resolve(map)) {
+        spsi_tmap_fit_range(map, &frame->volume_bounds);
+        if (!spsi_tmap_take_planes(map) && !spsi_tmap_fill(map, &occluders)) return map;
+    }
+    spsi_tmap_release(map);
+    return NULL;
+}
+
+/* ================================================================================================ >>frame
+   15c The frame: sweep after sweep, and the image. */
+
 /* The depth about which the eye's depths are stored: that of the middle of the volumes, whose look-ups need it to be
    near; the polygons', which may be far behind, where there are no volumes. */
 static void spsi_eye_reference(spsi_frame *frame) {
@@ -5937,27 +8188,41 @@ static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* One sweep from set-up to total. */
+/* One sweep, with its light's maps made, from set-up to total. */
+static sps_result spsi_sweep_once(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                  const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run, double progress,
+                                  double share, float *total) {
+    const double start = spsi_clock(context);
+    double swept, light;
+    if (spsi_run_build(context, frame, faces, hits, sweep, run)) return context->result;
+    swept = spsi_clock(context);
+    context->stats.seconds_bin += swept - start;
+    light = context->stats.seconds_light + context->stats.seconds_bin; /* what is not the eye's */
+    if (spsi_run_sweep(run, progress, share) || spsi_add_sweep(context, run, total)) return context->result;
+    context->stats.seconds_eye +=
+        spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
+    return SPS_OK;
+}
+
 static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                     const spsi_hit *hits, spsi_run *run, int n, float *total) {
-    const int count = spsi_sweep_count(frame);
-    const double start = spsi_clock(context);
+    const double share = 0.8 / spsi_sweep_count(frame), progress = 0.2 + n * share, start = spsi_clock(context);
     spsi_sweep sweep;
-    double built, swept, light;
+    sps_tmap *tmap;
+    double built;
     memset(run, 0, sizeof *run);
     if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
     if (spsi_map_build(context, frame, faces, sweep.light, &run->map)) return context->result;
     built = spsi_clock(context);
     context->stats.seconds_polygons += built - start;
-    if (spsi_run_build(context, frame, faces, hits, &sweep, run)) return context->result;
-    swept = spsi_clock(context);
-    context->stats.seconds_bin += swept - built;
-    light = context->stats.seconds_light + context->stats.seconds_bin; /* what is not the eye's */
-    if (spsi_run_sweep(run, 0.2 + 0.8 * n / count, 0.8 / count) || spsi_add_sweep(context, run, total))
-        return context->result;
-    context->stats.seconds_eye +=
-        spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
-    return SPS_OK;
+    tmap = spsi_light_tmap_build(context, frame, &sweep, progress, 0.3 * share);
+    context->stats.seconds_light += spsi_clock(context) - built;
+    run->shader.tmap = tmap;
+    if (!context->result)
+        spsi_sweep_once(context, frame, faces, hits, &sweep, run, progress + (tmap ? 0.3 * share : 0),
+                        tmap ? 0.7 * share : share, total);
+    if (tmap) spsi_tmap_release(tmap);
+    return context->result;
 }
 
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
@@ -6082,7 +8347,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     eye += spsi_plan_bins_bytes(frame, frame->eye.width, frame->eye.height);
     if (frame->set_count > 0) eye += spsi_crowd_bytes(frame->particles_asked, SPSI_SLABS_MAX / SPSI_CHUNK);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->light >= 0 && gases && frame->extinguishes) {
+    if (sweep->sheets && gases && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
                              spsi_plan_bins_bytes(frame, (int)side, (int)side);
@@ -6202,14 +8467,14 @@ typedef struct spsi_grid {
     double corner[3];
 } spsi_grid;
 
-typedef struct spsi_node {
+typedef struct spsi_tree_node {
     double low[3], high[3];
     int first, count; /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
-} spsi_node;
+} spsi_tree_node;
 
 /* A hierarchy of bounding boxes, of triangles or of particles. */
 typedef struct spsi_tree {
-    spsi_node *nodes;
+    spsi_tree_node *nodes;
     int node_count, *order, count;
     const spsi_face *faces; /* one of these is not NULL */
     const sps_particle *particles;
@@ -6331,13 +8596,13 @@ static void spsi_select_middle(const spsi_tree *tree, int *order, int count, int
 
 /* Splits nodes at the median of their longest axis, breadth first. */
 static void spsi_tree_build(spsi_tree *tree) {
-    spsi_node *nodes = tree->nodes;
+    spsi_tree_node *nodes = tree->nodes;
     for (int i = 0; i < tree->count; ++i) tree->order[i] = i;
     nodes[0].first = 0;
     nodes[0].count = tree->count;
     tree->node_count = 1;
     for (int n = 0; n < tree->node_count; ++n) {
-        spsi_node *node = &nodes[n];
+        spsi_tree_node *node = &nodes[n];
         const int first = node->first, count = node->count;
         int axis = 0;
         for (int i = 0; i < 3; ++i) node->low[i] = HUGE_VAL, node->high[i] = -HUGE_VAL;
@@ -6403,7 +8668,7 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-static int spsi_ray_meets_node(const spsi_ray *ray, const spsi_node *node) {
+static int spsi_ray_meets_node(const spsi_ray *ray, const spsi_tree_node *node) {
     double low[3], high[3], range[2];
     for (int i = 0; i < 3; ++i) { /* flat boxes keep a little room for rounding */
         const double room = 1e-12 * (fabs(node->low[i]) + fabs(node->high[i]) + fabs(ray->origin[i]));
@@ -6438,7 +8703,7 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
     if (tree->count == 0 || !(ray->high > ray->low)) return;
     stack[top++] = 0;
     while (top > 0) {
-        const spsi_node *node = &tree->nodes[stack[--top]];
+        const spsi_tree_node *node = &tree->nodes[stack[--top]];
         if (!spsi_ray_meets_node(ray, node)) continue;
         for (int i = 0; i < node->count; ++i) {
             const int particle = tree->order[node->first + i];
@@ -6459,7 +8724,7 @@ static int spsi_trace(const spsi_marcher *marcher, spsi_ray *ray, int any) {
     if (tree->count == 0) return -1;
     stack[top++] = 0;
     while (top > 0) {
-        const spsi_node *node = &tree->nodes[stack[--top]];
+        const spsi_tree_node *node = &tree->nodes[stack[--top]];
         if (!spsi_ray_meets_node(ray, node)) continue;
         for (int i = 0; i < node->count; ++i) {
             const int face = tree->order[node->first + i];
@@ -6821,7 +9086,7 @@ static sps_result spsi_tree_reserve(sps_context *context, int count, spsi_buffer
     tree->count = count;
     if (count == 0) return SPS_OK;
     tree->order = (int *)spsi_reserve(context, order, (size_t)count, sizeof(int));
-    tree->nodes = (spsi_node *)spsi_reserve(context, nodes, 2 * (size_t)count, sizeof(spsi_node));
+    tree->nodes = (spsi_tree_node *)spsi_reserve(context, nodes, 2 * (size_t)count, sizeof(spsi_tree_node));
     if (!tree->order || !tree->nodes) return context->result;
     spsi_tree_build(tree);
     return SPS_OK;
@@ -6883,405 +9148,6 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
     context->stats.seconds_total = spsi_clock(context) - start;
     return SPS_OK;
 }
-/* =============================================================================================== >>tmaps
-   18 Transmittance maps. A particle meets a texel's ray along a chord from u0 to u1, of optical depth t; what becomes
-   of that is the technique's: kept as it is, added to the planes it lies before, or to a Fourier series of extinction,
-   whose integral is a query's answer [Jansen, Bavoil, "Fourier Opacity Mapping", I3D 2010]. A band of rows belongs to
-   one task, which takes particles in their order: the same bits for any number of workers. Cost: particles x texels
-   under them x components. */
-
-#define SPSI_TMAP_BATCH      4096 /* particles read at a time */
-#define SPSI_TMAP_BAND       16   /* rows of a task */
-#define SPSI_TMAP_COMPONENTS 65
-
-typedef struct spsi_stretch {
-    float u0, u1, depth;
-} spsi_stretch;
-
-struct sps_tmap {
-    sps_context *context;
-    sps_tmap_settings settings;
-    spsi_rays rays;
-    double per_depth; /* 1 / (far - near) */
-    int finished;
-    size_t particle_count; /* kept, for a deep map */
-    spsi_buffer texels;    /* floats */
-    spsi_buffer particles; /* of a deep map, until it is finished */
-    spsi_buffer starts;    /* of a deep map: each texel's first stretch, and one more */
-    spsi_buffer stretches;
-};
-
-static double spsi_tmap_share(const sps_tmap *map, double t) { return (t - map->settings.near_depth) * map->per_depth; }
-
-/* A particle as a map sees it: no smaller than a texel, of the same mass. */
-typedef struct spsi_sphere {
-    double centre[3], radius, depth, depth_per_radius;
-    int x0, y0, x1, y1; /* texels that it may cover; x1 < x0: none */
-} spsi_sphere;
-
-static void spsi_sphere_build(const sps_tmap *map, const sps_particle *particle, spsi_sphere *ball) {
-    const spsi_rays *rays = &map->rays;
-    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, q[3], least;
-    int behind = 0;
-    for (int i = 0; i < 3; ++i) ball->centre[i] = (double)particle->position[i];
-    spsi_project(rays, ball->centre, q);
-    least = 0.75 * fmax(spsi_length(rays->a), spsi_length(rays->b)) * (rays->perspective ? fmax(q[2], 0) : 1);
-    ball->radius = fmax((double)particle->radius, least);
-    ball->depth = (double)particle->optical_depth;
-    if ((double)particle->radius < least) ball->depth *= pow((double)particle->radius / least, 2);
-    ball->depth_per_radius = ball->radius > 0 ? ball->depth / ball->radius : 0;
-    for (int corner = 0; corner < 8; ++corner) {
-        double point[3];
-        for (int i = 0; i < 3; ++i) point[i] = ball->centre[i] + (corner >> i & 1 ? ball->radius : -ball->radius);
-        spsi_project(rays, point, q);
-        behind += rays->perspective && !(q[2] > 0);
-        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
-    }
-    if (behind) low[0] = low[1] = -1, high[0] = rays->width, high[1] = rays->height;
-    ball->x0 = (int)fmin(fmax(ceil(low[0]), 0), rays->width);
-    ball->y0 = (int)fmin(fmax(ceil(low[1]), 0), rays->height);
-    ball->x1 = behind == 8 || !(ball->depth > 0) ? -1 : (int)fmax(fmin(floor(high[0]), rays->width - 1), -1);
-    ball->y1 = (int)fmax(fmin(floor(high[1]), rays->height - 1), -1);
-}
-
-/* The stretch of a texel's ray inside of a ball; gives 0 where the ray misses it. */
-static int spsi_sphere_meets(const sps_tmap *map, const spsi_sphere *ball, int x, int y, spsi_stretch *stretch) {
-    double origin[3], direction[3], offset[3], inverse, middle, half, t0, t1, depth;
-    spsi_ray_point(&map->rays, x, y, 0, origin);
-    spsi_ray_direction(&map->rays, x, y, direction);
-    spsi_along(ball->centre, origin, -1, offset);
-    inverse = 1 / spsi_dot(direction, direction);
-    middle = spsi_dot(offset, direction) * inverse;
-    spsi_along(offset, direction, -middle, offset); /* from the ray's nearest point: no difference of large squares */
-    half = ball->radius * ball->radius - spsi_dot(offset, offset);
-    if (!(half > 0)) return 0;
-    half = sqrt(half);
-    depth = ball->depth_per_radius * half;
-    half *= sqrt(inverse);
-    t0 = middle - half;
-    t1 = middle + half;
-    if (map->rays.perspective && t0 < 0) { /* the light is inside, or past it */
-        if (!(t1 > 0)) return 0;
-        depth *= t1 / (t1 - t0);
-        t0 = 0;
-    }
-    stretch->u0 = (float)fmin(fmax(spsi_tmap_share(map, t0), 0), 1);
-    stretch->u1 = (float)fmin(fmax(spsi_tmap_share(map, t1), 0), 1);
-    stretch->depth = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
-    return 1;
-}
-
-/* The share of a stretch that lies before u; all of one without length that does not lie behind. */
-static float spsi_stretch_before(const spsi_stretch *stretch, float u) {
-    const float length = stretch->u1 - stretch->u0;
-    if (u < stretch->u0) return 0;
-    return u < stretch->u1 && length > 0 ? (u - stretch->u0) / length : 1;
-}
-
-static void spsi_opacity_insert(float *texel, int planes, const spsi_stretch *stretch) {
-    for (int i = 0; i < planes; ++i)
-        texel[i] += stretch->depth * spsi_stretch_before(stretch, (float)(i + 1) / (float)planes);
-}
-
-/* Until the map is finished: where gas begins, where it ends, and all of it. */
-static void spsi_beer_insert(float *texel, const spsi_stretch *stretch) {
-    texel[0] = spsi_lower(texel[0], stretch->u0);
-    texel[1] = spsi_higher(texel[1], stretch->u1);
-    texel[2] += stretch->depth;
-}
-
-/* Where it ends becomes how dense it is between; an even stretch of no length is taken as 1e-6 of the range. */
-static void spsi_beer_finish(float *texels, size_t count) {
-    for (; count > 0; --count, texels += 3)
-        texels[1] = texels[2] > 0 ? texels[2] / spsi_higher(texels[1] - texels[0], 1e-6f) : 0;
-}
-
-static float spsi_beer_depth(const float *texel, float u) {
-    return spsi_lower(spsi_higher(u - texel[0], 0) * texel[1], texel[2]);
-}
-
-/* a_k += 2 t cos(2 pi k m) sinc(k d), b_k likewise with the sine: m the stretch's middle, d its length. */
-static void spsi_fourier_insert(float *texel, int components, const spsi_stretch *stretch) {
-    const double middle = SPSI_PI * ((double)stretch->u0 + (double)stretch->u1);
-    const double half = SPSI_PI * ((double)stretch->u1 - (double)stretch->u0);
-    const double c1 = cos(middle), s1 = sin(middle), ch = cos(half), sh = sin(half);
-    double c = c1, s = s1, cd = ch, sd = sh; /* of k times the angles, by turning */
-    texel[0] += 2 * stretch->depth;
-    for (int k = 1; 2 * k < components; ++k) {
-        const double sinc = half > 1e-6 ? sd / (k * half) : 1, turned = c * c1 - s * s1,
-                     turned_half = cd * ch - sd * sh;
-        texel[2 * k - 1] += (float)(2 * (double)stretch->depth * c * sinc);
-        texel[2 * k] += (float)(2 * (double)stretch->depth * s * sinc);
-        s = s * c1 + c * s1, c = turned;
-        sd = sd * ch + cd * sh, cd = turned_half;
-    }
-}
-
-static float spsi_opacity_depth(const float *texel, int planes, float u) {
-    const float at = u * (float)planes;
-    const int plane = spsi_least((int)at, planes - 1);
-    const float before = plane > 0 ? texel[plane - 1] : 0;
-    return before + (at - (float)plane) * (texel[plane] - before);
-}
-
-static float spsi_fourier_depth(const float *texel, int components, float u) {
-    const double angle = 2 * SPSI_PI * (double)u, c1 = cos(angle), s1 = sin(angle), whole = 0.5 * (double)texel[0];
-    double c = c1, s = s1, sum = whole * (double)u;
-    for (int k = 1; 2 * k < components; ++k) {
-        const double turned = c * c1 - s * s1;
-        sum += ((double)texel[2 * k - 1] * s + (double)texel[2 * k] * (1 - c)) / (2 * SPSI_PI * k);
-        s = s * c1 + c * s1, c = turned;
-    }
-    return (float)fmin(fmax(sum, 0), whole);
-}
-
-static float spsi_deep_depth(const spsi_stretch *stretch, uint32_t count, float u) {
-    double sum = 0;
-    for (uint32_t i = 0; i < count && stretch[i].u0 <= u; ++i)
-        sum += (double)(stretch[i].depth * spsi_stretch_before(&stretch[i], u));
-    return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
-}
-
-/* Optical depth before u in one texel. */
-static float spsi_tmap_depth(const sps_tmap *map, size_t texel, float u) {
-    const int components = map->settings.components;
-    if (map->settings.technique == SPS_TMAP_DEEP) {
-        const uint32_t *starts = (const uint32_t *)map->starts.data + texel;
-        return spsi_deep_depth((const spsi_stretch *)map->stretches.data + starts[0], starts[1] - starts[0], u);
-    }
-    {
-        const float *floats = (const float *)map->texels.data + texel * (size_t)components;
-        if (map->settings.technique == SPS_TMAP_BEER) return spsi_beer_depth(floats, u);
-        return map->settings.technique == SPS_TMAP_OPACITY ? spsi_opacity_depth(floats, components, u)
-                                                           : spsi_fourier_depth(floats, components, u);
-    }
-}
-
-/* What a task does with the stretches of its rows. */
-typedef enum spsi_tmap_work { SPSI_TMAP_INSERT, SPSI_TMAP_COUNT, SPSI_TMAP_KEEP } spsi_tmap_work;
-
-typedef struct spsi_tmap_job {
-    sps_tmap *map;
-    const sps_particle *particles;
-    spsi_sphere *balls;
-    int count; /* of either */
-    spsi_tmap_work work;
-} spsi_tmap_job;
-
-static void spsi_tmap_ball_task(void *data, int index, int worker) {
-    const spsi_tmap_job *job = (const spsi_tmap_job *)data;
-    (void)worker;
-    for (int i = index * 256; i < spsi_least(job->count, (index + 1) * 256); ++i)
-        spsi_sphere_build(job->map, &job->particles[i], &job->balls[i]);
-}
-
-static void spsi_tmap_take(const spsi_tmap_job *job, size_t texel, const spsi_stretch *stretch) {
-    sps_tmap *map = job->map;
-    const int components = map->settings.components;
-    uint32_t *starts = (uint32_t *)map->starts.data;
-    if (job->work == SPSI_TMAP_COUNT)
-        starts[texel + 1] += 1;
-    else if (job->work == SPSI_TMAP_KEEP) /* a start moves on to the next texel's, where it stops */
-        ((spsi_stretch *)map->stretches.data)[starts[texel]++] = *stretch;
-    else {
-        float *floats = (float *)map->texels.data + texel * (size_t)components;
-        if (map->settings.technique == SPS_TMAP_OPACITY) spsi_opacity_insert(floats, components, stretch);
-        if (map->settings.technique == SPS_TMAP_FOURIER) spsi_fourier_insert(floats, components, stretch);
-        if (map->settings.technique == SPS_TMAP_BEER) spsi_beer_insert(floats, stretch);
-    }
-}
-
-static void spsi_tmap_band_task(void *data, int index, int worker) {
-    const spsi_tmap_job *job = (const spsi_tmap_job *)data;
-    const sps_tmap *map = job->map;
-    const int top = index * SPSI_TMAP_BAND, bottom = spsi_least(top + SPSI_TMAP_BAND, map->rays.height) - 1;
-    (void)worker;
-    for (int i = 0; i < job->count; ++i) {
-        const spsi_sphere *ball = &job->balls[i];
-        spsi_stretch stretch;
-        for (int y = spsi_most(ball->y0, top); y <= spsi_least(ball->y1, bottom); ++y)
-            for (int x = ball->x0; x <= ball->x1; ++x)
-                if (spsi_sphere_meets(map, ball, x, y, &stretch))
-                    spsi_tmap_take(job, (size_t)y * (size_t)map->rays.width + (size_t)x, &stretch);
-    }
-}
-
-static sps_result spsi_tmap_run(sps_tmap *map, const sps_particle *particles, size_t count, spsi_tmap_work work) {
-    spsi_tmap_job job;
-    job.map = map;
-    job.work = work;
-    job.balls = (spsi_sphere *)spsi_reserve(map->context, SPSI_BUFFER_BALLS, SPSI_TMAP_BATCH, sizeof(spsi_sphere));
-    if (!job.balls) return map->context->result;
-    for (size_t first = 0; first < count; first += SPSI_TMAP_BATCH) {
-        job.particles = particles + first;
-        job.count = (int)(count - first < SPSI_TMAP_BATCH ? count - first : SPSI_TMAP_BATCH);
-        spsi_parallel(map->context, (job.count + 255) / 256, spsi_tmap_ball_task, &job);
-        spsi_parallel(map->context, (map->rays.height + SPSI_TMAP_BAND - 1) / SPSI_TMAP_BAND, spsi_tmap_band_task,
-                      &job);
-    }
-    return SPS_OK;
-}
-
-static sps_result spsi_particles_check(sps_context *context, const sps_particle *list, size_t count, size_t first) {
-    for (size_t i = 0; i < count; ++i) {
-        const double at[3] = {(double)list[i].position[0], (double)list[i].position[1], (double)list[i].position[2]};
-        const double *bad = spsi_bad_coordinate(at, 3);
-        char field[64];
-        SPS_SNPRINTF(field, sizeof field, "particle[%.0f].%s", (double)(first + i),
-                     bad                                                          ? "position"
-                     : !(list[i].radius >= 0 && list[i].radius <= SPSI_VALUE_MAX) ? "radius"
-                                                                                  : "optical_depth");
-        if (bad)
-            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, *bad, "it must be within 1e15");
-        if (!(list[i].radius >= 0 && (double)list[i].radius <= SPSI_COORDINATE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].radius,
-                                   "it must be 0..1e15");
-        if (!(list[i].optical_depth >= 0 && list[i].optical_depth <= SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, "particles", -1, field, (double)list[i].optical_depth,
-                                   "it must be 0..1e18");
-    }
-    return SPS_OK;
-}
-
-/* Keeps a batch for a deep map, whose texels are only then counted when all is there. */
-static sps_result spsi_tmap_keep(sps_tmap *map, const sps_particle *list, size_t count) {
-    sps_particle *kept = (sps_particle *)spsi_buffer_extend(map->context, &map->particles, map->particle_count,
-                                                            map->particle_count + count, sizeof *list);
-    if (!kept) return map->context->result;
-    memcpy(kept + map->particle_count, list, count * sizeof *list);
-    map->particle_count += count;
-    return SPS_OK;
-}
-
-static sps_result spsi_tmap_add(sps_tmap *map, const sps_particles *particles) {
-    sps_context *context = map->context;
-    sps_particle *list =
-        (sps_particle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, SPSI_TMAP_BATCH, sizeof(sps_particle));
-    if (!list) return context->result;
-    for (size_t first = 0; first < particles->count; first += SPSI_TMAP_BATCH) {
-        const size_t left = particles->count - first, count = left < SPSI_TMAP_BATCH ? left : SPSI_TMAP_BATCH;
-        int failed;
-        if (spsi_progress(context, (double)first / (double)particles->count)) return context->result;
-        memset(list, 0, count * sizeof *list);
-        failed = particles->read_fn(particles->user, first, count, list);
-        if (failed) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "particles", -1, "read_fn", failed, NULL);
-        if (spsi_particles_check(context, list, count, first)) return context->result;
-        if (map->settings.technique == SPS_TMAP_DEEP ? spsi_tmap_keep(map, list, count)
-                                                     : spsi_tmap_run(map, list, count, SPSI_TMAP_INSERT))
-            return context->result;
-    }
-    return SPS_OK;
-}
-
-/* Sorts stretches by where they begin. [Shell 1959, gaps of 2^k - 1] */
-static void spsi_stretches_sort(spsi_stretch *list, uint32_t count) {
-    uint32_t gap = 1;
-    while (gap < count / 2) gap = 2 * gap + 1;
-    for (; gap > 0; gap /= 2)
-        for (uint32_t i = gap; i < count; ++i) {
-            const spsi_stretch taken = list[i];
-            uint32_t k = i;
-            for (; k >= gap && list[k - gap].u0 > taken.u0; k -= gap) list[k] = list[k - gap];
-            list[k] = taken;
-        }
-}
-
-static void spsi_tmap_sort_task(void *data, int index, int worker) {
-    const sps_tmap *map = (const sps_tmap *)data;
-    const uint32_t *starts = (const uint32_t *)map->starts.data + (size_t)index * (size_t)map->rays.width;
-    (void)worker;
-    for (int x = 0; x < map->rays.width; ++x)
-        spsi_stretches_sort((spsi_stretch *)map->stretches.data + starts[x], starts[x + 1] - starts[x]);
-}
-
-/* Counts each texel's stretches, finds room for them, keeps and sorts them. */
-static sps_result spsi_tmap_finish_deep(sps_tmap *map) {
-    const size_t texels = (size_t)map->rays.width * (size_t)map->rays.height;
-    const sps_particle *particles = (const sps_particle *)map->particles.data;
-    uint64_t sum = 0;
-    uint32_t *starts;
-    if (!spsi_buffer_reserve(map->context, &map->starts, texels + 1, sizeof(uint32_t))) return map->context->result;
-    starts = (uint32_t *)map->starts.data;
-    memset(starts, 0, (texels + 1) * sizeof *starts);
-    if (spsi_tmap_run(map, particles, map->particle_count, SPSI_TMAP_COUNT)) return map->context->result;
-    for (size_t i = 0; i <= texels; ++i) {
-        sum += starts[i];
-        starts[i] = (uint32_t)sum;
-    }
-    if (sum > UINT32_MAX)
-        return spsi_fail_field(map->context, SPS_ERROR_MEMORY, "tmap", -1, "stretches", (double)sum,
-                               "a deep map holds 2^32 - 1 at most");
-    if (!spsi_buffer_reserve(map->context, &map->stretches, (size_t)sum, sizeof(spsi_stretch)))
-        return map->context->result;
-    if (spsi_tmap_run(map, particles, map->particle_count, SPSI_TMAP_KEEP)) return map->context->result;
-    memmove(starts + 1, starts, texels * sizeof *starts); /* each had moved on to where the next begins */
-    starts[0] = 0;
-    spsi_parallel(map->context, map->rays.height, spsi_tmap_sort_task, map);
-    spsi_buffer_release(map->context, &map->particles);
-    return SPS_OK;
-}
-
-static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
-    const int n = settings->components;
-    if (spsi_check_canaries(context, "settings", -1, settings->start_canary, settings->end_canary))
-        return context->result;
-    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "technique",
-                               (double)(int)settings->technique, "it must be an sps_tmap_technique");
-    if (settings->technique == SPS_TMAP_DEEP ? n != 0 : n < 1 || n > SPSI_TMAP_COMPONENTS)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n,
-                               settings->technique == SPS_TMAP_DEEP ? "a deep map has 0" : "it must be 1..65");
-    if (settings->technique == SPS_TMAP_FOURIER && (n < 3 || n % 2 == 0))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n,
-                               "a Fourier map has 1 + 2n: 3, 5 .. 65");
-    if (settings->technique == SPS_TMAP_BEER && n != 3)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n, "a Beer map has 3");
-    if (!(settings->near_depth >= 0 && settings->far_depth > settings->near_depth &&
-          settings->far_depth <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
-                               "it must be above near_depth, which is not negative, and within 1e15");
-    if (light->width < 1 || light->height < 1)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, light->width < 1 ? "width" : "height",
-                               light->width < 1 ? light->width : light->height, "a map's must be 1..16384");
-    return spsi_check_view(context, light);
-}
-
-static sps_result spsi_tmap_build(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
-                                  sps_tmap *map) {
-    const size_t texels = (size_t)light->width * (size_t)light->height;
-    map->context = context;
-    map->settings = *settings;
-    map->per_depth = 1 / (settings->far_depth - settings->near_depth);
-    if (spsi_rays_build(context, light, &map->rays)) return context->result;
-    if (settings->technique == SPS_TMAP_DEEP) return SPS_OK;
-    if (!spsi_buffer_reserve(map->context, &map->texels, texels, (size_t)settings->components * sizeof(float)))
-        return context->result;
-    memset(map->texels.data, 0, map->texels.size);
-    for (size_t i = 0; i < texels && settings->technique == SPS_TMAP_BEER; ++i)
-        ((float *)map->texels.data)[3 * i] = 1; /* nothing begins before the end */
-    return SPS_OK;
-}
-
-/* Optical depth at a world point: of four texels at the point's own depth, not of what lies between their depths. */
-static float spsi_tmap_at(const sps_tmap *map, const double point[3]) {
-    const int width = map->rays.width, height = map->rays.height;
-    double q[3], u, sum = 0;
-    int x, y;
-    spsi_project(&map->rays, point, q);
-    u = spsi_tmap_share(map, q[2]);
-    if (!(u > 0) || !(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
-    u = fmin(u, 1);
-    x = (int)floor(q[0]);
-    y = (int)floor(q[1]);
-    for (int i = 0; i < 4; ++i) {
-        const int tx = spsi_least(spsi_most(x + (i & 1), 0), width - 1);
-        const int ty = spsi_least(spsi_most(y + (i >> 1), 0), height - 1);
-        const double weight = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
-        if (weight > 0) sum += weight * (double)spsi_tmap_depth(map, (size_t)ty * (size_t)width + (size_t)tx, (float)u);
-    }
-    return (float)sum;
-}
-
 /* =============================================================================================== >>public
    19 The public functions: they check what they are handed and make one call down. */
 
@@ -7391,10 +9257,8 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
 
 SPS_API void sps_tmap_destroy(sps_tmap *map) {
     if (!map) return;
-    spsi_buffer_release(map->context, &map->texels);
-    spsi_buffer_release(map->context, &map->particles);
-    spsi_buffer_release(map->context, &map->starts);
-    spsi_buffer_release(map->context, &map->stretches);
+    spsi_tmap_forget(map);
+    spsi_tmap_release(map);
     spsi_release(map->context, map, sizeof *map);
 }
 
@@ -7409,53 +9273,68 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, 
     *map = (sps_tmap *)spsi_acquire(context, 1, sizeof **map);
     if (!*map) return context->result;
     memset(*map, 0, sizeof **map);
-    if (spsi_tmap_build(context, light, settings, *map)) {
-        (*map)->context = context;
+    (*map)->context = context;
+    if (spsi_tmap_build(*map, light, settings)) {
         sps_tmap_destroy(*map);
         *map = NULL;
     }
     return context->result;
 }
 
-SPS_API sps_result sps_tmap_add_particles(sps_tmap *map, const sps_particles *particles) {
+SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
-    if (!particles) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "particles must not be NULL");
-    if (spsi_check_canaries(map->context, "particles", -1, particles->start_canary, particles->end_canary))
-        return map->context->result;
-    if (particles->count > 0 && !particles->read_fn)
-        return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "particles.read_fn must be set where count is not 0");
-    if (map->finished)
+    if (!scene) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "scene must not be NULL");
+    if (map->finished || map->failed)
         return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished; nothing can be added to it");
-    return spsi_tmap_add(map, particles);
+    return spsi_tmap_add(map, scene);
 }
 
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
-    if (map->finished) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
-    if (map->settings.technique == SPS_TMAP_DEEP && spsi_tmap_finish_deep(map)) {
-        spsi_buffer_release(map->context, &map->starts);
-        spsi_buffer_release(map->context, &map->stretches);
-        return map->context->result;
-    }
-    if (map->settings.technique == SPS_TMAP_BEER)
-        spsi_beer_finish((float *)map->texels.data, (size_t)map->rays.width * (size_t)map->rays.height);
-    map->finished = 1;
-    return SPS_OK;
+    if (map->finished || map->failed) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
+    map->failed = spsi_tmap_finish(map) != SPS_OK;
+    spsi_tmap_forget(map);
+    return map->context->result;
 }
 
-SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *depths) {
-    for (size_t i = 0; i < count; ++i) depths[i] = map && map->finished ? spsi_tmap_at(map, positions + 3 * i) : 0;
+SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
+                            float *transmittances) {
+    for (size_t i = 0; i < count; ++i) {
+        double lit = 1, depth = map && map->finished ? spsi_tmap_at(map, positions + 3 * i, &lit) : 0;
+        if (transmittances) transmittances[i] = (float)(depth < 86 ? lit * exp(-depth) : 0);
+        if (optical_depths) optical_depths[i] = (float)spsi_depth_with_surfaces(depth, lit);
+    }
+}
+
+SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least, float *most) {
+    for (size_t i = 0; i < count; ++i) {
+        double bracket[2] = {0, 0};
+        if (map && map->finished) spsi_tmap_bracket_at(map, positions + 3 * i, bracket);
+        if (least) least[i] = (float)bracket[0];
+        if (most) most[i] = (float)bracket[1];
+    }
 }
 
 SPS_API const float *sps_tmap_texels(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->texels.data : NULL;
 }
 
-SPS_API size_t sps_tmap_bytes(const sps_tmap *map) {
-    return map ? sizeof *map + map->texels.size + map->particles.size + map->starts.size + map->stretches.size : 0;
+SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map) {
+    return map && map->finished ? (const uint32_t *)map->starts.data : NULL;
 }
+
+SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
+    return map && map->finished ? (const float *)map->surfaces.data : NULL;
+}
+
+SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *settings) {
+    if (settings) memset(settings, 0, sizeof *settings);
+    if (map && settings) *settings = map->settings;
+}
+
+SPS_API size_t sps_tmap_bytes(const sps_tmap *map) { return map ? spsi_tmap_bytes(map) : 0; }
 
 #endif /* SPSI_IMPLEMENTED */
 #endif /* SPLATSHADOW_IMPLEMENTATION */

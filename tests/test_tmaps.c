@@ -9,6 +9,7 @@ enum { SIDE = 9, MANY = 200, MOST = MANY + 8 };
 typedef struct fixture {
     sps_view light;
     sps_tmap_settings settings;
+    sps_scene scene;
     sps_particles particles;
     sps_particle list[MOST];
     long calls, fail_at;
@@ -50,7 +51,9 @@ static void fixture_scatter(fixture *f, int count) {
 static sps_tmap *fixture_build(fixture *f, sps_context *context) {
     sps_tmap *map = NULL;
     if (sps_tmap_create(context, &f->light, &f->settings, &map) != SPS_OK) return NULL;
-    if (sps_tmap_add_particles(map, &f->particles) == SPS_OK && sps_tmap_finish(map) == SPS_OK) return map;
+    f->scene.particles = &f->particles;
+    f->scene.particles_count = 1;
+    if (sps_tmap_add(map, &f->scene) == SPS_OK && sps_tmap_finish(map) == SPS_OK) return map;
     sps_tmap_destroy(map);
     return NULL;
 }
@@ -58,7 +61,7 @@ static sps_tmap *fixture_build(fixture *f, sps_context *context) {
 static double query(const sps_tmap *map, double x, double y, double z) {
     const double position[3] = {x, y, z};
     float depth = -1;
-    sps_tmap_query(map, 1, position, &depth);
+    sps_tmap_query(map, 1, position, &depth, NULL);
     return (double)depth;
 }
 
@@ -246,7 +249,7 @@ static void test_small_particles(void) {
 /* ---------------------------------------------------------------------------------------------- what is promised */
 
 static int components_of(int technique) {
-    static const int components[] = {0, 8, 9, 3};
+    static const int components[] = {0, 0, 1, 8, 8, 9, 8, 5, 16, 3};
     return components[technique];
 }
 
@@ -312,7 +315,7 @@ static void test_order(void) {
                 f.list[i] = f.list[other], f.list[other] = kept;
             }
             sps_tmap *map = fixture_build(&f, context);
-            if (CHECK(map != NULL)) sps_tmap_query(map, 500, positions, w == 0 ? first : depths);
+            if (CHECK(map != NULL)) sps_tmap_query(map, 500, positions, w == 0 ? first : depths, NULL);
             if (w > 0 && w < 4) CHECK(memcmp(first, depths, sizeof first) == 0);
             for (int i = 0; i < 500 && w == 4; ++i) CHECK_NEAR((double)depths[i], (double)first[i], 1e-5);
             sps_tmap_destroy(map);
@@ -431,10 +434,10 @@ static void test_states(void) {
     CHECK(sps_tmap_create(context, &f.light, &f.settings, &map) == SPS_OK);
     CHECK_NEAR(query(map, 0, 0, -5), 0, 0); /* not finished */
     CHECK(sps_tmap_texels(map) == NULL);
-    CHECK(sps_tmap_add_particles(map, NULL) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_add(map, NULL) == SPS_ERROR_ARGUMENT);
     CHECK(sps_tmap_finish(map) == SPS_OK);
     CHECK(sps_tmap_finish(map) == SPS_ERROR_ARGUMENT);
-    CHECK(sps_tmap_add_particles(map, &f.particles) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_add(map, &f.scene) == SPS_ERROR_ARGUMENT);
     sps_tmap_destroy(map);
     sps_tmap_destroy(NULL);
     CHECK(sps_tmap_create(NULL, &f.light, &f.settings, &map) == SPS_ERROR_ARGUMENT && map == NULL);

@@ -2683,7 +2683,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
 }
 
 /* Checks a technique's number of components, range included, where it is not left to the technique. */
-static sps_result spsi_check_components(sps_context *context, const sps_tmap_settings *settings) {
+static sps_result spsi_check_components(sps_context *context, const char *name, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int more = technique->range < 0 && settings->texel_range ? 2 : 0, n = settings->components;
     const int least = technique->least + more;
@@ -2699,45 +2699,49 @@ static sps_result spsi_check_components(sps_context *context, const sps_tmap_set
             SPS_SNPRINTF(rule, sizeof rule, "%s has %d, %d .. %d", technique->name, least, least + technique->step,
                          technique->most);
     }
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "components", n, rule);
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "components", n, rule);
 }
 
 /* Checks all settings of a map but the range of its depths. */
-static sps_result spsi_check_settings(sps_context *context, const sps_tmap_settings *settings) {
-    if (spsi_check_canaries(context, "settings", -1, settings->start_canary, settings->end_canary))
-        return context->result;
+static sps_result spsi_check_settings(sps_context *context, const char *name, const sps_tmap_settings *settings) {
+    if (spsi_check_canaries(context, name, -1, settings->start_canary, settings->end_canary)) return context->result;
     if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "technique",
-                               (double)(int)settings->technique, "it must be an sps_tmap_technique");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "technique", (double)(int)settings->technique,
+                               "it must be an sps_tmap_technique");
     if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "window", (double)(int)settings->window,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "window", (double)(int)settings->window,
                                "it must be an sps_tmap_window");
     if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "epsilon", (double)settings->epsilon,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "epsilon", (double)settings->epsilon,
                                "it must be 0..0.5");
     if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "surface_bias", settings->surface_bias,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
                                "it must be 0..1e15");
-    return spsi_check_components(context, settings);
+    return spsi_check_components(context, name, settings);
 }
+
+/* The name of a light's map in error sentences. */
+static void spsi_shadow_map_name(int light, char name[32]) { SPS_SNPRINTF(name, 32, "light[%d].shadow_map", light); }
 
 /* Checks the map that a light shades gas by. Its range is the gas's own, and surfaces have a map of their own. */
 static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
+    char name[32];
+    spsi_shadow_map_name(i, name);
     if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map_size", light->shadow_map_size,
                                "it must be 0..16384");
     if (!settings) return SPS_OK;
-    if (spsi_check_settings(context, settings)) return context->result;
+    if (spsi_check_settings(context, name, settings)) return context->result;
     if (settings->omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map->omnidirectional",
-                               settings->omnidirectional, "a directional light has one direction");
-    if (settings->near_depth < 0 || settings->near_depth > 0 || settings->far_depth < 0 || settings->far_depth > 0)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map->far_depth", settings->far_depth,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "omnidirectional", settings->omnidirectional,
+                               "a directional light has one direction");
+    if (!(fabs(settings->near_depth) <= 0 && fabs(settings->far_depth) <= 0))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "far_depth", settings->far_depth,
                                "it and near_depth must be 0: the range is fitted to the gas");
     if (settings->surface_bias > 0)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map->surface_bias",
-                               settings->surface_bias, "it must be 0: surfaces shade by their own depth map");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
+                               "it must be 0: surfaces shade by their own depth map");
     return SPS_OK;
 }
 
@@ -4133,6 +4137,7 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
+    char name[32];              /* of the settings, in error sentences */
     sps_tmap_settings settings; /* resolved */
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
     sps_view view;              /* the light's */
@@ -7643,6 +7648,13 @@ static void spsi_fit_task(void *data, int index, int worker) {
     }
 }
 
+static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
+    char rule[96];
+    SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
+    return spsi_fail_field(map->context, SPS_ERROR_MEMORY, map->name, -1, "byte_budget",
+                           (double)map->settings.byte_budget, rule);
+}
+
 /* Makes room for the items of a band whose numbers are in `places`, and copies a deep map's. */
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
@@ -7660,8 +7672,7 @@ static sps_result spsi_append_band(spsi_filling *filling) {
                                "2^32 - 1 are held at most");
     starts[texels] = (uint32_t)sum;
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
-        return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, "settings", -1, "byte_budget",
-                               (double)map->settings.byte_budget, "the map takes more than that");
+        return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
     if (!spsi_buffer_extend(filling->context, &map->texels, held, (size_t)sum, item)) return filling->context->result;
     if (map->settings.technique == SPS_TMAP_DEEP)
         memcpy((spsi_stretch *)map->texels.data + held, filling->stretches, ((size_t)sum - held) * item);
@@ -7833,13 +7844,6 @@ static size_t spsi_tmap_bytes(const sps_tmap *map) {
     return fixed + texels * (size_t)map->settings.components * sizeof(float);
 }
 
-static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
-    char rule[96];
-    SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
-    return spsi_fail_field(map->context, SPS_ERROR_MEMORY, "settings", -1, "byte_budget",
-                           (double)map->settings.byte_budget, rule);
-}
-
 /* Room for what the map holds, as far as that is known. */
 static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
@@ -7903,7 +7907,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
 /* --- making one --- */
 
 static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
-    if (spsi_check_settings(context, settings)) return context->result;
+    if (spsi_check_settings(context, "settings", settings)) return context->result;
     if (!(settings->near_depth >= 0 && settings->far_depth > settings->near_depth &&
           settings->far_depth <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
@@ -7952,7 +7956,7 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
         if (!(planes[i] > (i > 0 ? planes[i - 1] : 0) && planes[i] <= 1) || (i == count - 1 && planes[i] < 1)) {
             char field[32];
             SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
-            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "settings", -1, field, (double)planes[i],
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, map->name, -1, field, (double)planes[i],
                                    "they must rise from above 0, and the last must be 1");
         }
     }
@@ -7986,6 +7990,7 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
 
 /* Fills a map that is zeroed but for its context. */
 static sps_result spsi_tmap_build(sps_tmap *map, const sps_view *light, const sps_tmap_settings *settings) {
+    SPS_SNPRINTF(map->name, sizeof map->name, "settings");
     map->settings = *settings;
     map->technique = &spsi_techniques[settings->technique];
     map->view = *light;
@@ -8148,6 +8153,7 @@ static sps_tmap *spsi_light_tmap_build(sps_context *context, const spsi_frame *f
     memset(map, 0, sizeof *map);
     memset(&occluders, 0, sizeof occluders);
     map->context = context;
+    spsi_shadow_map_name(sweep->light, map->name);
     map->settings = *light->shadow_map;
     map->technique = &spsi_techniques[map->settings.technique];
     occluders.frame = frame;

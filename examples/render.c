@@ -47,6 +47,9 @@ typedef struct arguments {
     int volume_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
+    int shadow, map_size, map_components, map_window;
+    double map_epsilon;
+    sps_tmap_settings map; /* what all lights shade gas by, but for --shadow sheets */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
@@ -64,6 +67,9 @@ typedef struct option_rule {
 
 static const char *const type_names[] = {"u8", "u16", "f32", NULL};
 static const char *const shading_names[] = {"gas", "surface", NULL};
+static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
+                                           "fourier", "cosine", "moment",     "adaptive", "beer",    NULL};
+static const char *const window_names[] = {"none", "lanczos", "fejer", NULL};
 
 /* ================================================================================================ handlers */
 
@@ -255,9 +261,14 @@ static const option_rule options[] = {
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
+    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer", "what gas casts shadows by: the sheets, or a transmittance map of this kind; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--map-components", "N", "floats a texel of that map; default by --shadow", set_integers, OF_SCENE(map_components), 1, 1, 65, NULL},
+    {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
+    {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
+    {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
-    {"--reference", NULL, "brute-force ray marching: slow, for comparing; does not look at --quality, --shadow-size", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching: slow, for comparing; does not look at --quality, --shadow-size, --shadow", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -404,10 +415,24 @@ static int check_outputs(const arguments *all, ex_error *error) {
     return 0;
 }
 
+/* What is said about a transmittance map must be about the one that there is. */
+static int check_map(const arguments *all, ex_error *error) {
+    static const char *const about[] = {"--map-components", "--map-size", "--map-window", "--map-epsilon"};
+    const char *kind = shadow_names[all->shadow];
+    for (int i = 0; i < 4; ++i) {
+        int fits = all->shadow > 0;
+        if (i == 2) fits = strcmp(kind, "fourier") == 0 || strcmp(kind, "cosine") == 0;
+        if (i == 3) fits = strcmp(kind, "compressed") == 0;
+        if (has(all->given, about[i]) && !fits)
+            return ex_fail(error, "%s says nothing about --shadow %s", about[i], kind);
+    }
+    return 0;
+}
+
 /* What only the whole command line can tell. */
 static int check(const arguments *all, ex_error *error) {
     const int *region = all->region;
-    if (check_owners(all, error) || check_volumes(all, error)) return 1;
+    if (check_owners(all, error) || check_volumes(all, error) || check_map(all, error)) return 1;
     if (has(all->given, "--fov") && has(all->given, "--ortho"))
         return ex_fail(error, "--fov (perspective) and --ortho (orthographic) exclude each other: give one of them");
     if (all->plan && all->reference)
@@ -486,6 +511,19 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
     return 0;
 }
 
+/* All lights' shadows of gas. */
+static void set_shadows(arguments *all) {
+    if (all->shadow == 0) return;
+    all->map.technique = (sps_tmap_technique)(all->shadow - 1); /* the names are in their order, but for sheets */
+    all->map.components = all->map_components;
+    all->map.window = (sps_tmap_window)all->map_window;
+    all->map.epsilon = (float)all->map_epsilon;
+    for (int i = 0; i < all->light_count; ++i) {
+        all->lights[i].shadow_map = &all->map;
+        all->lights[i].shadow_map_size = all->map_size;
+    }
+}
+
 /* Fills the scene; its arrays are borrowed from `volumes` and `meshes`, as long as argv. */
 static int load_scene(arguments *all, sps_volume *volumes, sps_mesh *meshes, sps_scene *scene, ex_error *error) {
     for (int i = 0; i < all->volume_count; ++i)
@@ -494,6 +532,7 @@ static int load_scene(arguments *all, sps_volume *volumes, sps_mesh *meshes, sps
         if (load_mesh(&all->meshes[i], &meshes[i], error)) return 1;
     scene->volumes = volumes, scene->volume_count = all->volume_count;
     scene->meshes = meshes, scene->mesh_count = all->mesh_count;
+    set_shadows(all);
     scene->lights = all->lights, scene->light_count = all->light_count;
     to_floats(all->ambient, scene->ambient);
     to_floats(all->background, scene->background);
@@ -591,8 +630,9 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     const char *sentence = sps_error(session->context), *way_out = "";
     char subject[600];
     name_subject(all, sentence, subject, sizeof subject);
+    if (strstr(sentence, "shadow_map.components")) snprintf(subject, sizeof subject, "--map-components: ");
     if (result == SPS_ERROR_UNSUPPORTED && strncmp(sentence, "light", 5) == 0)
-        way_out = " (--no-shadows and --reference have no such limit)";
+        way_out = " (--shadow with a map, --no-shadows and --reference have no such limit)";
     if (result == SPS_ERROR_UNSUPPORTED && strncmp(sentence, "view", 4) == 0)
         way_out = " (--reference has no such limit)";
     ex_fail(error, "%s%s%s", subject, sentence, way_out);

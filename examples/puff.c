@@ -1,0 +1,59 @@
+/* Puff: 2500 particles of smoke over level ground, and as many that the wind has carried away, each in the other's
+   light; gas shades by a Fourier opacity map of 15 components.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/puff.c -o puff -lm */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "common.h"
+#include "modelling.h"
+
+enum { PARTICLES = 2 * EX_PUFF_PARTICLES };
+
+static int read_particles(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
+    return 0;
+}
+
+/* One puff that has just risen, and one that has drifted for a while. */
+static void fill_puffs(sps_particle *particles) {
+    const ex_puff fresh = {{-1.15, 1.05, 0.2}, 1.0, 0.09, 0.24, 0.13, 4},
+                  old = {{-1.5, 1.15, -0.2}, 1.0, 0.10, 0.25, 0.08, 9};
+    const ex_wind wind = {{1.15, 0.03, 0.05}, 0, 1, 0.25, 1.1, 0.26, 5};
+    ex_puff_fill(&fresh, EX_PUFF_PARTICLES, particles);
+    ex_puff_fill(&old, EX_PUFF_PARTICLES, particles + EX_PUFF_PARTICLES);
+    ex_puff_blow(&wind, 2.2, 40, EX_PUFF_PARTICLES, particles + EX_PUFF_PARTICLES);
+}
+
+static void set_smoke(sps_particles *smoke, sps_particle *particles) {
+    static const sps_lobe lobes[2] = {{0.45f, 0.7f}, {-0.25f, 0.3f}};
+    smoke->count = PARTICLES, smoke->read_fn = read_particles, smoke->user = particles;
+    smoke->soft = 1;
+    ex_color(smoke->albedo, 0.93, 0.91, 0.89);
+    smoke->lobes = lobes, smoke->lobe_count = 2;
+}
+
+int main(int argc, char **argv) {
+    static sps_particle particles[PARTICLES];
+    sps_tmap_settings map = {0};
+    ex_mesh mesh = {0};
+    sps_particles smoke = {0};
+    sps_mesh ground = {0};
+    sps_light sun = {0};
+    sps_scene scene = {0};
+    sps_view view = {0};
+    const float color[3] = {0.115f, 0.105f, 0.08f};
+    fill_puffs(particles);
+    set_smoke(&smoke, particles);
+    ex_shape_quad(&mesh, ex_vec_of(-30, 0, -30), ex_vec_of(-30, 0, 10), ex_vec_of(30, 0, 10), ex_vec_of(30, 0, -30),
+                  color);
+    ex_shape_use(&mesh, &ground);
+    ex_sun(&sun, ex_vec_of(0.9, -1.3, -0.35), 13);
+    map.technique = SPS_TMAP_FOURIER, map.components = 15;
+    sun.shadow_map = &map, sun.shadow_map_size = 512;
+    ex_scene_set(&scene, NULL, 0, &ground, 1, &sun);
+    scene.particles = &smoke, scene.particles_count = 1;
+    ex_color(scene.ambient, 0.16, 0.20, 0.27);
+    ex_view_set(&view, ex_vec_of(0.6, 2.6, 7.8), ex_vec_of(0.3, 0.75, 0), 29);
+    const int status = ex_scene_show(argc, argv, "puff", &scene, &view);
+    ex_mesh_free(&mesh);
+    return status;
+}

@@ -421,7 +421,8 @@ typedef enum sps_pass {
     SPS_PASS_EYE_POLYGONS,   /* triangles rasterised for the eye */
     SPS_PASS_LIGHT_POLYGONS, /* ... into depth maps, per shadowing light */
     SPS_PASS_EYE_SHEETS,     /* voxels splatted for the eye, once per sweep */
-    SPS_PASS_LIGHT_SHEETS,   /* ... for a light, once per shadowing light */
+    SPS_PASS_LIGHT_SHEETS,   /* ... for a light, once per shadowing light, but */
+    SPS_PASS_LIGHT_MAPS,     /* into a transmittance map, for those that have a shadow_map */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_EMISSION,
@@ -433,7 +434,7 @@ typedef enum sps_pass {
 typedef struct sps_pass_report {
     int runs;           /* how many times; 0: left out */
     const char *reason; /* why, either way; a constant */
-    size_t bytes;       /* held for this pass, at most */
+    size_t bytes;       /* held for this pass, at most; of maps that keep lists, or are fitted to them, without these */
 } sps_pass_report;
 
 typedef struct sps_plan_report {
@@ -7229,7 +7230,7 @@ typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
     const spsi_ball *balls;                   /* for the face at hand */
-    const uint32_t *tile_starts, *tile_balls; /* of each tile, and one more */
+    const uint32_t *tile_starts, *tile_balls; /* of each tile, and one more; tile_balls NULL: all of every tile */
     int *boxes;                               /* of triangles, in texels of the face at hand */
     spsi_run *run;                            /* of volumes; NULL: none */
     double progress, progress_share;          /* where the work begins, and its share of all */
@@ -7415,16 +7416,21 @@ static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x
     spsi_insert(bin, x, y, &stretches);
 }
 
+static void spsi_bin_ball(const spsi_bin *bin, const spsi_ball *ball) {
+    const int x0 = spsi_most(ball->x0, bin->x0), x1 = spsi_least(ball->x1, bin->x0 + bin->width - 1);
+    const int y0 = spsi_most(ball->y0, bin->y0), y1 = spsi_least(ball->y1, bin->y0 + bin->height - 1);
+    for (int y = y0; y <= y1; ++y)
+        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(bin, ball, x, y, x1);
+}
+
 static void spsi_bin_balls(const spsi_bin *bin, int tile) {
     const spsi_occluders *occluders = bin->filling->occluders;
     if (!occluders->balls) return;
-    for (uint32_t i = occluders->tile_starts[tile]; i < occluders->tile_starts[tile + 1]; ++i) {
-        const spsi_ball *ball = &occluders->balls[occluders->tile_balls[i]];
-        const int x0 = spsi_most(ball->x0, bin->x0), x1 = spsi_least(ball->x1, bin->x0 + bin->width - 1);
-        const int y0 = spsi_most(ball->y0, bin->y0), y1 = spsi_least(ball->y1, bin->y0 + bin->height - 1);
-        for (int y = y0; y <= y1; ++y)
-            for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(bin, ball, x, y, x1);
-    }
+    if (occluders->tile_balls)
+        for (uint32_t i = occluders->tile_starts[tile]; i < occluders->tile_starts[tile + 1]; ++i)
+            spsi_bin_ball(bin, &occluders->balls[occluders->tile_balls[i]]);
+    else
+        for (int i = 0; i < occluders->frame->particle_count; ++i) spsi_bin_ball(bin, &occluders->balls[i]);
 }
 
 /* --- triangles --- */
@@ -7720,6 +7726,9 @@ static void spsi_balls_task(void *data, int index, int worker) {
         spsi_ball_build(job->rays, spsi_swarm_of(frame, i)->particles, &frame->particles[i], &job->balls[i]);
 }
 
+#define SPSI_BALL_TILES                                                                                                \
+    8 /* tiles per ball, on the mean, from which on no lists are made: their balls cover much anyway */
+
 /* Counts the balls of each tile in starts, or, where there is a list, enters them at starts, which move on. */
 static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts, uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
@@ -7755,15 +7764,14 @@ static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays
         sum += starts[i];
         starts[i] = (uint32_t)sum;
     }
-    if (sum > UINT32_MAX)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "particles in tiles", (double)sum,
-                               "2^32 - 1 are held at most");
+    occluders->balls = job.balls;
+    occluders->tile_balls = NULL;
+    if (sum > SPSI_BALL_TILES * (uint64_t)(count + tiles) || sum > UINT32_MAX) return SPS_OK;
     list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts, list);
     memmove(starts + 1, starts, tiles * sizeof *starts); /* each had moved on to where the next begins */
     starts[0] = 0;
-    occluders->balls = job.balls;
     occluders->tile_starts = starts;
     occluders->tile_balls = list;
     return SPS_OK;
@@ -8263,7 +8271,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
    calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",   "eye polygons", "light polygons", "eye sheets", "light sheets",
+    "gather",   "eye polygons", "light polygons", "eye sheets", "light sheets", "light maps",
     "gradient", "scattering",   "emission",       "ambient",    "surface light"};
 
 /* Counts the blocks of all volumes that will be read, and what comes of them at most. */
@@ -8381,6 +8389,19 @@ static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *r
                                             : "range_fn shows that no voxel matters");
 }
 
+static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
+    const int shadows = frame->shadow_count, shade = gases && frame->extinguishes;
+    const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
+    int maps = 0;
+    for (int n = 0; n < shadows; ++n) maps += frame->scene->lights[spsi_shadow_light(frame, n)].shadow_map != NULL;
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, shade ? shadows - maps : 0, "volumes or particles cast shadows",
+                   !shade    ? nothing
+                   : shadows ? "every light that casts shadows has a shadow_map"
+                             : "no light casts shadows on anything");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, gases ? maps : 0, "lights have a shadow_map",
+                   !gases ? nothing : "no light that casts shadows has a shadow_map");
+}
+
 static void spsi_plan_passes(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
     const int gases = frame->medium_count > 0 || frame->set_count > 0, polygons = frame->triangle_count > 0;
     const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count, lit = frame->lit_count > 0;
@@ -8392,11 +8413,7 @@ static void spsi_plan_passes(const spsi_frame *frame, const spsi_reading *readin
                    shadows ? "volumes or particles are seen, one sweep per shadowing light"
                            : "volumes or particles are seen, one sweep",
                    "no volume or particle that could be seen");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, gases && frame->extinguishes ? shadows : 0,
-                   "volumes or particles cast shadows",
-                   !gases    ? "no volume or particle that could be seen"
-                   : shadows ? "no volume has extinction"
-                             : "no light casts shadows on anything");
+    spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0,
@@ -8430,6 +8447,25 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
 }
 
+/* Bytes of a light's transmittance map and what filling it takes, but for lists of stretches and what is fitted to
+   them, of which nobody knows the length. */
+static void spsi_plan_map_bytes(const spsi_frame *frame, const spsi_sweep *sweep, sps_plan_report *report) {
+    const sps_light *light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+    const int asked = light && light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
+    const size_t side = (size_t)(asked > 0 ? asked : spsi_light_texels_most(frame));
+    const size_t faces = light && light->kind == SPS_LIGHT_POINT ? SPSI_FACES : 1;
+    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    size_t bytes, components;
+    if (!light || sweep->sheets) return;
+    components = (size_t)light->shadow_map->components > 0 ? light->shadow_map->components : 16;
+    bytes = sizeof(sps_tmap) + sizeof(spsi_run) + side * side * faces * (components + 1) * sizeof(float);
+    bytes += (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
+    bytes += (components + 2) * tiles * SPSI_LANES * sizeof(float);
+    bytes += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
+    bytes += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
+    if (bytes > report->pass[SPS_PASS_LIGHT_MAPS].bytes) report->pass[SPS_PASS_LIGHT_MAPS].bytes = bytes;
+}
+
 static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
     if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
@@ -8439,6 +8475,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
             const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
             if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
             spsi_plan_sweep_bytes(context, frame, &sweep, bricks, report);
+            spsi_plan_map_bytes(frame, &sweep, report);
         }
     for (int i = 0; i < frame->scene->mesh_count; ++i)
         report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;

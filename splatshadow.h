@@ -98,7 +98,14 @@ PAPERS
       A-buffer Techniques", SIGGRAPH 1990 >>transfer
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
-    J. Jansen, L. Bavoil, "Fourier Opacity Mapping", I3D 2010 >>tmaps
+    T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
+    C. Yuksel, J. Keyser, "Deep Opacity Maps", Eurographics 2008 >>transmittance
+    J. Jansen, L. Bavoil, "Fourier Opacity Mapping", I3D 2010 >>transmittance
+    T. Lokovic, E. Veach, "Deep Shadow Maps", SIGGRAPH 2000 >>transmittance
+    M. Salvi et al., "Adaptive Volumetric Shadow Maps", EGSR 2010 >>transmittance
+    C. Muenstermann et al., "Moment-Based Order-Independent Transparency", I3D 2018 >>transmittance
+    M. Steffen, "A simple method for monotonic interpolation in one dimension", Astronomy & Astrophysics 239, 1990
+      >>transmittance
 */
 
 #ifndef SPLATSHADOW_H
@@ -1581,8 +1588,22 @@ static void spsi_stretches_sink(spsi_stretch *heap, size_t count, size_t hole, s
     heap[hole] = taken;
 }
 
+/* For short lists, and for those that are nearly sorted. */
+static void spsi_stretches_insert(spsi_stretch *list, uint32_t count) {
+    for (uint32_t i = 1; i < count; ++i) {
+        const spsi_stretch taken = list[i];
+        uint32_t k = i;
+        for (; k > 0 && spsi_stretch_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
+        list[k] = taken;
+    }
+}
+
 /* Sorts stretches by where they begin. Heap sort: n log n at worst, and in place. [Williams 1964, Floyd 1964] */
 static void spsi_stretches_sort(spsi_stretch *list, uint32_t count) {
+    if (count <= 48) {
+        spsi_stretches_insert(list, count);
+        return;
+    }
     for (size_t i = count / 2; i-- > 0;) spsi_stretches_sink(list, count, i, list[i]);
     for (size_t last = count; last-- > 1;) {
         const spsi_stretch taken = list[last];
@@ -1796,14 +1817,14 @@ static double spsi_secant(const double a[2], const double b[2]) {
 }
 
 /* The slope at b of the cubic through rising points a, b, c: that of their parabola, but so low that nothing
-   overshoots. [Steffen 1990, equation 11] */
+   overshoots. [Steffen 1990] */
 static double spsi_steffen_inner(const double a[2], const double b[2], const double c[2]) {
     const double before = spsi_secant(a, b), after = spsi_secant(b, c);
     const double parabola = (before * (c[0] - b[0]) + after * (b[0] - a[0])) / fmax(c[0] - a[0], 1e-30);
     return 2 * fmin(fmin(before, after), 0.5 * parabola);
 }
 
-/* The slope at the end a of a curve whose next points are b and c. [Steffen 1990, equations 24 to 27] */
+/* The slope at the end a of a curve whose next points are b and c. [Steffen 1990] */
 static double spsi_steffen_end(const double a[2], const double b[2], const double c[2]) {
     const double secant = spsi_secant(a, b), part = (b[0] - a[0]) / (c[0] - a[0]);
     return fmin(fmax(secant * (1 + part) - spsi_secant(b, c) * part, 0), 2 * secant);
@@ -1895,7 +1916,7 @@ static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel)
 }
 
 /* a0 u / 2 + sum of (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k), at the angle whose cosine and sine are
-   given. [Jansen & Bavoil 2010, equation 6] */
+   given. [Jansen & Bavoil 2010] */
 static double spsi_fourier_series(const float *texel, int components, double u, const double at[2]) {
     double z[2] = {at[0], at[1]}, sum = 0;
     for (int k = 1; 2 * k < components; ++k) {
@@ -2146,7 +2167,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     double slope;
     if (!(length > 0)) return;
     slope = fmin(fmax((c->last_through - start) / length, c->low), c->high);
-    spsi_compressor_node(c, c->last_u, fmin(fmax(start + slope * length, 0), start));
+    spsi_compressor_node(c, c->last_u, fmax(start + slope * length, 0));
 }
 
 /* Narrows the slopes to those that pass a cut; gives 0, and leaves them, if there are none. */
@@ -2183,7 +2204,7 @@ static int spsi_compressed_most(int count, float epsilon) {
 
 /* Deep shadow map: straight lines of T, in out[i].depth, from T = 1 at the curve's first node to its last; nowhere,
    also not between nodes, more than epsilon (1e-6 or more) off; never rising. Lines are as long as they can be without
-   turning back [Lokovic & Veach 2000, section 3.2]. A quarter of epsilon is what cuts of the curve may be off between,
+   turning back [Lokovic & Veach 2000]. A quarter of epsilon is what cuts of the curve may be off between,
    always upwards, as lines lie above exponentials; 1.2e-7 is for rounding. `out` has room for
    spsi_compressed_most(count, epsilon); gives how many there are. Cost: one look at each cut. */
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
@@ -2329,18 +2350,46 @@ static double spsi_polynomial_root(const double *c, int degree, int order, doubl
     return x;
 }
 
+/* The roots within -reach .. reach of a parabola, in order, without a difference of nearly equal numbers: the larger
+   one first, the other from their product. A double root has no odd order, and counts for none. */
+static int spsi_parabola_roots(double a, double b, double c, double reach, double *roots) {
+    const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(fmax(square, 0)));
+    const double one = fabs(a) > 0 ? q / a : HUGE_VAL, other = fabs(q) > 0 ? c / q : HUGE_VAL;
+    int count = 0;
+    if (!(square > 0)) return 0;
+    if (fabs(fmin(one, other)) < reach) roots[count++] = fmin(one, other);
+    if (fabs(fmax(one, other)) < reach) roots[count++] = fmax(one, other);
+    return count;
+}
+
+/* Where all roots lie, if they are real: as far from their mean as their mean square allows [Samuelson 1968]. */
+static void spsi_polynomial_within(const double *c, int degree, double reach, double within[2]) {
+    const double n = degree, a1 = c[degree - 1] / c[degree], a2 = c[degree - 2] / c[degree];
+    const double square = a1 * a1 - 2 * n / (n - 1) * a2, middle = -a1 / n;
+    const double radius = (n - 1) / n * sqrt(fmax(square, 0)), room = 1e-6 * (fabs(middle) + radius);
+    const int known = fabs(middle) + radius < reach; /* neither infinite nor no number */
+    within[0] = known ? fmax(middle - radius - room, -reach) : -reach;
+    within[1] = known ? fmin(middle + radius + room, reach) : reach;
+}
+
 /* The roots of odd order within -reach .. reach, in order: those of each derivative part those of the one before it. */
 static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
-    double ends[SPSI_MOMENTS_MAX / 2 + 1];
-    int count = 0;
-    for (int order = degree - 1; order >= 0; --order) {
+    double ends[SPSI_MOMENTS_MAX / 2 + 1], parabola[3], within[2];
+    int count;
+    spsi_polynomial_within(c, degree, reach, within);
+    for (int i = 0; i < 3; ++i) { /* the derivative of order degree - 2 */
+        parabola[i] = c[i + degree - 2];
+        for (int k = 0; k < degree - 2; ++k) parabola[i] *= i + degree - 2 - k;
+    }
+    count = spsi_parabola_roots(parabola[2], parabola[1], parabola[0], reach, roots);
+    for (int order = degree - 3; order >= 0; --order) {
         const int parts = count + 1;
         double unused;
         memcpy(ends, roots, (size_t)count * sizeof *roots);
-        ends[count] = reach;
+        ends[count] = within[1];
         count = 0;
         for (int i = 0; i < parts; ++i) {
-            const double a = i > 0 ? ends[i - 1] : -reach;
+            const double a = i > 0 ? ends[i - 1] : within[0];
             const int low = spsi_polynomial(c, degree, order, a, &unused) > 0;
             const int high = spsi_polynomial(c, degree, order, ends[i], &unused) > 0;
             if (low != high) roots[count++] = spsi_polynomial_root(c, degree, order, a, ends[i], high);
@@ -2351,7 +2400,7 @@ static int spsi_polynomial_roots(const double *c, int degree, double reach, doub
 
 /* What share lies before z at least, and at most, of all distributions with these moments: that of the only one of so
    few points of which one is z. Where p_k are the orthonormal polynomials, the others are the roots of sum p_k(z)
-   p_k(x), and at each of them lies 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015, algorithm 2]. Points beyond
+   p_k(x), and at each of them lies 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. Points beyond
    1000 hold less than 1e-12, as the moments are no more than 1. */
 static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;

@@ -333,7 +333,7 @@ typedef struct sps_tmap_settings {
     sps_tmap_window window;
     int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     int running_maximum; /* Fourier: 1: a query takes the most that the series has come to so far; n times the cost */
-    float epsilon;       /* compressed: largest error of transmittance, 0..0.5; 0 means 0.01 */
+    float epsilon;       /* compressed: largest error of transmittance, 0.001..0.5; 0 means 0.01 */
     double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
@@ -1504,7 +1504,8 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
    (components), but n log n for a compressed list; a query what its function says. T stands for exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65    /* most floats a texel */
-#define SPSI_SOFT_PIECES     8     /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off */
+#define SPSI_SOFT_PIECES     8     /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
+#define SPSI_SOFT_MOST       256   /* at most, where an error is to be kept */
 #define SPSI_BEER_LENGTH     1e-6f /* least length of a Beer map's gas, so that its density stays finite */
 
 /* A stretch of a ray from u0 to u1, of optical depth `depth`: even (soft 0), or as 1 - s^2 with s from -1 to 1 through
@@ -1643,20 +1644,42 @@ static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, 
 /* ---- curves ---- */
 
 /* Nodes that a curve of `count` stretches may have: a soft one bends it at both ends of its pieces. */
-#define SPSI_CURVE_NODES(count)   ((SPSI_SOFT_PIECES + 1) * (count))
-#define SPSI_CURVE_SCRATCH(count) (2 * SPSI_SOFT_PIECES * (count)) /* stretches that building it needs */
+#define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count))
+#define SPSI_CURVE_SCRATCH(count, pieces) (2 * (pieces) * (count)) /* stretches that building it needs */
 
-/* The even pieces of a stretch, each as two bends of the curve: one where it begins, which looks ahead to its end, and
-   one where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve becomes at either. A
-   piece without length is one bend, a jump. */
-static int spsi_curve_bends(const spsi_stretch *stretch, spsi_stretch *bends) {
-    const int pieces = stretch->soft > 0 && stretch->u1 > stretch->u0 ? SPSI_SOFT_PIECES : 1;
-    const float depth = spsi_lower(stretch->depth, SPSI_DEPTH_MAX), length = stretch->u1 - stretch->u0;
+/* Optical depth of a soft stretch behind which what is left of it is no longer cut finely. */
+#define SPSI_SOFT_DEPTH 8
+
+/* Even pieces of soft stretches with which transmittance is off by a quarter of epsilon at most: a piece of length h is
+   h^2 / 8 times the change of density off, 6 d at either end of a stretch of depth d; those that overlap add up. Behind
+   SPSI_SOFT_DEPTH light is as good as gone, so that no more of each counts, nor more than twice that of all. */
+static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) {
+    double sum = 0;
+    for (int i = 0; i < count; ++i)
+        if (list[i].soft > 0) sum += fmin((double)list[i].depth, SPSI_SOFT_DEPTH);
+    return (int)fmin(2 + ceil(sqrt(3 * fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
+}
+
+/* Where piece i of so many of a stretch ends. A deep one's lie where its light goes, share >= 2 s^2, but for the last.
+ */
+static float spsi_soft_cut(const spsi_stretch *stretch, int i, int pieces) {
+    const float length = stretch->u1 - stretch->u0;
+    if (i == pieces) return stretch->u1;
+    if (!(stretch->depth > SPSI_SOFT_DEPTH)) return stretch->u0 + length * ((float)i / (float)pieces);
+    return stretch->u0 + length * sqrtf(SPSI_SOFT_DEPTH / stretch->depth) * ((float)i / (float)(pieces - 1));
+}
+
+/* The even pieces of a stretch, several of a soft one, each as two bends of the curve: one where it begins, which looks
+   ahead to its end, and one where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve
+   becomes at either. A piece without length is one bend, a jump. */
+static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *bends) {
+    const int pieces = stretch->soft > 0 && stretch->u1 > stretch->u0 ? soft_pieces : 1;
+    const float depth = spsi_lower(stretch->depth, SPSI_DEPTH_MAX);
     float u = stretch->u0, before = 0;
     int count = 0;
     if (!(depth > 0)) return 0;
     for (int i = 1; i <= pieces; ++i) {
-        const float end = i < pieces ? stretch->u0 + length * ((float)i / (float)pieces) : stretch->u1;
+        const float end = pieces > 1 ? spsi_soft_cut(stretch, i, pieces) : stretch->u1;
         const float share = spsi_stretch_before(stretch, end); /* where the piece ends once that is a float */
         const spsi_stretch ahead = {u, end, depth * (share - before), 0}, back = {end, u, ahead.depth, 0};
         if (!(share > before)) continue;
@@ -1691,13 +1714,15 @@ static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth)
 }
 
 /* The sum of stretches sorted by u0 as a curve, its ends and bends exact to rounding. `scratch` has room for
-   SPSI_CURVE_SCRATCH(count) stretches, `nodes` for SPSI_CURVE_NODES(count); gives how many there are, of which the
+   SPSI_CURVE_SCRATCH(count, pieces) stretches, `nodes` for SPSI_CURVE_NODES(count, pieces), pieces of each soft
+   stretch, 2 at least; gives how many there are, of which the
    first has depth 0. Cost: n log n. */
-static int spsi_curve_build(const spsi_stretch *sorted, int count, spsi_stretch *scratch, spsi_node *nodes) {
+static int spsi_curve_build(const spsi_stretch *sorted, int count, int pieces, spsi_stretch *scratch,
+                            spsi_node *nodes) {
     int bends = 0, nodes_made = 0, open = 0;
     double depth = 0;
     spsi_sum slope = {0, 0};
-    for (int i = 0; i < count; ++i) bends += spsi_curve_bends(&sorted[i], scratch + bends);
+    for (int i = 0; i < count; ++i) bends += spsi_curve_bends(&sorted[i], pieces, scratch + bends);
     spsi_stretches_sort(scratch, (uint32_t)bends);
     for (int i = 0; i < bends; ++i) {
         const double length = (double)scratch[i].u1 - (double)scratch[i].u0, more = (double)scratch[i].depth;
@@ -2761,9 +2786,9 @@ static sps_result spsi_check_settings(sps_context *context, const char *name, co
     if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "window", (double)(int)settings->window,
                                "it must be an sps_tmap_window");
-    if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
+    if (!(fabsf(settings->epsilon) <= 0) && !(settings->epsilon >= 0.001f && settings->epsilon <= 0.5f))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "epsilon", (double)settings->epsilon,
-                               "it must be 0..0.5");
+                               "it must be 0, or 0.001..0.5");
     if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
                                "it must be 0..1e15");
@@ -7296,6 +7321,8 @@ typedef struct spsi_filling {
     uint32_t *starts, *places; /* of the band's texels: the first stretch, and how many, or where the next goes */
     spsi_stretch *stretches;   /* of the band */
     uint32_t most;             /* stretches of a texel */
+    int has_soft, pieces;      /* whether particles are soft, and into how many pieces they may be cut */
+    float epsilon;             /* of a compressed map, but for what soft pieces take */
     int has_sizes;             /* 1: it is known how many nodes each texel of a compressed map takes */
     char *scratch;             /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
@@ -7673,8 +7700,8 @@ static void spsi_fit_task(void *data, int index, int worker) {
     const sps_tmap *map = filling->map;
     const size_t most = filling->most;
     spsi_stretch *scratch = (spsi_stretch *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    spsi_node *curve = (spsi_node *)(void *)(scratch + SPSI_CURVE_SCRATCH(most)),
-              *nodes = curve + SPSI_CURVE_NODES(most);
+    spsi_node *curve = (spsi_node *)(void *)(scratch + SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces));
+    spsi_node *nodes = curve + SPSI_CURVE_NODES(most, (size_t)filling->pieces);
     spsi_bin bin;
     spsi_bin_place(filling, index, &bin);
     for (int i = 0; i < bin.width * bin.height; ++i) {
@@ -7682,19 +7709,20 @@ static void spsi_fit_task(void *data, int index, int worker) {
         const size_t place = texel - filling->first_texel;
         const uint32_t count = filling->starts[place + 1] - filling->starts[place];
         spsi_stretch *list = filling->stretches + filling->starts[place];
-        int node_count;
+        int node_count, pieces = SPSI_SOFT_PIECES;
         if (!filling->has_sizes) spsi_stretches_sort(list, count);
         if (map->settings.technique == SPS_TMAP_DEEP) {
             filling->places[place] = count;
             continue;
         }
-        node_count = spsi_curve_build(list, (int)count, scratch, curve);
+        if (!map->technique->fit) pieces = spsi_soft_pieces(list, (int)count, map->settings.epsilon);
+        node_count = spsi_curve_build(list, (int)count, pieces, scratch, curve);
         if (map->technique->fit) {
             map->technique->fit(&map->inner, curve, node_count,
                                 (float *)map->texels.data + texel * (size_t)map->settings.components);
             continue;
         }
-        node_count = spsi_curve_compress(curve, node_count, map->settings.epsilon, nodes);
+        node_count = spsi_curve_compress(curve, node_count, filling->epsilon, nodes);
         if (filling->has_sizes)
             memcpy((spsi_node *)map->texels.data + ((const uint32_t *)map->starts.data)[texel], nodes,
                    (size_t)node_count * sizeof *nodes);
@@ -7741,9 +7769,12 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     size_t most, nodes;
     if (spsi_fill_lists(filling)) return context->result;
     most = filling->most;
-    nodes = SPSI_CURVE_NODES(most) +
-            (technique->fit ? 0 : (size_t)spsi_compressed_most((int)SPSI_CURVE_NODES(most), map->settings.epsilon));
-    filling->scratch_size = (SPSI_CURVE_SCRATCH(most) + 1) * sizeof(spsi_stretch) + nodes * sizeof(spsi_node);
+    filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
+    filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
+    nodes = SPSI_CURVE_NODES(most, (size_t)filling->pieces);
+    if (!technique->fit) nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
+    filling->scratch_size =
+        (SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces) + 1) * sizeof(spsi_stretch) + nodes * sizeof(spsi_node);
     filling->scratch =
         (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
     if (!filling->scratch) return context->result;
@@ -7946,6 +7977,8 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     filling.context = context;
     filling.map = map;
     filling.occluders = occluders;
+    for (int i = 0; i < occluders->frame->scene->particles_count; ++i)
+        filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
     filling.tiles_x = (map->rays[0].width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.face = 0; filling.face < map->face_count; ++filling.face)
@@ -8506,7 +8539,7 @@ static void spsi_plan_map_bytes(const spsi_frame *frame, const spsi_sweep *sweep
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     size_t bytes, components;
     if (!light || sweep->sheets) return;
-    components = (size_t)light->shadow_map->components > 0 ? light->shadow_map->components : 16;
+    components = (size_t)(light->shadow_map->components > 0 ? light->shadow_map->components : 16);
     bytes = sizeof(sps_tmap) + sizeof(spsi_run) + side * side * faces * (components + 1) * sizeof(float);
     bytes += (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     bytes += (components + 2) * tiles * SPSI_LANES * sizeof(float);

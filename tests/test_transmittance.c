@@ -114,21 +114,23 @@ static float sample(int i) { return (float)i / SAMPLES; }
 
 /* ------------------------------------------------------------------------------------------------------ harness */
 
-static spsi_node curve[SPSI_CURVE_NODES(MOST) + 1];
-static spsi_stretch scratch[SPSI_CURVE_SCRATCH(MOST) + 1], sorted[MOST];
+static spsi_node curve[SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST) + 1];
+static spsi_stretch scratch[SPSI_CURVE_SCRATCH(MOST, SPSI_SOFT_MOST) + 1], sorted[MOST];
 
-static int curve_build(const column *c) {
+static int curve_build_of(const column *c, int pieces) {
     int count;
     memcpy(sorted, c->list, (size_t)c->count * sizeof *sorted);
     spsi_stretches_sort(sorted, (uint32_t)c->count);
-    memset(&scratch[SPSI_CURVE_SCRATCH(c->count)], 0x5a, sizeof *scratch);
-    memset(&curve[SPSI_CURVE_NODES(c->count)], 0x5a, sizeof *curve);
-    count = spsi_curve_build(sorted, c->count, scratch, curve);
-    CHECK(count <= SPSI_CURVE_NODES(c->count));
-    CHECK(((unsigned char *)&scratch[SPSI_CURVE_SCRATCH(c->count)])[3] == 0x5a);
-    CHECK(((unsigned char *)&curve[SPSI_CURVE_NODES(c->count)])[3] == 0x5a);
+    memset(&scratch[SPSI_CURVE_SCRATCH(c->count, pieces)], 0x5a, sizeof *scratch);
+    memset(&curve[SPSI_CURVE_NODES(c->count, pieces)], 0x5a, sizeof *curve);
+    count = spsi_curve_build(sorted, c->count, pieces, scratch, curve);
+    CHECK(count <= SPSI_CURVE_NODES(c->count, pieces));
+    CHECK(((unsigned char *)&scratch[SPSI_CURVE_SCRATCH(c->count, pieces)])[3] == 0x5a);
+    CHECK(((unsigned char *)&curve[SPSI_CURVE_NODES(c->count, pieces)])[3] == 0x5a);
     return count;
 }
+
+static int curve_build(const column *c) { return curve_build_of(c, SPSI_SOFT_PIECES); }
 
 static sps_tmap_settings settings_of(sps_tmap_technique technique, int components) {
     sps_tmap_settings settings;
@@ -363,7 +365,7 @@ static void test_cuts(void) {
     }
 }
 
-static spsi_node compressed[2 * (SPSI_CURVE_NODES(MOST)) + 9000];
+static spsi_node compressed[2 * (SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST)) + 9000];
 
 /* |T - T'| at u, and the T that it is off from. */
 static double compressed_error(int nodes, int count, float u) {
@@ -416,6 +418,45 @@ static void test_compressed(void) {
             column_add(&steep, u, u + pow(10, between(-8, -1)), pow(10, between(-3, 2)), i % 2);
         }
         check_compressed(&steep, epsilons[n % 5]);
+    }
+}
+
+/* Soft stretches too keep epsilon, where they are cut into as many pieces as that takes and a quarter of it is set
+   aside for them; deep ones as well, whose light is gone after a small part of them. 1e-6 is for rounding. */
+static void check_soft(const column *c, float epsilon) {
+    const int pieces = spsi_soft_pieces(c->list, c->count, epsilon), count = curve_build_of(c, pieces);
+    const int nodes = spsi_curve_compress(curve, count, 0.75f * epsilon, compressed);
+    double worst = 0;
+    for (int i = 0; i <= 16 * SAMPLES; ++i) {
+        const float u = (float)i / (16 * SAMPLES);
+        const double depth = (double)spsi_compressed_depth(compressed, (uint32_t)nodes, u);
+        worst = fmax(worst, fabs(exp(-depth) - exp(-exact_depth(c, (double)u))));
+    }
+    if (!CHECK(worst <= (double)epsilon + 1e-6))
+        printf("    %g off, %g asked for, %d pieces\n", worst, (double)epsilon, pieces);
+}
+
+static void test_compressed_soft(void) {
+    static const float epsilons[] = {0.1f, 0.01f, 0.001f};
+    static const double depths[] = {0.01, 0.5, 3, 7.9, 8.1, 20, 300, 1e6};
+    static column c;
+    for (int e = 0; e < 3; ++e) {
+        for (int n = 0; n < 8; ++n) {
+            c.count = 0;
+            column_add(&c, 0.2, 0.7, depths[n], 1);
+            check_soft(&c, epsilons[e]);
+            column_add(&c, 0.21, 0.5, depths[n], 1);
+            column_add(&c, 0.6, 0.9, 0.3, 1);
+            check_soft(&c, epsilons[e]);
+        }
+        for (int n = 0; n < 10; ++n) {
+            c.count = 0;
+            for (int i = 0; i < 40; ++i) {
+                const double u = 0.7 * check_next(&numbers);
+                column_add(&c, u, u + 0.02 + 0.25 * check_next(&numbers), 0.4 * check_next(&numbers), i % 5 > 0);
+            }
+            check_soft(&c, epsilons[e]);
+        }
     }
 }
 
@@ -976,7 +1017,7 @@ static void test_order(void) {
             CHECK_NEAR((double)texel[k], (double)other[k], 2 * 200 * half_ulp * most);
     }
     { /* a curve's stretches are sorted first: the same bits */
-        static spsi_node other[SPSI_CURVE_NODES(MOST)];
+        static spsi_node other[SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST)];
         const int count = curve_build(&columns[10]);
         memcpy(other, curve, (size_t)count * sizeof *curve);
         CHECK(curve_build(&shuffled) == count && memcmp(curve, other, (size_t)count * sizeof *curve) == 0);
@@ -1116,6 +1157,7 @@ int main(void) {
     RUN(test_curve_merging);
     RUN(test_cuts);
     RUN(test_compressed);
+    RUN(test_compressed_soft);
     RUN(test_compressed_size);
     RUN(test_opacity);
     RUN(test_cubic);

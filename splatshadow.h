@@ -5295,8 +5295,10 @@ static inline void spsi_splat_row(const spsi_tile *tile, const spsi_crossing *cr
     }
 }
 
-/* Splats a particle into the chunk's slabs of a tile. `ends`: 1: no chunk comes before; 2: none behind; 3: neither. */
-static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int ends) {
+/* Splats a particle into the chunk's slabs of a tile, which are the first ones if `starts`, and the last ones if they
+   are no more than `left`. */
+static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int starts,
+                                int left) {
     const spsi_ball *ball = &seen->ball;
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
@@ -5306,10 +5308,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
                                                             ball->t - seen->reach_depth < crossing->eye_near));
     int slabs[4];
-    slabs[0] = (int)floorf(spsi_lower(spsi_higher(low, 0), SPSI_CHUNK - 1));
-    slabs[1] = (int)ceilf(spsi_lower(spsi_higher(high, (float)(slabs[0] + 1)), SPSI_CHUNK));
-    slabs[2] = (ends & 1) && slabs[0] == 0;
-    slabs[3] = (ends & 2) && slabs[1] == SPSI_CHUNK;
+    slabs[0] = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
+    slabs[1] = (int)ceilf(spsi_lower(spsi_higher(high, (float)(slabs[0] + 1)), (float)spsi_least(left, SPSI_CHUNK)));
+    slabs[2] = starts && slabs[0] == 0;
+    slabs[3] = slabs[1] == left;
     if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(slabs[1] - slabs[0]);
@@ -6435,7 +6437,6 @@ typedef struct spsi_run {
     int *chunk_bricks, chunk_brick_count; /* bricks of the chunk at hand */
     spsi_crowd crowd;
     spsi_bins bins[2]; /* the eye's, and the light's */
-    int ends;          /* 1: this is the first chunk; 2: the last; 3: both */
     spsi_splatter eye_splatters[SPSI_VOLUMES_MAX], light_splatters[SPSI_VOLUMES_MAX];
     spsi_shader shader;
     spsi_light_shader light_shader;
@@ -6544,6 +6545,7 @@ static int spsi_span_meets(const short tiles[4], int x, int y) {
 static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int list, int beyond, spsi_tile *tile,
                                 size_t floats, int touched) {
     const int first = bins->starts[list], end = bins->starts[list + 1], ahead = 8;
+    const int left = run->sweep->slab_count - run->shader.first_slab;
     for (int i = first; i < end; ++i) {
         const int member = bins->members[i];
         if (i + ahead < end && (bins->members[i + ahead] & beyond) == beyond)
@@ -6551,7 +6553,7 @@ static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int 
         if ((member & beyond) != beyond) continue;
         if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
         touched = 1;
-        spsi_splat_particle(tile, &bins->crossing, &bins->seen[member / 4], run->ends);
+        spsi_splat_particle(tile, &bins->crossing, &bins->seen[member / 4], run->shader.first_slab == 0, left);
     }
     return touched;
 }
@@ -6559,7 +6561,7 @@ static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int 
 /* Splats the wide particles that meet a tile. */
 static int spsi_tile_splat_wide(const spsi_run *run, const spsi_bins *bins, spsi_tile *tile, int column, int row,
                                 size_t floats, int touched) {
-    const int list = bins->columns * bins->rows;
+    const int list = bins->columns * bins->rows, left = run->sweep->slab_count - run->shader.first_slab;
     for (int i = bins->starts[list]; i < bins->starts[list + 1]; ++i) {
         const spsi_seen *seen = &bins->seen[bins->members[i] / 4];
         const spsi_ball *ball = &seen->ball;
@@ -6568,7 +6570,7 @@ static int spsi_tile_splat_wide(const spsi_run *run, const spsi_bins *bins, spsi
             continue;
         if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
         touched = 1;
-        spsi_splat_particle(tile, &bins->crossing, seen, run->ends);
+        spsi_splat_particle(tile, &bins->crossing, seen, run->shader.first_slab == 0, left);
     }
     return touched;
 }
@@ -7077,7 +7079,6 @@ static void spsi_run_chunk(spsi_run *run, int chunk) {
     run->slab_count = SPSI_CHUNK;
     run->low = (float)run->shader.first_slab;
     run->high = run->low + SPSI_CHUNK;
-    run->ends = (chunk == 0) + 2 * (chunk == spsi_chunk_count(run->sweep) - 1);
     spsi_run_particles(run);
     start = spsi_clock(context);
     spsi_parallel(context, run->planes.tiles_x * run->planes.tiles_y, spsi_light_task, run);

@@ -1,0 +1,1006 @@
+/* Particles in the picture: balls of gas against their own chords, summed in double precision here, then light on them,
+   among them and behind them, by closed forms where there are any and by sps_reference where not; and what every
+   provider of data must survive. Tolerances are derived where they stand; the parts they are made of: ROUNDING  floats:
+   6e-8 for each operation. A ball's optical depth is a sum of sections, one per slab, whose ends meet to a few
+   roundings of the slab's number: of n slabs' sum that is n ROUNDING of the whole, twice. RIM       d^2, the square of
+   a ray's distance from the middle in radii, is a dozen operations: off by 1e-6 at most. An even chord, sqrt(1 - d^2),
+   moves by 1e-6 / (2 sqrt(1 - d^2)), and by 1e-3 at the very rim. */
+
+#include "check.h"
+
+#define PI        3.14159265358979323846
+#define ROUNDING  6e-8
+#define RIM       1e-6
+#define ISOTROPIC (0.25 / PI)
+
+enum { PIXELS_MOST = 128 * 128 };
+static float image_a[4 * PIXELS_MOST], image_b[4 * PIXELS_MOST], distance_a[PIXELS_MOST];
+static sps_context *context;
+
+/* ------------------------------------------------------------------------------------------------------ provider */
+
+/* Particles from an array. `limit_calls` > 0: that call and the later ones fail. */
+typedef struct cloud {
+    sps_particle *list;
+    size_t count, room;
+    long calls, limit_calls;
+    size_t largest, zeroed; /* batch asked for; particles that came zeroed */
+} cloud;
+
+static int cloud_read(void *user, size_t first, size_t count, sps_particle *out) {
+    static const sps_particle zero;
+    cloud *c = (cloud *)user;
+    c->calls += 1;
+    if (c->limit_calls > 0 && c->calls >= c->limit_calls) return 7;
+    if (count > c->largest) c->largest = count;
+    for (size_t i = 0; i < count; ++i) c->zeroed += memcmp(&out[i], &zero, sizeof zero) == 0;
+    memcpy(out, c->list + first, count * sizeof *out);
+    return 0;
+}
+
+static sps_particle *cloud_add(cloud *c, double x, double y, double z, double radius, double depth) {
+    sps_particle *particle;
+    if (c->count == c->room) {
+        c->room = c->room ? 2 * c->room : 64;
+        c->list = (sps_particle *)realloc(c->list, c->room * sizeof *c->list);
+        if (!c->list) abort();
+    }
+    particle = &c->list[c->count++];
+    check_color(particle->position, x, y, z);
+    particle->radius = (float)radius;
+    particle->optical_depth = (float)depth;
+    return particle;
+}
+
+static void cloud_free(cloud *c) {
+    free(c->list);
+    memset(c, 0, sizeof *c);
+}
+
+/* A scene of up to three sets. Stays where it is. */
+typedef struct stage {
+    check_scene s;
+    sps_particles set[3];
+    cloud clouds[3];
+    check_triangles triangles;
+    sps_lobe lobe;
+} stage;
+
+static void stage_clear(stage *x, int width, int height) {
+    memset(x, 0, sizeof *x);
+    check_clear(&x->s, width, height);
+    x->s.scene.particles = x->set;
+    x->s.view.quality = SPS_QUALITY_ULTRA;
+}
+
+static void stage_free(stage *x) {
+    for (int i = 0; i < 3; ++i) cloud_free(&x->clouds[i]);
+    check_free_triangles(&x->triangles);
+}
+
+/* The next set; its count is that of its cloud when the scene is rendered by stage_render. */
+static sps_particles *stage_add(stage *x, double albedo) {
+    sps_particles *set = &x->set[x->s.scene.particles_count];
+    set->read_fn = cloud_read;
+    set->user = &x->clouds[x->s.scene.particles_count++];
+    check_color(set->albedo, albedo, albedo, albedo);
+    return set;
+}
+
+static void stage_ready(stage *x) {
+    for (int i = 0; i < x->s.scene.particles_count; ++i) x->set[i].count = x->clouds[i].count;
+}
+
+static int stage_render(stage *x, float *image) {
+    stage_ready(x);
+    return check_render(context, &x->s, image);
+}
+
+static int stage_march(stage *x, double step, float *image) {
+    stage_ready(x);
+    return check_march(context, &x->s, step, image, NULL);
+}
+
+/* ---------------------------------------------------------------------------------------------------- exact chords */
+
+/* Optical depth of a set along a ray between `low` and `high` (direction of unit length), and how far it may be off. */
+static double chords(const cloud *c, const sps_particles *set, const double origin[3], const double direction[3],
+                     double low, double high, double *slack) {
+    double sum = 0;
+    *slack = 0;
+    for (size_t n = 0; n < c->count; ++n) {
+        const sps_particle *p = &c->list[n];
+        const double r = (double)p->radius;
+        double middle = 0, square = 0, half, a, b, depth = (double)p->optical_depth;
+        for (int i = 0; i < 3; ++i) middle += ((double)p->position[i] - origin[i]) * direction[i];
+        for (int i = 0; i < 3; ++i) {
+            const double off = (double)p->position[i] - origin[i] - middle * direction[i];
+            square += off * off / (r * r);
+        }
+        if (set->is_extinction) depth *= set->soft ? r * 4 / 3 : 2 * r;
+        half = sqrt(fmax(1 - square, 0));
+        if (fabs(1 - square) < 0.1) *slack += depth * fmin(sqrt(RIM), RIM / (2 * half + 1e-9));
+        if (!(half > 0)) continue;
+        a = fmin(fmax((low - middle) / (half * r), -1), 1);
+        b = fmin(fmax((high - middle) / (half * r), -1), 1);
+        if (set->soft)
+            sum += depth * half * half * half * ((3 * b - b * b * b) - (3 * a - a * a * a)) / 4;
+        else
+            sum += depth * half * (b - a) / 2;
+    }
+    return sum;
+}
+
+/* The rays of a camera, by the library's own geometry, which other tests are about. */
+static void pixel_ray(const sps_view *view, int x, int y, double origin[3], double direction[3], double *length) {
+    spsi_rays rays;
+    memset(&rays, 0, sizeof rays);
+    rays.width = view->width;
+    rays.height = view->height;
+    spsi_rays_from_camera(&rays, view);
+    spsi_ray_point(&rays, x, y, 0, origin);
+    spsi_ray_direction(&rays, x, y, direction);
+    *length = spsi_length(direction);
+    spsi_normalise(direction);
+}
+
+/* Compares the coverage of every pixel with the exact chords of all sets; gives the largest error that is allowed for
+   by nothing. The eye's near plane is at `near_distance` along its axis. */
+static void check_coverage(const stage *x, const float *image, double slabs, const char *what) {
+    const sps_view *view = &x->s.view;
+    double worst = 0;
+    int where = 0;
+    for (int i = 0; i < view->width * view->height; ++i) {
+        double origin[3], direction[3], length, tau = 0, slack = 0, error, allowed;
+        pixel_ray(view, i % view->width, i / view->width, origin, direction, &length);
+        for (int n = 0; n < x->s.scene.particles_count; ++n) {
+            double more;
+            const double low = view->field_of_view > 0 || view->near_distance > 0 ? view->near_distance * length : 0;
+            tau += chords(&x->clouds[n], &x->set[n], origin, direction, low, HUGE_VAL, &more);
+            slack += more;
+        }
+        error = fabs((double)image[4 * i + 3] + expm1(-tau));
+        allowed = fmin(slack, 1) + exp(-tau) * tau * (RIM + 2 * slabs * ROUNDING) + 2e-7;
+        if (!(error / allowed <= worst)) worst = error / allowed, where = i;
+    }
+    if (!CHECK(worst <= 1))
+        printf("    %s: pixel %d,%d is off by %g of what is allowed\n", what, where % view->width, where / view->width,
+               worst);
+}
+
+/* ----------------------------------------------------------------------------------------------------- one ball */
+
+enum { ORTHOGRAPHIC, PERSPECTIVE, INSIDE, BESIDE, VIEWS };
+static const char *const view_names[VIEWS] = {"orthographic", "perspective", "eye inside", "eye beside"};
+
+static void aim(stage *x, int kind) {
+    sps_view *view = &x->s.view;
+    check_set3(view->position, 3, 2, 5);
+    if (kind == ORTHOGRAPHIC) view->ortho_height = 2.5;
+    if (kind == PERSPECTIVE) view->field_of_view = 0.6;
+    if (kind == INSIDE) view->field_of_view = 1, check_set3(view->position, 0.5, 0.1, 0.4);
+    if (kind == BESIDE) { /* part of the ball lies behind the eye's plane */
+        view->field_of_view = 2.2;
+        check_set3(view->position, 1.3, -0.5, 0.2);
+        check_set3(view->target, 1.2, -0.4, -1);
+    }
+}
+
+/* Exact at any number of slabs, at any place of the eye, even and soft, by depth or by extinction. */
+static void test_one_ball(void) {
+    static const int slabs[5] = {1, 4, 64, 512, 4096};
+    for (int kind = 0; kind < VIEWS; ++kind)
+        for (int n = 0; n < 5; ++n)
+            for (int form = 0; form < 4; ++form) {
+                stage x;
+                sps_particles *set;
+                sps_stats_report stats;
+                char what[80];
+                stage_clear(&x, 47, 45);
+                aim(&x, kind);
+                set = stage_add(&x, 0);
+                set->soft = form & 1;
+                set->is_extinction = form / 2;
+                cloud_add(&x.clouds[0], 0.1, -0.05, 0.2, 1.01, 1.5);
+                x.s.view.slab = 2 / 0.7 / slabs[n];
+                if (!stage_render(&x, image_a)) return;
+                sps_stats(context, &stats);
+                CHECK(stats.slabs >= (uint64_t)slabs[n] && stats.particles == 1 && stats.particle_calls == 1);
+                snprintf(what, sizeof what, "%s, %d slabs, form %d", view_names[kind], slabs[n], form);
+                check_coverage(&x, image_a, (double)stats.slabs, what);
+                stage_free(&x);
+            }
+}
+
+/* The near plane cuts the ball, whatever its place. */
+static void test_near_plane(void) {
+    for (int form = 0; form < 8; ++form) {
+        stage x;
+        stage_clear(&x, 33, 31);
+        aim(&x, form & 1 ? PERSPECTIVE : ORTHOGRAPHIC);
+        stage_add(&x, 0)->soft = form / 2 & 1;
+        cloud_add(&x.clouds[0], 0, 0, 0, 1, 1.5);
+        x.s.view.near_distance = sqrt(38.0) + (form & 4 ? 0.35 : -0.4);
+        x.s.view.slab = form & 4 ? 1.3 : 0.2;
+        if (!stage_render(&x, image_a)) return;
+        check_coverage(&x, image_a, 40, "near plane");
+        stage_free(&x);
+    }
+}
+
+/* A white plane under an ambience of 1 is 1 where nothing lies before it: what is seen of it is exp of what a ball
+   holds before the plane, from the front to the back as well as, with a light from behind, from the back to the front.
+ */
+static void test_cut_by_polygon(void) {
+    for (int form = 0; form < 12; ++form) {
+        const double origin[3] = {-12, -12, -5.2}, u[3] = {24, 0, 7.5}, v[3] = {0, 24, 2.1};
+        const int backwards = form & 1;
+        double worst = 0;
+        stage x;
+        stage_clear(&x, 41, 39);
+        aim(&x, form & 2 ? PERSPECTIVE : ORTHOGRAPHIC);
+        stage_add(&x, 0)->soft = form >= 8;
+        cloud_add(&x.clouds[0], 0, 0.05, 0.1, 1, 1.5);
+        cloud_add(&x.clouds[0], 0.4, -0.3, 0.2, 0.5, 0.8);
+        check_add_quad(&x.triangles, origin, u, v);
+        check_add_mesh(&x.s, &x.triangles, 1);
+        check_color(x.s.scene.ambient, 1, 1, 1);
+        if (backwards) check_add_directional(&x.s, 3, 2, 5, 2);
+        if (form & 4) x.s.view.slab = 3;
+        if (!stage_render(&x, image_a)) return;
+        for (int i = 0; i < 41 * 39; ++i) {
+            double from[3], way[3], normal[3], offset[3], length, t, tau, slack;
+            pixel_ray(&x.s.view, i % 41, i / 41, from, way, &length);
+            spsi_cross(u, v, normal);
+            spsi_along(origin, from, -1, offset);
+            t = spsi_dot(normal, offset) / spsi_dot(normal, way);
+            tau = chords(&x.clouds[0], &x.set[0], from, way, 0, t, &slack);
+            worst = fmax(worst, fabs((double)image_a[4 * i] - exp(-tau)) - fmin(slack, 1));
+        }
+        /* depths are floats of about 6: the place of the cut is good to 6 ROUNDING, times the extinction there, 2 at
+           most; and 40 slabs' rounding */
+        if (!CHECK(worst <= 12 * ROUNDING + 40 * ROUNDING + 1e-6)) printf("    form %d: off by %g\n", form, worst);
+        stage_free(&x);
+    }
+}
+
+/* Smaller than a pixel: widened to 3/4 of a pixel, each with its mass. A cell of 4 x 4 pixels for each of 32 x 32
+   particles, which lie at as many places about their pixels' centres. The sum over pixels is then a midpoint rule of 32
+   steps a pixel over a profile that ends like a square root: h^1.5 of it, 0.6 %. Soft ones end smoothly. */
+static void test_small(void) {
+    for (int soft = 0; soft < 2; ++soft)
+        for (int n = 0; n < 3; ++n) {
+            static const double radii[3] = {0.4, 0.02, 1e-4};
+            const double radius = radii[n] / 128, grown = 0.75 / 128, share = (radius / grown) * (radius / grown);
+            const double mass = 1024 * 1e-3 * share * PI * 0.75 * 0.75 * (soft ? 2.0 / 5 : 2.0 / 3);
+            double sum = 0;
+            stage x;
+            sps_stats_report stats;
+            stage_clear(&x, 128, 128);
+            stage_add(&x, 0)->soft = soft;
+            for (int i = 0; i < 1024; ++i)
+                cloud_add(&x.clouds[0], (4 * (i % 32) + 1.5 + (i % 32 + 0.5) / 32) / 128 - 0.5,
+                          (4 * (i / 32) + 1.5 + (i / 32 + 0.5) / 32) / 128 - 0.5, 0, radius, 1e-3);
+            if (!stage_render(&x, image_a)) return;
+            for (int i = 0; i < 128 * 128; ++i) sum -= log1p(-(double)image_a[4 * i + 3]);
+            /* coverage near 0 is a float of its own */
+            CHECK_NEAR(sum, mass, mass * (0.006 + 1e-4));
+            sps_stats(context, &stats);
+            CHECK(stats.particles == 1024);
+            stage_free(&x);
+        }
+}
+
+/* Too little to see, and as good as solid: neither is lost, and nothing is not a number. */
+static void test_depths(void) {
+    static const double depths[4] = {1e-8, 1e-3, 1e8, 1e18};
+    for (int n = 0; n < 4; ++n) {
+        stage x;
+        double origin[3], direction[3], length, slack, tau;
+        stage_clear(&x, 31, 31);
+        x.s.view.ortho_height = 2.2;
+        stage_add(&x, 1);
+        cloud_add(&x.clouds[0], 0, 0, 0, 1, depths[n]);
+        check_add_directional(&x.s, 0.1, 0, -1, 3);
+        if (!stage_render(&x, image_a)) return;
+        pixel_ray(&x.s.view, 20, 15, origin, direction, &length);
+        tau = chords(&x.clouds[0], &x.set[0], origin, direction, -HUGE_VAL, HUGE_VAL, &slack);
+        /* of a small optical depth's coverage */
+        CHECK_NEAR((double)image_a[4 * (15 * 31 + 20) + 3], -expm1(-tau), -expm1(-tau) * 1e-5);
+        for (int i = 0; i < 4 * 961; ++i)
+            if (!CHECK(image_a[i] >= 0 && image_a[i] <= 1)) break;
+        stage_free(&x);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------------------- light */
+
+/* Emission alone: e (1 - exp(-tau)) exactly, since all that a ball holds is alike. */
+static void test_emission(void) {
+    stage x;
+    stage_clear(&x, 33, 31);
+    aim(&x, PERSPECTIVE);
+    check_color(stage_add(&x, 0)->emission, 2, 1, 0.5);
+    cloud_add(&x.clouds[0], 0, 0, 0, 1, 1.5);
+    cloud_add(&x.clouds[0], 0.3, 0, 0.6, 0.7, 2);
+    if (!stage_render(&x, image_a)) return;
+    for (int i = 0; i < 33 * 31; ++i)
+        for (int c = 0; c < 3; ++c)
+            if (!CHECK_NEAR((double)image_a[4 * i + c], (double)(x.set[0].emission[c] * image_a[4 * i + 3]), 2e-4))
+                return; /* rays end at a transmittance of 5e-5, of 2 */
+    stage_free(&x);
+}
+
+/* The shadow of a ball on a plane. Where light enters at distance d from its middle, transmittance is exp of the chord.
+   The light's texels, 0.35 / 4 radii wide, stand for a chord whose second derivatives are 1.54 and 1.16 at most where d
+   < 0.5, along and across d: off by 2.7 tau (0.35 / 4)^2 / 8. Both planes that it is looked up at hold all of it. */
+static void test_shadow_on_polygon(void) {
+    for (int form = 0; form < 4; form += 3) {
+        const double origin[3] = {-3, -1.5, 3}, u[3] = {6, 0, 0}, v[3] = {0, 0, -6}, tau = form & 1 ? 4 : 1;
+        const double far_tolerance = 2.7 * tau * 0.0875 * 0.0875 / 8;
+        int seen = 0;
+        stage x;
+        stage_clear(&x, 61, 59);
+        stage_add(&x, form & 2 ? 0.5 : 0);
+        cloud_add(&x.clouds[0], 0.1, 0.2, 0, 1, tau);
+        check_add_quad(&x.triangles, origin, u, v);
+        check_add_mesh(&x.s, &x.triangles, 0.8);
+        check_add_directional(&x.s, 0.3, -1, 0.1, 2);
+        check_set3(x.s.view.position, 0, 0.5, 6);
+        check_set3(x.s.view.target, 0.6, -1.5, 0.2);
+        x.s.view.ortho_height = 1.3;
+        if (!stage_render(&x, image_a)) return;
+        for (int i = 0; i < 61 * 59; ++i) {
+            double from[3], way[3], at[3], back[3] = {-0.3, 1, -0.1}, length, t, depth, hidden, slack, exact;
+            pixel_ray(&x.s.view, i % 61, i / 61, from, way, &length);
+            t = (-1.5 - from[1]) / way[1];
+            spsi_along(from, way, t, at);
+            spsi_normalise(back);
+            depth = chords(&x.clouds[0], &x.set[0], at, back, 0, HUGE_VAL, &slack);
+            hidden = chords(&x.clouds[0], &x.set[0], from, way, 0, t, &slack);
+            if (!(t > 0) || hidden > 0 || depth < tau * sqrt(0.75)) continue;
+            seen += 1;
+            exact = 0.8 / PI * 2 / sqrt(1.1) * exp(-depth);
+            if (!CHECK_NEAR((double)image_a[4 * i], exact, exact * far_tolerance + 1e-6)) return;
+        }
+        CHECK(seen > 100);
+        stage_free(&x);
+    }
+}
+
+/* A thin ball, seen from the side, in the shadow of another: what it sends is the integral along the eye's chord of the
+   light that is left there, in 200 steps here. Texels as above. Slabs of 0.175 of the mean radius of 0.67 lie at 45
+   degrees to the chord: steps of h = 0.165 on it. Within a step light follows a curve, which counts as its chord: off
+   by 1.54 tau h^2 / 12; and where the thin ball ends within a step, its part counts as lying in the step's middle, by
+   up to (1 - f) h / 2 further out, f being the share that it fills: f (1 - f) h^2 / 2 of the slope there over the
+   chord's length, which is tau / 2 / sqrt(0.8): 2 ends make tau h^2 / 7. */
+static void test_shadow_on_ball(void) {
+    const double tau = 1.2, thin = 1e-3;
+    int seen = 0;
+    stage x;
+    stage_clear(&x, 41, 41);
+    stage_add(&x, 0.7);
+    cloud_add(&x.clouds[0], -3, 0, 0, 1, tau);
+    cloud_add(&x.clouds[0], 0, 0, 0, 0.45, thin);
+    check_add_directional(&x.s, 1, 0, 0, 3);
+    x.s.view.ortho_height = 1;
+    if (!stage_render(&x, image_a)) return;
+    for (int i = 0; i < 41 * 41; ++i) {
+        const double px = (i % 41 - 20) / 41.0, py = (20 - i / 41) / 41.0, square = 1 - (px * px + py * py) / 0.2025;
+        double sum = 0, exact;
+        if (square < 0.05) continue;
+        for (int k = 0; k < 200; ++k) {
+            const double z = 0.45 * sqrt(square) * ((k + 0.5) / 100 - 1), d = py * py + z * z;
+            const double own = thin / 0.9 * (sqrt(0.2025 - d) + px);
+            sum += exp(-tau * sqrt(1 - d) - own) / 200;
+        }
+        exact = 0.7 * ISOTROPIC * 3 * thin * sqrt(square) * sum;
+        seen += 1;
+        if (!CHECK_NEAR((double)image_a[4 * i], exact,
+                        exact * (tau * (2.7 * 0.0875 * 0.0875 / 8 + 0.165 * 0.165 * (1.54 / 12 + 1.0 / 7)) + 2e-3)))
+            return; /* 2e-3: what is thin casts its own shadow, and its coverage is less than its optical depth */
+    }
+    CHECK(seen > 500);
+    stage_free(&x);
+}
+
+/* Overlapping balls, lit: against the reference at a step of 0.125, halving slabs and texels together. */
+static double lit_error(const sps_lobe *lobe, int from_behind, double slab, int shadow_size, float *reference) {
+    stage x;
+    double error = -1, most = 0;
+    stage_clear(&x, 61, 59);
+    aim(&x, PERSPECTIVE);
+    sps_particles *set = stage_add(&x, 0.8);
+    set->soft = 1;
+    set->lobes = lobe;
+    set->lobe_count = lobe != NULL;
+    cloud_add(&x.clouds[0], 0, 0, 0, 1, 2);
+    cloud_add(&x.clouds[0], 0.7, 0.3, 0.3, 0.8, 3);
+    cloud_add(&x.clouds[0], -0.6, 0.5, -0.4, 0.9, 2);
+    if (from_behind)
+        check_add_directional(&x.s, 1, 0.4, 1, 5);
+    else
+        check_add_point(&x.s, 4, 9, 6, 400);
+    if (slab > 0) {
+        x.s.view.slab = slab;
+        x.s.view.shadow_size = shadow_size;
+        if (stage_render(&x, image_a)) {
+            for (int i = 0; i < 61 * 59; ++i) most = fmax(most, (double)reference[4 * i]);
+            error = check_rms(image_a, reference, 4 * 61 * 59) / most;
+        }
+    } else {
+        stage_march(&x, -slab, reference);
+    }
+    stage_free(&x);
+    return error;
+}
+
+static void test_against_reference(void) {
+    static const sps_lobe forward = {0.5f, 1};
+    for (int behind = 0; behind < 2; ++behind) {
+        double errors[3], march;
+        lit_error(&forward, behind, -0.0625, 0, image_b);
+        for (int n = 0; n < 3; ++n) errors[n] = lit_error(&forward, behind, 0.8 / (1 << n), 32 << n, image_b);
+        printf("balls lit from %s: error %.2e %.2e %.2e against the reference\n", behind ? "behind" : "the front",
+               errors[0], errors[1], errors[2]);
+        /* second order: a quarter each time, and as much again for the first, which is not there yet */
+        CHECK(errors[0] >= 0 && errors[1] < 0.35 * errors[0] && errors[2] < 0.35 * errors[1] && errors[2] < 1e-3);
+        lit_error(&forward, behind, -0.5, 0, image_a);
+        march = check_rms(image_a, image_b, 4 * 61 * 59);
+        lit_error(&forward, behind, -0.25, 0, image_a);
+        /* the reference against itself: a quarter (1 - 1/16) / (1 - 1/64) of it, and some for the rims */
+        CHECK(check_rms(image_a, image_b, 4 * 61 * 59) < 0.35 * march);
+    }
+}
+
+/* A soft ball as a volume of 97^3 voxels. What the two differ in: kernels blur it by 0.65 voxels of 1/40 radius, which
+   moves the field by half of that squared times its second derivatives, 3 (0.65 / 40)^2 = 8e-4 of the middle's, 1.2e-3
+   of the mean; and the cut of kernels moves 2e-3 of their mass (test_transport's RIPPLE). Either changes the optical
+   depths of eye and light, and radiance by as much for each: 4 times the larger. At the rim, where optical depth is 2
+   (1 - b^2)^1.5, kernels carry it a standard deviation further: 2 (2 * 0.65 / 40)^1.5 = 1.2e-2, and half as much again
+   of the brightest, since what is thin hides nothing of itself. Pixels are smaller than voxels, or there would be their
+   filter. */
+static double soft_ball(const void *user, const double p[3]) {
+    (void)user;
+    return fmax(0, 1 - p[0] * p[0] - p[1] * p[1] - p[2] * p[2]);
+}
+
+static void test_voxel_stand_in(void) {
+    stage x;
+    check_field field;
+    sps_volume *volume;
+    double most = 0;
+    stage_clear(&x, 127, 121);
+    aim(&x, PERSPECTIVE);
+    stage_add(&x, 0.8)->soft = 1;
+    cloud_add(&x.clouds[0], 0, 0, 0, 1, 2);
+    check_add_directional(&x.s, -1, -0.8, 0.2, 3);
+    x.s.view.slab = 0.1;
+    x.s.view.shadow_size = 200;
+    if (!stage_render(&x, image_a)) return;
+    x.s.scene.particles_count = 0;
+    memset(&field, 0, sizeof field);
+    field.value_fn = soft_ball;
+    volume = check_add_volume(&x.s, 97, 97, 97, check_box(-1.2125, -1.2125, -1.2125, 1.2125, 1.2125, 1.2125));
+    volume->eval_fn = check_eval_field;
+    volume->user = &field;
+    volume->extinction = 1.5f; /* a depth of 2 is 4/3 of it */
+    check_color(volume->albedo, 0.8, 0.8, 0.8);
+    x.s.view.slab = 2;
+    if (!check_render(context, &x.s, image_b)) return;
+    for (int i = 0; i < 127 * 121; ++i) most = fmax(most, (double)image_b[4 * i]);
+    for (int i = 0; i < 127 * 121; ++i)
+        if (!CHECK_NEAR((double)image_a[4 * i], (double)image_b[4 * i],
+                        (image_b[4 * i + 3] < 0.1f ? 2e-2 : 8e-3) * most))
+            return;
+    stage_free(&x);
+}
+
+/* ----------------------------------------------------------------------------------------------------- many of them */
+
+/* Balls of many sizes, from a tenth of a pixel to half of the image. */
+static void fill(stage *x, int set, int count, uint64_t seed) {
+    check_random random;
+    random.state = seed;
+    for (int i = 0; i < count; ++i) {
+        const double a = check_next(&random), b = check_next(&random), c = check_next(&random);
+        const double size = i % 50 == 0 ? 0.5 : pow(check_next(&random), 4) * 0.2 + 1e-3;
+        cloud_add(&x->clouds[set], 2 * a - 1, 1.6 * b - 0.8, 2 * c - 1, size, 0.02 + 0.3 * check_next(&random));
+    }
+}
+
+static float half_value = 0.4f;
+
+/* Two sets, a volume that is classified, another that is not, a floor, and lights from two sides. */
+static void build_mixed(stage *x) {
+    static const sps_transfer_point points[] = {{0, {0.9f, 0.5f, 0.3f}, 0}, {1, {0.9f, 0.5f, 0.3f}, 8}};
+    static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+    const double origin[3] = {-2, -0.6, 2}, u[3] = {4, 0, 0}, v[3] = {0, 0.3, -4};
+    sps_volume *volume;
+    stage_clear(x, 101, 83);
+    x->s.view.quality = SPS_QUALITY_MEDIUM;
+    check_set3(x->s.view.position, 1, 1, 4);
+    x->s.view.field_of_view = 0.8;
+    x->s.view.shadow_size = 150;
+    x->s.view.slab = 4;
+    stage_add(x, 0.8);
+    stage_add(x, 0.3)->soft = 1;
+    check_color(x->set[1].emission, 0.1, 0.05, 0.2);
+    x->lobe.asymmetry = 0.4f;
+    x->lobe.weight = 2;
+    x->set[1].lobes = &x->lobe;
+    x->set[1].lobe_count = 1;
+    fill(x, 0, 1500, 3);
+    fill(x, 1, 5000, 4);
+    for (int i = 0; i < 2; ++i) {
+        volume = check_add_volume(&x->s, 9, 8, 7, check_box(-0.9 + i, -0.5, -0.4, -0.3 + i, 0.4, 0.5));
+        volume->read_fn = check_read_constant;
+        volume->user = &half_value;
+        volume->extinction = 2;
+        check_color(volume->albedo, 0.2, 0.5, 0.8);
+        if (i == 0) volume->transfer = &transfer, volume->shading = SPS_SHADING_SURFACE;
+    }
+    check_add_quad(&x->triangles, origin, u, v);
+    check_add_mesh(&x->s, &x->triangles, 0.7);
+    check_add_directional(&x->s, -1, -1, -0.3, 3);
+    check_add_directional(&x->s, 0.4, -0.5, 1, 2);
+    check_color(x->s.scene.ambient, 0.1, 0.1, 0.2);
+    check_color(x->s.scene.background, 0.3, 0.2, 0.1);
+    stage_ready(x);
+}
+
+/* Thousands in one picture are the sum of their chords, as long as each is wider than a pixel. */
+static void test_many(void) {
+    stage x;
+    check_random random;
+    random.state = 11;
+    stage_clear(&x, 101, 97);
+    aim(&x, PERSPECTIVE);
+    stage_add(&x, 0);
+    stage_add(&x, 0.5)->soft = 1;
+    for (int i = 0; i < 6000; ++i)
+        cloud_add(&x.clouds[i & 1], 2 * check_next(&random) - 1, 2 * check_next(&random) - 1,
+                  2 * check_next(&random) - 1, i % 100 ? 0.05 + 0.05 * check_next(&random) : 0.8,
+                  i % 100 ? 0.02 : 1e-3);
+    if (!stage_render(&x, image_a)) return;
+    check_coverage(&x, image_a, 200, "many");
+    check_set3(x.s.view.position, 0.2, 0.1, 0.3); /* in the midst of them */
+    x.s.view.field_of_view = 1.2;
+    if (!stage_render(&x, image_a)) return;
+    check_coverage(&x, image_a, 200, "many, from within");
+    stage_free(&x);
+}
+
+/* Volumes of which one is classified and shaded as a surface give tiles margins, which particles do not mind. */
+static void test_margins(void) {
+    static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 8}};
+    static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+    stage x;
+    sps_volume *volume;
+    stage_clear(&x, 141, 77);
+    x.s.view.ortho_height = 2.2;
+    stage_add(&x, 0);
+    cloud_add(&x.clouds[0], -0.6, 0, 0, 1, 1.5);
+    volume = check_add_volume(&x.s, 3, 3, 3, check_box(1.85, 0.9, -2, 1.95, 1, -1.9));
+    volume->read_fn = check_read_constant;
+    volume->user = &half_value;
+    volume->transfer = &transfer;
+    volume->shading = SPS_SHADING_SURFACE;
+    check_add_directional(&x.s, 0.2, 0.1, -1, 1);
+    x.s.view.slab = 4;
+    if (!stage_render(&x, image_a)) return;
+    for (int y = 0; y < 77; ++y) /* the volume is on the right, the ball on the left */
+        memmove(image_a + (size_t)y * 4 * 109, image_a + (size_t)y * 4 * 141, 109 * 4 * sizeof(float));
+    for (int i = 0; i < 109 * 77; ++i) {
+        double origin[3], direction[3], length, slack, tau;
+        pixel_ray(&x.s.view, i % 109, i / 109, origin, direction, &length);
+        tau = chords(&x.clouds[0], &x.set[0], origin, direction, 0, HUGE_VAL, &slack);
+        if (!CHECK_NEAR((double)image_a[4 * i + 3], -expm1(-tau), fmin(slack, 1) + 1e-5)) return;
+    }
+    stage_free(&x);
+}
+
+/* Sets and volumes that look alike share a channel; others do not. */
+static void test_channels(void) {
+    stage x;
+    sps_plan_report plan;
+    stage_clear(&x, 31, 31);
+    stage_add(&x, 0.5);
+    stage_add(&x, 0.5)->soft = 1;
+    cloud_add(&x.clouds[0], 0.1, 0, 0, 0.2, 1);
+    cloud_add(&x.clouds[1], 0, 0.1, 0, 0.2, 1);
+    stage_ready(&x);
+    CHECK_OK(context, sps_plan(context, &x.s.scene, &x.s.view, &plan));
+    CHECK(plan.sheet_channels == 1 && plan.color_channels == 1);
+    x.set[1].albedo[2] = 0.6f;
+    CHECK_OK(context, sps_plan(context, &x.s.scene, &x.s.view, &plan));
+    CHECK(plan.sheet_channels == 2 && plan.color_channels == 3);
+    stage_free(&x);
+}
+
+/* Another order, another rounding of sums, and nothing else: 6500 addends of a float each, in sums of a few hundred. */
+static void test_order(void) {
+    stage x;
+    build_mixed(&x);
+    check_render(context, &x.s, image_a);
+    for (int n = 0; n < 2; ++n)
+        for (size_t i = 0; i < x.clouds[n].count / 2; ++i) {
+            const sps_particle other = x.clouds[n].list[i];
+            x.clouds[n].list[i] = x.clouds[n].list[x.clouds[n].count - 1 - i];
+            x.clouds[n].list[x.clouds[n].count - 1 - i] = other;
+        }
+    check_render(context, &x.s, image_b);
+    CHECK_NEAR(check_largest(image_a, image_b, 4 * 101 * 83), 0, 1e-4);
+    stage_free(&x);
+}
+
+static void test_same_bits(void) {
+    static const int workers[4] = {0, 1, 2, 7};
+    static const int regions[4][4] = {{0, 0, 64, 64}, {63, 10, 38, 60}, {100, 82, 1, 1}, {5, 40, 90, 43}};
+    stage x;
+    sps_image image;
+    build_mixed(&x);
+    memset(&image, 0, sizeof image);
+    for (int n = 0; n < 4; ++n) {
+        check_hooks hooks;
+        sps_context *own;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.worker_count = workers[n];
+        hooks.order = 17 * (uint64_t)n;
+        own = check_context(&hooks);
+        check_render(own, &x.s, n == 0 ? image_a : image_b);
+        if (n > 0 && !CHECK(memcmp(image_a, image_b, 4 * 101 * 83 * sizeof(float)) == 0))
+            printf("    %d workers\n", workers[n]);
+        sps_destroy(own);
+    }
+    for (int n = 0; n < 4; ++n) {
+        const int *r = regions[n];
+        int same = 1;
+        memcpy(x.s.view.region, r, sizeof regions[n]);
+        check_render(context, &x.s, image_b);
+        for (int y = 0; y < r[3]; ++y)
+            same &= memcmp(image_b + 4 * y * r[2], image_a + 4 * ((r[1] + y) * 101 + r[0]),
+                           4 * (size_t)r[2] * sizeof(float)) == 0;
+        if (!CHECK(same)) printf("    region %d\n", n);
+    }
+    stage_free(&x);
+}
+
+/* The mixed scene against the reference, which is without pixel filter: particles under a pixel are left out. What is
+   left is the classified volume's own error and shadows' edges, of which test_transport knows more. */
+static void test_mixed(void) {
+    stage x;
+    double most = 0, error;
+    build_mixed(&x);
+    x.s.view.quality = SPS_QUALITY_HIGH;
+    x.s.view.slab = x.s.view.shadow_size = 0;
+    x.s.view.width = 50, x.s.view.height = 41;
+    x.s.volume[0] = x.s.volume[1];
+    x.s.scene.volume_count = 1;
+    for (int n = 0; n < 2; ++n) {
+        size_t kept = 0;
+        for (size_t i = 0; i < x.clouds[n].count; ++i)
+            if (x.clouds[n].list[i].radius > 0.12f) x.clouds[n].list[kept++] = x.clouds[n].list[i];
+        x.clouds[n].count = kept;
+    }
+    stage_render(&x, image_a);
+    stage_march(&x, 0.7, image_b);
+    for (int i = 0; i < 50 * 41; ++i) most = fmax(most, (double)image_b[4 * i]);
+    error = check_rms(image_a, image_b, 4 * 50 * 41) / most;
+    printf("mixed scene: error %.2e\n", error);
+    CHECK(error < 5e-3);
+    stage_free(&x);
+}
+
+/* ----------------------------------------------------------------------------------------------------- odd data */
+
+/* One stray particle, or radii far below all else, take no more slabs than there can be. */
+static void test_outliers(void) {
+    static const double strays[3] = {1e3, 1e7, 1e14};
+    for (int n = 0; n < 6; ++n) {
+        stage x;
+        sps_stats_report stats;
+        stage_clear(&x, 33, 31);
+        stage_add(&x, 0.5);
+        fill(&x, 0, 300, 5);
+        if (n < 3)
+            cloud_add(&x.clouds[0], 0, strays[n], -strays[n], 0.1, 1);
+        else
+            for (size_t i = 0; i < 300; ++i) x.clouds[0].list[i].radius = (float)(1 / strays[n - 3]);
+        check_add_directional(&x.s, 0.3, 0.2, -1, 1);
+        x.s.view.quality = SPS_QUALITY_MEDIUM;
+        if (!stage_render(&x, image_a)) return;
+        sps_stats(context, &stats);
+        if (!CHECK(stats.slabs <= (n < 3 ? 1 << 17 : 1000))) printf("    %d: %.0f slabs\n", n, (double)stats.slabs);
+        stage_free(&x);
+    }
+}
+
+static void check_refused(stage *x, sps_result expected, const char *words) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = image_a;
+    stage_ready(x);
+    for (int reference = 0; reference < 2; ++reference) {
+        const sps_result result = reference ? sps_reference(context, &x->s.scene, &x->s.view, 1, &image)
+                                            : sps_render(context, &x->s.scene, &x->s.view, &image);
+        if (!CHECK(result == expected && strstr(sps_error(context), words)))
+            printf("    %d: %s, not %s\n", (int)result, sps_error(context), words);
+    }
+}
+
+static void test_invalid(void) {
+    static const float bad[] = {-1, 2e18f, 0, 0};
+    for (int field = 0; field < 5; ++field)
+        for (int n = 0; n < 4; ++n) {
+            const float value = n == 2 ? (float)HUGE_VAL : n == 3 ? (float)(HUGE_VAL - HUGE_VAL) : bad[n];
+            static const char *const names[] = {"position", "position", "position", "radius", "optical_depth"};
+            char words[80];
+            sps_stats_report stats;
+            sps_particle *particle;
+            stage x;
+            if (field < 3 && n == 0) continue; /* a good position */
+            stage_clear(&x, 13, 11);
+            stage_add(&x, 0.5);
+            stage_add(&x, 0.5);
+            fill(&x, 0, 10, 6);
+            fill(&x, 1, 5000, 7);
+            particle = &x.clouds[1].list[4321];
+            ((float *)(void *)particle)[field] = value;
+            snprintf(words, sizeof words, "particles[1].particle[4321].%s is ", names[field]);
+            check_refused(&x, SPS_ERROR_DATA, words);
+            x.s.scene.replace_invalid = 1;
+            if (!stage_render(&x, image_a)) return;
+            sps_stats(context, &stats);
+            CHECK(stats.values_replaced == 1 && stats.particles == 5009);
+            particle->radius = 0;
+            particle->optical_depth = 1;
+            check_color(particle->position, 0, 0, 0);
+            if (!stage_render(&x, image_b)) return;
+            CHECK(memcmp(image_a, image_b, 13 * 11 * 4 * sizeof(float)) == 0);
+            stage_free(&x);
+        }
+}
+
+/* Arguments that make no sense, each by its name. */
+static void test_refusals(void) {
+    static const char *const words[] = {
+        "particles[1].start_canary", "particles[1].end_canary", "scene.particles_count", "scene.particles_count",
+        "particles[1].read_fn",      "particles[1].lobe_count", "particles[1].lobes[0]", "particles[1].albedo",
+        "particles[1].emission",     "particles[1].count"};
+    static const sps_lobe bent = {2, 1};
+    for (int n = 0; n < 10; ++n) {
+        sps_plan_report plan;
+        stage x;
+        stage_clear(&x, 13, 11);
+        stage_add(&x, 0.5);
+        stage_add(&x, 0.5);
+        fill(&x, 0, 10, 6);
+        fill(&x, 1, 10, 6);
+        if (n == 0) x.set[1].start_canary = 1;
+        if (n == 1) x.set[1].end_canary = 1;
+        if (n == 2) x.s.scene.particles = NULL;
+        if (n == 4) x.set[1].read_fn = NULL;
+        if (n == 5) x.set[1].lobe_count = 3;
+        if (n == 6) x.set[1].lobes = &bent, x.set[1].lobe_count = 1;
+        if (n == 7) x.set[1].albedo[1] = 1.5f;
+        if (n == 8) x.set[1].emission[1] = -1;
+        stage_ready(&x);
+        if (n == 9) x.set[1].count = (size_t)1 << 29; /* with those of the set before it that is too many */
+        if (n == 3) x.s.scene.particles_count = -1;
+        CHECK(sps_plan(context, &x.s.scene, &x.s.view, &plan) == SPS_ERROR_ARGUMENT);
+        if (!CHECK(strstr(sps_error(context), words[n]))) printf("    %s: %s\n", words[n], sps_error(context));
+        stage_free(&x);
+    }
+}
+
+/* A light among the particles is refused as it is in a volume. */
+static void test_light_inside(void) {
+    stage x;
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = image_a;
+    stage_clear(&x, 13, 11);
+    stage_add(&x, 0.5);
+    fill(&x, 0, 100, 6);
+    check_add_point(&x.s, 0, 0, 0, 1);
+    stage_ready(&x);
+    CHECK(sps_render(context, &x.s.scene, &x.s.view, &image) == SPS_ERROR_UNSUPPORTED);
+    CHECK(strstr(sps_error(context), "light[0]") != NULL);
+    x.s.light[0].no_shadow = 1;
+    stage_render(&x, image_a);
+    stage_free(&x);
+}
+
+/* Sets of nothing, and sets of particles that are nothing, are as good as none. */
+static void test_nothing(void) {
+    stage x;
+    build_mixed(&x);
+    x.s.scene.particles_count = 0;
+    check_render(context, &x.s, image_a);
+    for (int form = 0; form < 4; ++form) {
+        x.s.scene.particles_count = 2;
+        x.set[0].count = x.set[1].count = form ? 1500 : 0;
+        for (int i = 0; i < 1500; ++i)
+            for (int n = 0; n < 2; ++n) {
+                if (form == 1) x.clouds[n].list[i].radius = 0;
+                if (form == 2) x.clouds[n].list[i].optical_depth = 0, x.clouds[n].list[i].radius = 1;
+                if (form == 3) x.clouds[n].list[i].optical_depth = 1e-33f;
+            }
+        /* one that looks like the volume, and one that has no channel of its own to round by */
+        x.set[1].emission[0] = x.set[1].emission[1] = x.set[1].emission[2] = 0;
+        check_render(context, &x.s, image_b);
+        if (!CHECK(check_largest(image_a, image_b, 4 * 101 * 83) <= 1e-6)) printf("    form %d\n", form);
+    }
+    stage_free(&x);
+}
+
+/* Every provider's failure, in whichever call, is told; so is every wish to stop. */
+static int stop_at(void *user, float fraction) {
+    int *left = (int *)user;
+    (void)fraction;
+    return --*left == 0;
+}
+
+static void test_failing(void) {
+    stage x;
+    sps_config config;
+    sps_context *own;
+    int left = 0, cancelled = 0;
+    stage_clear(&x, 13, 11);
+    stage_add(&x, 0.5);
+    stage_add(&x, 0.5);
+    fill(&x, 0, 100, 6);
+    fill(&x, 1, 9000, 7);
+    for (int call = 1; call <= 3; ++call) {
+        x.clouds[1].calls = 0;
+        x.clouds[1].limit_calls = call;
+        x.clouds[0].calls = 0;
+        stage_ready(&x);
+        {
+            sps_image image;
+            memset(&image, 0, sizeof image);
+            image.rgba = image_a;
+            CHECK(sps_render(context, &x.s.scene, &x.s.view, &image) == SPS_ERROR_CALLBACK);
+            CHECK(strcmp(sps_error(context), "particles[1].read_fn failed: it returned 7") == 0);
+            CHECK(x.clouds[0].calls == 1 && x.clouds[1].calls == call);
+        }
+    }
+    x.clouds[1].limit_calls = 0;
+    CHECK(x.clouds[1].largest == 4096 && x.clouds[1].zeroed == 3 * 4096);
+    memset(&config, 0, sizeof config);
+    config.progress_fn = stop_at;
+    config.progress_user = &left;
+    own = sps_create(&config);
+    for (int n = 1; n < 1000; ++n) {
+        sps_image image;
+        sps_result result;
+        memset(&image, 0, sizeof image);
+        image.rgba = image_a;
+        left = n;
+        result = sps_render(own, &x.s.scene, &x.s.view, &image);
+        if (result == SPS_OK) break;
+        if (!CHECK(result == SPS_ERROR_CANCELLED)) break;
+        ++cancelled;
+    }
+    CHECK(cancelled > 5); /* once a batch, once a chunk */
+    sps_destroy(own);
+    stage_free(&x);
+}
+
+/* Every allocation refused in turn: an error each time, nothing leaks, and the next call is right. */
+static void test_memory(void) {
+    stage x;
+    build_mixed(&x);
+    x.set[0].count = 200, x.set[1].count = 100;
+    x.s.view.width = 31, x.s.view.height = 29;
+    check_render(context, &x.s, image_a);
+    for (int reference = 0; reference < 2; ++reference)
+        for (long fail = 1; fail < 200; ++fail) {
+            check_hooks hooks;
+            sps_context *own;
+            sps_image image;
+            sps_result result;
+            memset(&hooks, 0, sizeof hooks);
+            memset(&image, 0, sizeof image);
+            image.rgba = image_b;
+            own = check_context(&hooks);
+            hooks.fail_at = hooks.allocations + fail;
+            result = reference ? sps_reference(own, &x.s.scene, &x.s.view, 30, &image)
+                               : sps_render(own, &x.s.scene, &x.s.view, &image);
+            if (result != SPS_OK) {
+                CHECK(result == SPS_ERROR_MEMORY);
+                check_render(own, &x.s, image_b);
+                CHECK(memcmp(image_a, image_b, 31 * 29 * 4 * sizeof(float)) == 0);
+            }
+            sps_destroy(own);
+            CHECK(hooks.live == 0 && hooks.live_blocks == 0);
+            if (result == SPS_OK) {
+                CHECK(fail > (reference ? 12 : 15));
+                break;
+            }
+        }
+    stage_free(&x);
+}
+
+/* ---------------------------------------------------------------------------------------------------------- plans */
+
+static void test_plan(void) {
+    for (int form = 0; form < 8; ++form) {
+        check_hooks hooks;
+        sps_context *own;
+        sps_plan_report plan;
+        sps_stats_report stats;
+        stage x;
+        build_mixed(&x);
+        if (form & 1) x.s.scene.volume_count = 0;
+        if (form & 2) x.s.scene.light_count = 0;
+        if (form & 4) x.s.scene.mesh_count = 0, x.s.view.shadow_size = 90, x.set[0].count = 0;
+        memset(&hooks, 0, sizeof hooks);
+        own = check_context(&hooks);
+        CHECK_OK(own, sps_plan(own, &x.s.scene, &x.s.view, &plan));
+        CHECK(x.clouds[0].calls == 0 && x.clouds[1].calls == 0);
+        check_render_depth(own, &x.s, image_a, distance_a);
+        sps_stats(own, &stats);
+        CHECK(plan.particle_calls == (uint64_t)(form & 4 ? 2 : 3) && stats.particle_calls == plan.particle_calls);
+        CHECK(x.clouds[0].calls + x.clouds[1].calls == (long)plan.particle_calls);
+        if (!CHECK(hooks.peak <= plan.bytes)) printf("    form %d: %zu of %zu\n", form, hooks.peak, plan.bytes);
+        CHECK(plan.pass[SPS_PASS_GATHER].runs == 1 && plan.pass[SPS_PASS_EYE_SHEETS].runs == (form & 2 ? 1 : 2));
+        CHECK(plan.pass[SPS_PASS_LIGHT_SHEETS].runs == (form & 2 ? 0 : 2) && plan.pass[SPS_PASS_EMISSION].runs == 1);
+        CHECK(strstr(plan.pass[SPS_PASS_GATHER].reason, "particles") != NULL);
+        CHECK(plan.pass[SPS_PASS_SCATTERING].runs == (form & 2 ? 0 : 2));
+        sps_destroy(own);
+        stage_free(&x);
+    }
+}
+
+/* Statistics of a ball: its pixels, once, times the slabs it is in; nothing for a light that casts no shadow. */
+static void test_stats(void) {
+    sps_stats_report stats;
+    stage x;
+    stage_clear(&x, 40, 40);
+    x.s.view.ortho_height = 2;
+    stage_add(&x, 0.5);
+    cloud_add(&x.clouds[0], 0, 0, 0, 0.5, 1);
+    check_add_directional(&x.s, 0, 0, -1, 1)->no_shadow = 1;
+    x.s.view.slab = 1000;
+    if (!stage_render(&x, image_a)) return;
+    sps_stats(context, &stats);
+    CHECK(stats.slabs == 1 && stats.eye_footprints == 1 && stats.eye_fragments == 400 && stats.light_footprints == 0);
+    x.s.light[0].no_shadow = 0;
+    if (!stage_render(&x, image_a)) return;
+    sps_stats(context, &stats);
+    CHECK(stats.light_footprints > 0 && stats.light_fragments > 0);
+    stage_free(&x);
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_one_ball);
+    RUN(test_near_plane);
+    RUN(test_cut_by_polygon);
+    RUN(test_small);
+    RUN(test_depths);
+    RUN(test_emission);
+    RUN(test_shadow_on_polygon);
+    RUN(test_shadow_on_ball);
+    RUN(test_against_reference);
+    RUN(test_voxel_stand_in);
+    RUN(test_many);
+    RUN(test_margins);
+    RUN(test_channels);
+    RUN(test_order);
+    RUN(test_same_bits);
+    RUN(test_mixed);
+    RUN(test_outliers);
+    RUN(test_invalid);
+    RUN(test_refusals);
+    RUN(test_light_inside);
+    RUN(test_nothing);
+    RUN(test_failing);
+    RUN(test_memory);
+    RUN(test_plan);
+    RUN(test_stats);
+    sps_destroy(context);
+    return check_report();
+}

@@ -1,4 +1,4 @@
-/* render: the library from the command line. Raw volumes and OBJ meshes in, PNG, PFM and statistics out.
+/* render: the library from the command line. Raw volumes, particles and OBJ meshes in, PNG, PFM and statistics out.
    cc -O3 -march=native -pthread -I. -isystem /usr/include/stb examples/render.c -o render -lm
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. Either with one line on stderr. */
 
@@ -17,17 +17,30 @@
 typedef uint64_t option_set; /* a bit for each place in the table of options */
 
 /* `given` comes first wherever options have fields: what was said about this one. */
+typedef struct phase_lobes {
+    sps_lobe list[2];
+    int count;
+} phase_lobes;
+
 typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
     int size[3], type, shading;
     double box[6], extinction, albedo[3], emission[3];
-    sps_lobe lobes[2];
-    int lobe_count;
+    phase_lobes lobes;
     ex_grid grid;
     ex_transfer points;
     sps_transfer transfer;
 } volume_arguments;
+
+typedef struct particles_arguments {
+    option_set given;
+    const char *file;
+    int soft, is_extinction;
+    double albedo[3], emission[3];
+    phase_lobes lobes;
+    ex_particles particles;
+} particles_arguments;
 
 typedef struct mesh_arguments {
     option_set given;
@@ -36,15 +49,16 @@ typedef struct mesh_arguments {
     ex_mesh mesh;
 } mesh_arguments;
 
-/* Every list is as long as argv, which no list can outgrow. The first volume and the first mesh are there before their
-   file is known, for the options that stand before it. */
+/* Every list is as long as argv, which no list can outgrow. The first volume, set of particles and mesh are there
+   before their file is known, for the options that stand before it. */
 typedef struct arguments {
     option_set given;
     volume_arguments *volumes;
+    particles_arguments *particles;
     mesh_arguments *meshes;
     sps_light *lights;
     const char **light_texts;
-    int volume_count, mesh_count, light_count;
+    int volume_count, particles_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
     int shadow, map_size, map_components, map_window;
@@ -53,7 +67,7 @@ typedef struct arguments {
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
-typedef enum option_owner { SCENE = 0, VOLUME, MESH } option_owner; /* whose field an option sets */
+typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH } option_owner; /* whose field an option sets */
 
 typedef struct option_rule {
     const char *name, *form, *help; /* form NULL: takes no value */
@@ -164,7 +178,7 @@ static int set_camera(const option_rule *rule, arguments *all, void *place, cons
 }
 
 static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
-    volume_arguments *volume = (volume_arguments *)place;
+    phase_lobes *lobes = (phase_lobes *)place;
     double g[3] = {0, 0, 0};
     (void)all;
     const int count = read_numbers(value, 3, g);
@@ -172,11 +186,11 @@ static int set_phase(const option_rule *rule, arguments *all, void *place, const
     if (!within(g, 2, rule->lo, rule->hi)) return outside(rule, value, "g and g2", rule->lo, rule->hi, error);
     if (!within(g + 2, 1, 0, 1)) return outside(rule, value, "w", 0, 1, error);
     const double weights[2] = {1 - g[2], g[2]};
-    volume->lobe_count = 0;
+    lobes->count = 0;
     for (int i = 0; i < 2; ++i) {
         if (weights[i] <= 0) continue; /* the library wants weights above 0 */
-        volume->lobes[volume->lobe_count].asymmetry = (float)g[i];
-        volume->lobes[volume->lobe_count++].weight = (float)weights[i];
+        lobes->list[lobes->count].asymmetry = (float)g[i];
+        lobes->list[lobes->count++].weight = (float)weights[i];
     }
     return 0;
 }
@@ -184,6 +198,10 @@ static int set_phase(const option_rule *rule, arguments *all, void *place, const
 static void default_volume(volume_arguments *volume) {
     volume->extinction = 1;
     for (int i = 0; i < 3; ++i) volume->albedo[i] = 0.8, volume->box[3 + i] = 1;
+}
+
+static void default_particles(particles_arguments *particles) {
+    for (int i = 0; i < 3; ++i) particles->albedo[i] = 0.8;
 }
 
 static void default_mesh(mesh_arguments *mesh) {
@@ -195,6 +213,14 @@ static int add_volume(const option_rule *rule, arguments *all, void *place, cons
     (void)place;
     if (set_text(rule, all, &volume->file, value, error)) return 1;
     if (all->volume_count++ > 0) default_volume(volume);
+    return 0;
+}
+
+static int add_particles(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    particles_arguments *particles = all->particles + all->particles_count;
+    (void)place;
+    if (set_text(rule, all, &particles->file, value, error)) return 1;
+    if (all->particles_count++ > 0) default_particles(particles);
     return 0;
 }
 
@@ -228,12 +254,13 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
 
 /* =============================================================================================== the table */
 
-#define OF_SCENE(field)  SCENE, offsetof(arguments, field)
-#define OF_VOLUME(field) VOLUME, offsetof(volume_arguments, field)
-#define OF_MESH(field)   MESH, offsetof(mesh_arguments, field)
-#define NO_NUMBERS       0, 0, 0, NULL
-#define COORDINATES      -FARTHEST, FARTHEST, NULL /* ranges of numbers */
-#define POSITIVE         0, LARGEST, NULL
+#define OF_SCENE(field)     SCENE, offsetof(arguments, field)
+#define OF_VOLUME(field)    VOLUME, offsetof(volume_arguments, field)
+#define OF_MESH(field)      MESH, offsetof(mesh_arguments, field)
+#define OF_PARTICLES(field) PARTICLES, offsetof(particles_arguments, field)
+#define NO_NUMBERS          0, 0, 0, NULL
+#define COORDINATES         -FARTHEST, FARTHEST, NULL /* ranges of numbers */
+#define POSITIVE            0, LARGEST, NULL
 
 /* clang-format off */
 static const option_rule options[] = {
@@ -244,9 +271,15 @@ static const option_rule options[] = {
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
-    {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, VOLUME, 0, 1, -0.99, 0.99, NULL},
+    {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
     {"--transfer", "FILE", "lines: value r g b extinction, values (0..1 for u8 and u16) rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
+    {"--particles", "FILE", "particles: little-endian 32-bit floats x y z radius opticaldepth for each, no header; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
+    {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
+    {"--particle-emission", "r,g,b", "radiance per unit of optical depth; default 0,0,0", set_reals, OF_PARTICLES(emission), 3, POSITIVE},
+    {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
+    {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
+    {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, in place of optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
     {"--mesh", "FILE.obj", "Wavefront OBJ, opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
     {"--mesh-color", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
     {"--camera", "px,py,pz,tx,ty,tz", "position and target; default: all of the scene in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
@@ -285,6 +318,7 @@ enum { OPTION_COUNT = sizeof options / sizeof options[0] };
 static const char *const headings[][2] = {
     {"--volume",
      "Volumes. These are about the --volume before them; those before the first --volume, about the first."},
+    {"--particles", "Particles, in the same way: balls of gas."},
     {"--mesh", "Meshes, in the same way."},
     {"--camera", "View."},
     {"--light", "Light. Colours are linear: irradiance of a directional light, of a point light at distance 1."},
@@ -318,10 +352,12 @@ static const option_rule *find_option(const char *name) {
 /* Whether an option is in a set. */
 static int has(option_set given, const char *name) { return (int)(given >> (find_option(name) - options) & 1); }
 
-/* The struct that the option's field is in: the arguments, or the latest volume or mesh, or else the first to come. */
+/* The struct that the option's field is in: the arguments, or the latest volume, particles or mesh, or else the first
+   to come. */
 static void *find_owner(const option_rule *rule, arguments *all) {
     if (rule->owner == SCENE) return all;
     if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
+    if (rule->owner == PARTICLES) return all->particles + (all->particles_count ? all->particles_count - 1 : 0);
     return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
 }
 
@@ -373,14 +409,16 @@ static int check_volumes(const arguments *all, ex_error *error) {
     return 0;
 }
 
-/* Options that were about a first volume or a first mesh, and then none came. */
+/* Options that were about a first volume, set of particles or mesh, and then none came. */
 static int check_owners(const arguments *all, ex_error *error) {
-    const option_set lost =
-        (all->volume_count ? 0 : all->volumes[0].given) | (all->mesh_count ? 0 : all->meshes[0].given);
+    static const char *const owners[] = {"", "--volume", "--particles", "--mesh"};
+    const option_set lost = (all->volume_count ? 0 : all->volumes[0].given) |
+                            (all->particles_count ? 0 : all->particles[0].given) |
+                            (all->mesh_count ? 0 : all->meshes[0].given);
     for (int i = 0; i < OPTION_COUNT; ++i)
         if (lost >> i & 1)
             return ex_fail(error, "%s: there is no %s that it could be about", options[i].name,
-                           options[i].owner == VOLUME ? "--volume" : "--mesh");
+                           owners[options[i].owner]);
     return 0;
 }
 
@@ -393,6 +431,8 @@ static const char *find_input(const arguments *all, const char *path) {
     }
     for (int i = 0; i < all->mesh_count; ++i)
         if (ex_same_file(path, all->meshes[i].file)) return "--mesh";
+    for (int i = 0; i < all->particles_count; ++i)
+        if (ex_same_file(path, all->particles[i].file)) return "--particles";
     return NULL;
 }
 
@@ -488,7 +528,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     volume->extinction = (float)from->extinction;
     to_floats(from->albedo, volume->albedo);
     to_floats(from->emission, volume->emission);
-    volume->lobes = from->lobes, volume->lobe_count = from->lobe_count;
+    volume->lobes = from->lobes.list, volume->lobe_count = from->lobes.count;
     volume->shading = from->shading ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (from->transfer_file) {
         if (ex_transfer_load(&from->points, from->transfer_file, error) || check_transfer(from, error)) return 1;
@@ -499,6 +539,17 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     }
     from->transfer.points = from->points.points, from->transfer.point_count = (int)from->points.point_count;
     volume->transfer = &from->transfer;
+    return 0;
+}
+
+static int load_particles(particles_arguments *from, sps_particles *set, ex_error *error) {
+    if (ex_particles_load(&from->particles, from->file, error)) return 1;
+    set->count = from->particles.count;
+    set->read_fn = ex_particles_read, set->user = &from->particles;
+    set->soft = from->soft, set->is_extinction = from->is_extinction;
+    to_floats(from->albedo, set->albedo);
+    to_floats(from->emission, set->emission);
+    set->lobes = from->lobes.list, set->lobe_count = from->lobes.count;
     return 0;
 }
 
@@ -524,14 +575,23 @@ static void set_shadows(arguments *all) {
     }
 }
 
-/* Fills the scene; its arrays are borrowed from `volumes` and `meshes`, as long as argv. */
-static int load_scene(arguments *all, sps_volume *volumes, sps_mesh *meshes, sps_scene *scene, ex_error *error) {
+/* What a scene borrows, each as long as argv. */
+typedef struct scene_arrays {
+    sps_volume *volumes;
+    sps_particles *particles;
+    sps_mesh *meshes;
+} scene_arrays;
+
+static int load_scene(arguments *all, const scene_arrays *arrays, sps_scene *scene, ex_error *error) {
     for (int i = 0; i < all->volume_count; ++i)
-        if (load_volume(&all->volumes[i], &volumes[i], error)) return 1;
+        if (load_volume(&all->volumes[i], &arrays->volumes[i], error)) return 1;
     for (int i = 0; i < all->mesh_count; ++i)
-        if (load_mesh(&all->meshes[i], &meshes[i], error)) return 1;
-    scene->volumes = volumes, scene->volume_count = all->volume_count;
-    scene->meshes = meshes, scene->mesh_count = all->mesh_count;
+        if (load_mesh(&all->meshes[i], &arrays->meshes[i], error)) return 1;
+    for (int i = 0; i < all->particles_count; ++i)
+        if (load_particles(&all->particles[i], &arrays->particles[i], error)) return 1;
+    scene->volumes = arrays->volumes, scene->volume_count = all->volume_count;
+    scene->meshes = arrays->meshes, scene->mesh_count = all->mesh_count;
+    scene->particles = arrays->particles, scene->particles_count = all->particles_count;
     set_shadows(all);
     scene->lights = all->lights, scene->light_count = all->light_count;
     to_floats(all->ambient, scene->ambient);
@@ -554,6 +614,9 @@ static void frame_scene(const arguments *all, sps_view *view) {
     double lo[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, hi[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
     for (int i = 0; i < all->volume_count; ++i) widen(lo, hi, all->volumes[i].box, all->volumes[i].box + 3);
     for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
+    for (int i = 0; i < all->particles_count; ++i)
+        if (all->particles[i].particles.count > 0)
+            widen(lo, hi, all->particles[i].particles.lo, all->particles[i].particles.hi);
     if (lo[0] > hi[0])
         for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* nothing to see */
     double half[3];
@@ -593,14 +656,19 @@ static void make_view(const arguments *all, sps_view *view) {
 /* clang-format off */
 #define PLAN_COUNTS(X)                                                                                                 \
     X(sweep_count) X(color_channels) X(sheet_channels) X(slab_count) X(shadow_width) X(shadow_height)                  \
-    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(voxels_read) X(bytes)
+    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls)                                      \
+    X(voxels_read) X(bytes)
 /* clang-format on */
 
 /* The option that a field of the library comes from; NULL where none is. */
 static const char *find_field(const arguments *all, const char *sentence) {
-    static const char *const fields[][2] = {
-        {"view.slab", "--slab"},       {"view.field_of_view", "--fov"},    {"view.ortho_height", "--ortho"},
-        {"view.position", "--camera"}, {"scene.volume_count", "--volume"}, {"scene.mesh_count", "--mesh"}};
+    static const char *const fields[][2] = {{"view.slab", "--slab"},
+                                            {"view.field_of_view", "--fov"},
+                                            {"view.ortho_height", "--ortho"},
+                                            {"view.position", "--camera"},
+                                            {"scene.volume_count", "--volume"},
+                                            {"scene.mesh_count", "--mesh"},
+                                            {"scene.particles_count", "--particles"}};
     for (size_t i = 0; i < sizeof fields / sizeof *fields; ++i) {
         if (strncmp(sentence, fields[i][0], strlen(fields[i][0])) != 0) continue;
         if (strcmp(fields[i][1], "--camera") == 0 && !has(all->given, "--camera"))
@@ -620,6 +688,8 @@ static void name_subject(const arguments *all, const char *sentence, char *out, 
                  all->volumes[index].file);
     else if (sscanf(sentence, "mesh[%d]", &index) == 1 && index >= 0 && index < all->mesh_count)
         snprintf(out, size, "--mesh %s: ", all->meshes[index].file);
+    else if (sscanf(sentence, "particles[%d]", &index) == 1 && index >= 0 && index < all->particles_count)
+        snprintf(out, size, "--particles %s: ", all->particles[index].file);
     else if (sscanf(sentence, "light[%d]", &index) == 1 && index >= 0 && index < all->light_count)
         snprintf(out, size, "--light %s: ", all->light_texts[index]);
 }
@@ -660,9 +730,10 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
 #define STATS_SECONDS(X)                                                                                               \
     X(seconds_gather) X(seconds_polygons) X(seconds_bin) X(seconds_light) X(seconds_eye) X(seconds_total)
 #define STATS_COUNTS(X)                                                                                                \
-    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(background_calls) X(blocks_skipped)                 \
+    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls) X(background_calls)                 \
+    X(blocks_skipped)                                                                                                  \
     X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced)                                                     \
-    X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(slabs) X(slabs_empty)                                 \
+    X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(particles) X(slabs) X(slabs_empty)                                 \
     X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
     X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
 /* clang-format on */
@@ -724,13 +795,13 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
 }
 
 /* From checked arguments to files. Returns the exit status. */
-static int run(arguments *all, sps_volume *volumes, sps_mesh *meshes, ex_error *error) {
+static int run(arguments *all, const scene_arrays *arrays, ex_error *error) {
     ex_session session;
     sps_scene scene;
     sps_view view;
     memset(&scene, 0, sizeof scene);
     memset(&view, 0, sizeof view);
-    if (load_scene(all, volumes, meshes, &scene, error)) return 2;
+    if (load_scene(all, arrays, &scene, error)) return 2;
     make_view(all, &view);
     if (ex_session_begin(&session, all->threads, error)) return 1;
     const int status =
@@ -745,6 +816,8 @@ static void free_arguments(arguments *all) {
         ex_transfer_free(&all->volumes[i].points);
     }
     for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
+    for (int i = 0; i < all->particles_count; ++i) ex_particles_free(&all->particles[i].particles);
+    free(all->particles);
     free(all->volumes);
     free(all->meshes);
     free(all->lights);
@@ -758,6 +831,7 @@ int main(int argc, char **argv) {
     const size_t most = (size_t)argc;
     memset(&all, 0, sizeof all);
     all.volumes = (volume_arguments *)ex_allocate(most, sizeof *all.volumes);
+    all.particles = (particles_arguments *)ex_allocate(most, sizeof *all.particles);
     all.meshes = (mesh_arguments *)ex_allocate(most, sizeof *all.meshes);
     all.lights = (sps_light *)ex_allocate(most, sizeof *all.lights);
     all.light_texts = (const char **)ex_allocate(most, sizeof *all.light_texts);
@@ -765,17 +839,21 @@ int main(int argc, char **argv) {
     all.up[1] = 1;
     all.fov = 40;
     default_volume(all.volumes);
+    default_particles(all.particles);
     default_mesh(all.meshes);
     if (parse(argc, argv, &all, &error) == 0) {
         if (all.help) {
             print_help();
             status = 0;
         } else if (check(&all, &error) == 0) {
-            sps_volume *volumes = (sps_volume *)ex_allocate(most, sizeof *volumes);
-            sps_mesh *meshes = (sps_mesh *)ex_allocate(most, sizeof *meshes);
-            status = run(&all, volumes, meshes, &error);
-            free(volumes);
-            free(meshes);
+            scene_arrays arrays;
+            arrays.volumes = (sps_volume *)ex_allocate(most, sizeof *arrays.volumes);
+            arrays.particles = (sps_particles *)ex_allocate(most, sizeof *arrays.particles);
+            arrays.meshes = (sps_mesh *)ex_allocate(most, sizeof *arrays.meshes);
+            status = run(&all, &arrays, &error);
+            free(arrays.volumes);
+            free(arrays.particles);
+            free(arrays.meshes);
         }
     }
     if (status == 0 && finish_standard_output(&error)) status = 2;

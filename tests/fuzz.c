@@ -87,16 +87,36 @@ static int background_sky(void *user, size_t count, const float *directions, flo
     return fails_now((provider *)user);
 }
 
+/* Every particle has numbers of its own, whatever block it is asked for in. */
+static int read_particles(void *user, size_t first, size_t count, sps_particle *out) {
+    provider *p = (provider *)user;
+    for (size_t i = 0; i < count; ++i) {
+        check_random own;
+        double size;
+        own.state = p->seed + 7919 * (uint64_t)(first + i);
+        for (int k = 0; k < 3; ++k) check_next(&own);
+        for (int k = 0; k < 3; ++k) out[i].position[k] = (float)((2 * check_next(&own) - 1) * (p->kind == 2 ? 9 : 1));
+        size = check_next(&own);
+        out[i].radius = (float)(p->kind == 0 ? 0.3 * size : p->kind == 1 ? 0.01 * size : pow(size, 12) * 3);
+        out[i].optical_depth = (float)(p->scale * check_next(&own));
+        if (p->kind == 5 && (first + i) % 100 == 99) out[i].position[i / 100 % 3] = (float)(HUGE_VAL - HUGE_VAL);
+        if (p->kind == 4 && (first + i) % 100 == 9) out[i].position[0] *= 1e9f;
+        if (p->kind == 3 && (first + i) % 100 == 9) out[i].radius *= check_next(&own) < 0.5 ? 1e6f : 1e-12f;
+    }
+    return fails_now(p);
+}
+
 /* ------------------------------------------------------------------------------------------------------ scenes */
 
 /* Gives an enumeration any number, also one that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
 
-enum { VOLUMES = 3, MESHES = 2, LIGHTS = 3, PIXELS_MAX = 90 * 90 };
+enum { VOLUMES = 3, MESHES = 2, LIGHTS = 3, SETS = 2, PIXELS_MAX = 90 * 90 };
 
 typedef struct scenery {
     check_scene s;
-    provider providers[VOLUMES], sky;
+    provider providers[VOLUMES], sky, crowds[SETS];
+    sps_particles sets[SETS];
     sps_transfer transfers[VOLUMES];
     sps_transfer_point points[VOLUMES][4];
     sps_lobe lobes[VOLUMES][2];
@@ -202,6 +222,20 @@ static void random_mesh(scenery *x, int n) {
     if (one_in(2)) random_placement(&mesh->placement);
 }
 
+static void random_set(scenery *x, int n) {
+    sps_particles *set = &x->sets[n];
+    random_provider(&x->crowds[n]);
+    if (one_in(20)) x->crowds[n].kind = 5;
+    set->count = one_in(8) ? 0 : one_in(6) ? 9000 : (size_t)below(300);
+    set->read_fn = read_particles;
+    set->user = &x->crowds[n];
+    set->soft = one_in(2);
+    set->is_extinction = one_in(3);
+    random_color(set->albedo, 1);
+    if (one_in(3)) random_color(set->emission, 2);
+    if (one_in(3) && x->lobes[n][0].weight > 0) set->lobes = x->lobes[n], set->lobe_count = 1; /* a volume's */
+}
+
 static void random_light(sps_light *light) {
     light->kind = one_in(2) ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
     for (int i = 0; i < 3; ++i) {
@@ -250,7 +284,7 @@ static void random_view(scenery *x) {
 /* Something a caller might get wrong. */
 static void spoil(scenery *x) {
     sps_scene *scene = &x->s.scene;
-    switch (below(14)) {
+    switch (below(17)) {
     case 0: x->s.volume[0].start_canary = 1; break;
     case 1: x->s.light[0].end_canary = 1; break;
     case 2: scene->volumes = NULL; break;
@@ -264,6 +298,9 @@ static void spoil(scenery *x) {
     case 10: x->s.view.width = 20000; break;
     case 11: x->s.volume[0].transfer = &x->transfers[VOLUMES - 1]; break;
     case 12: scene->ambient[1] = -1; break;
+    case 13: x->sets[0].end_canary = 1; break;
+    case 14: scene->particles_count = -2; break;
+    case 15: x->sets[1].read_fn = NULL; break;
     default: memcpy(x->s.view.target, x->s.view.position, sizeof x->s.view.target); break;
     }
 }
@@ -278,6 +315,9 @@ static void random_scenery(scenery *x) {
     if (x->s.scene.volume_count > 1 && one_in(3)) x->s.volume[1] = x->s.volume[0]; /* shares a channel */
     for (int i = 0; i < x->s.scene.mesh_count; ++i) random_mesh(x, i);
     for (int i = 0; i < x->s.scene.light_count; ++i) random_light(&x->s.light[i]);
+    x->s.scene.particles = x->sets;
+    x->s.scene.particles_count = one_in(2) ? 0 : below(SETS + 1);
+    for (int i = 0; i < x->s.scene.particles_count; ++i) random_set(x, i);
     random_color(x->s.scene.ambient, 1);
     random_color(x->s.scene.background, 1);
     random_provider(&x->sky);
@@ -352,6 +392,7 @@ static void check_outcome(const scenery *x, long number, const char *what, sps_r
 static int steady(const scenery *x) {
     int fails = x->sky.fails;
     for (int i = 0; i < VOLUMES; ++i) fails |= x->providers[i].fails;
+    for (int i = 0; i < SETS; ++i) fails |= x->crowds[i].fails;
     return !fails;
 }
 
@@ -369,6 +410,8 @@ static int small_enough_to_march(const scenery *x) {
     double extent = 0;
     for (int i = 0; i < x->s.scene.volume_count; ++i)
         for (int k = 0; k < 9; ++k) extent = fmax(extent, fabs(x->s.volume[i].placement.axis[k / 3][k % 3]));
+    for (int i = 0; i < x->s.scene.particles_count; ++i)
+        if (x->sets[i].count > 300 || x->crowds[i].kind != 0) return 0; /* radii set the step, strays the way */
     return view->width * view->height < 200 && extent < 3;
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.1.0 (2026-11-21): volumes, gases and polygons into correctly shadowed images, on the CPU.
+splatshadow.h 0.1.0 (2026-11-21): volumes, gases, particles and polygons into correctly shadowed images, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 
 QUICK START (examples/hello.c is this text)
@@ -38,7 +38,7 @@ CONTENTS (search for the tag)
     >>maths        3  vectors and matrices          >>memory       4  allocator, errors, tasks
     >>kernel       5  the voxel kernel              >>view         6  rays of a camera or a light
     >>transfer     7  transfer functions, phase     >>scene        8  checking and measuring a scene
-    >>gather       9  relevant voxels into bricks   >>polygons     10 triangles, depth maps
+    >>gather       9  voxels into bricks, particles  >>polygons     10 triangles, depth maps
     >>slicing      11 slabs and sweeps              >>splat        12 footprints into sheets
     >>lightsheets  13 optical depth towards a light >>shading      14 light leaving a sheet
     >>sweep        15 chunks of slabs, tiles        >>plan         16 what a scene calls for
@@ -75,12 +75,11 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
-    about 20 bytes per relevant voxel, 24 to 60 per pixel, 76 per texel of shadow buffer, and per worker a tile of
-    sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much, before; a memory_limit is never
-    passed.
-ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
-    failure the image is untouched and the context can be used again.
-THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
+    about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 24 to 60 per
+pixel, 76 per texel of shadow buffer, and per worker a tile of sheets (0.3 MB per kind of gas or classified volume).
+sps_plan says how much, before; a memory_limit is never passed. ERRORS   Every call returns sps_result; sps_error gives
+one sentence that names the field and its value. After a failure the image is untouched and the context can be used
+again. THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
     parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, clock, allocator) run on
     the calling thread, one at a time, and must not call into the same context.
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
@@ -254,7 +253,10 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles that look alike. Those smaller than a pixel or texel are spread over one, their mass kept. */
+/* A set of particles that look alike. Those smaller than a pixel or texel are spread over one, their mass kept. Optical
+   depth along a pixel's ray is exact however thick slabs are; light within a ball follows slabs (sps_view.slab) and the
+   texels of the light's sheets, 0.35 radii of the quality's texels each. A particle that overlaps a polygon ends at it.
+ */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -340,8 +342,8 @@ typedef struct sps_tmap_settings {
 
 typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
 
-/* A light of no extent. It shadows volumes by slabs perpendicular to the half-way vector between eye and light, so
-   every eye ray and every light ray through the volumes must cross those slabs with a cosine of at least 0.1;
+/* A light of no extent. It shadows volumes and particles by slabs perpendicular to the half-way vector between eye and
+   light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine of at least 0.1;
    otherwise (a point light inside or close to a volume, a very wide camera) rendering stops with
    SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are square to the eye's middle ray: then only a camera is refused that
    sees volumes across more than 168 degrees (2.94) from corner to corner. Polygons have no such limit. */
@@ -376,7 +378,7 @@ typedef struct sps_scene {
     void *background_user;
     int replace_invalid; /* 1: values that would be an error become 0 and are counted */
     const sps_particles *particles;
-    int particles_count; /* sets of particles */
+    int particles_count; /* sets of particles, up to 64 that are not empty */
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
@@ -404,9 +406,12 @@ typedef struct sps_view {
     double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 (0, orthographic matrix: none) */
     int region[4];        /* x, y, width, height of the part to render; width 0: all */
     sps_quality quality;
-    double slab; /* sheet thickness in voxels, the main knob: error falls with its square; 0: from quality */
+    /* Sheet thickness in voxels, the main knob: error falls with its square; 0: from quality. A particle counts as a
+       voxel of 0.7 radii, the radius being the geometric mean of all, but no less than lets 500 such span a cloud;
+       where there are voxels too, the smaller of the two counts. */
+    double slab;
     /* Texels on the longer side of a light's sheets and of its polygons' depth map, up to 16384; 0: from quality. The
-       depth map has at least 512, 1024, 2048, 4096 by quality. */
+       depth map has at least 512, 1024, 2048, 4096 by quality, and sheets of particles alone that many at most. */
     int shadow_size;
     int no_shadows;      /* 1: as no_shadow on every light */
     uint32_t end_canary; /* leave 0 */
@@ -424,10 +429,10 @@ typedef struct sps_image {
 } sps_image;
 
 typedef enum sps_pass {
-    SPS_PASS_GATHER = 0,     /* relevant voxels read into bricks */
+    SPS_PASS_GATHER = 0,     /* relevant voxels read into bricks, and particles */
     SPS_PASS_EYE_POLYGONS,   /* triangles rasterised for the eye */
     SPS_PASS_LIGHT_POLYGONS, /* ... into depth maps, per shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* voxels splatted for the eye, once per sweep */
+    SPS_PASS_EYE_SHEETS,     /* voxels and particles splatted for the eye, once per sweep */
     SPS_PASS_LIGHT_SHEETS,   /* ... for a light, once per shadowing light, but */
     SPS_PASS_LIGHT_MAPS,     /* into a transmittance map, for those that have a shadow_map */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
@@ -457,16 +462,18 @@ typedef struct sps_plan_report {
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn: voxels and triangles read; triangles rasterised; bricks sorted; a light's sheets; the eye's sheets,
-       shading and the image; all of the call. */
+    /* By clock_fn: voxels, particles and triangles read; triangles rasterised; bricks and particles sorted; a light's
+       sheets; the eye's sheets, shading and the image; all of the call. */
     double seconds_gather, seconds_polygons, seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, background_calls;
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
-    uint64_t particles;                     /* that have a radius and an optical depth */
-    uint64_t slabs, slabs_empty;            /* over all sweeps */
-    uint64_t eye_footprints, eye_fragments; /* voxels written to a tile's chunk of slabs; their pixels times slabs */
+    uint64_t particles;          /* that have a radius and an optical depth */
+    uint64_t slabs, slabs_empty; /* over all sweeps */
+    /* voxels and particles written to a tile's chunk of slabs; their pixels times slabs, for a particle those of its
+     * box */
+    uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
     uint64_t tiles_finished; /* tiles that went opaque before the last slab */
@@ -493,10 +500,11 @@ SPS_API void sps_destroy(sps_context *context);
 /* One sentence about the last call that failed; "" after a call that did not. Valid until the next call. */
 SPS_API const char *sps_error(const sps_context *context);
 
-/* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels or triangles.
-   `report` is filled on SPS_OK and zeroed otherwise. Volumes are taken whole, so UNSUPPORTED, or too many slabs, may be
-   found here where sps_render, which knows what the voxels hold, has no difficulty. Errors: ARGUMENT, MEMORY, CALLBACK
-   (range_fn), UNSUPPORTED. */
+/* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels, triangles or
+   particles. So slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are what
+   there may be. `report` is filled on SPS_OK and zeroed otherwise. Volumes are taken whole, so UNSUPPORTED, or too many
+   slabs, may be found here where sps_render, which knows what the voxels hold, has no difficulty. Errors: ARGUMENT,
+   MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
@@ -507,8 +515,11 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
                               const sps_image *image);
 
 /* The same scene by brute force, in double precision, for measuring: marches f(p) along each pixel's ray with
-   shadow rays at every sample, and meets polygons by exact intersection. `step` is in voxels (> 0); the error is
-   second order in it. No slicing limit: any light, any camera. Holds all voxels and triangles in memory. */
+   shadow rays at every sample, and meets polygons and particles by exact intersection: a step takes the optical depth
+   that balls have on it, all of it lit as the step's middle is. `step` is in voxels, or 0.7 of particles' geometric
+   mean radius where that is less (> 0); the error is second order in it. No slicing limit: any light, any camera. Holds
+   all voxels, triangles and particles in memory, of the latter 136 bytes each. Particles below a pixel's size are not
+   widened. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
@@ -4461,13 +4472,19 @@ static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
+static const char *spsi_gases(const spsi_frame *frame) {
+    return frame->set_count > 0 ? "volumes or particles" : "volumes";
+}
+
 /* Says which light's rays, or that the camera's, meet the slabs too flatly, and what can be done. */
-static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_sweep *sweep, double cosine) {
+static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                          double cosine) {
     char sentence[256];
-    SPS_SNPRINTF(sentence, sizeof sentence,
-                 "light[%d] is inside or too close to the volumes: one of its rays meets the slabs at a cosine of %g, "
-                 "and 0.1 is needed; move it away, or set shadow_map or no_shadow on it",
-                 sweep->light, cosine);
+    SPS_SNPRINTF(
+        sentence, sizeof sentence,
+        "light[%d] is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 "
+        "is needed; move it away, or set shadow_map or no_shadow on it",
+        sweep->light, spsi_gases(frame), cosine);
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
 
@@ -4501,7 +4518,7 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
         least = light->kind == SPS_LIGHT_DIRECTIONAL
                     ? spsi_dot(sweep->normal, toward)
                     : spsi_cosine_to_bounds(sweep->normal, light->position, &frame->volume_bounds);
-        if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, sweep, least);
+        if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep, least);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->normal[i] : sweep->normal[i];
     least = spsi_cosine_of_eye(frame, toward);
@@ -4616,11 +4633,10 @@ static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame
     if (spsi_rays_fit(light, &frame->volume_bounds, spsi_light_texel(frame, right, down), frame->view.shadow_size,
                       spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
-    SPS_SNPRINTF(
-        sentence, sizeof sentence,
-        "light[%d] is too close to the volumes: as seen from it they do not lie within a cone of 78 degrees about "
-        "their middle; move it away, or set shadow_map or no_shadow on it",
-        sweep->light);
+    SPS_SNPRINTF(sentence, sizeof sentence,
+                 "light[%d] is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about "
+                 "their middle; move it away, or set shadow_map or no_shadow on it",
+                 sweep->light, spsi_gases(frame));
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
 
@@ -6400,7 +6416,9 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
    look up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so
    every pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the
    list; tiles without bricks cost one comparison per brick of the chunk. Once the rays through a patch of 8 x 8 pixels
-   or texels have all ended, footprints that meet nothing else cost one test, and its pixels are not shaded. */
+   or texels have all ended, footprints that meet nothing else cost one test, and its pixels are not shaded. Particles
+   are ordered by the chunk in which they begin; a chunk builds those that it holds, once for the eye and once for the
+   light, and sorts them into lists by tile, which a tile's task takes in their order. */
 
 /* Pixels are tested by inclusive boxes, slabs by chunks. */
 typedef struct spsi_span {
@@ -8576,8 +8594,8 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 
 /* ============================================================================================ >>reference
    17 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
-   the midpoints of equal steps, a shadow ray at every sample, triangles met exactly through a bounding volume
-   hierarchy, all in double precision. Shares with the renderer how a sample answers to light, and nothing about where
+   the midpoints of equal steps, a shadow ray at every sample, triangles and balls met exactly through bounding volume
+   hierarchies, all in double precision. Shares with the renderer how a sample answers to light, and nothing about where
    light goes. Second order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
    voxels. */
 

@@ -504,6 +504,44 @@ static void bench_maps(void) {
     free(particles.user);
 }
 
+/* ================================================================================================ particles */
+
+/* A cloud of balls in the picture, 1024 x 768, with and without shadows. */
+static void bench_particles(void) {
+    static const size_t counts[2] = {100000, 1000000};
+    ex_session session;
+    session_begin(&session, WORKERS);
+    printf("\nParticles in the picture, 1024 x 768, one light, %d workers\n", WORKERS);
+    for (int n = 0; n < 2; ++n) {
+        sps_particles particles;
+        contender c[2];
+        frame f;
+        char what[100];
+        memset(&particles, 0, sizeof particles);
+        particles.count = counts[n], particles.read_fn = puff_read;
+        sps_particle *list = puff_build(counts[n]);
+        for (size_t i = 0; i < counts[n] && n == 1; ++i) list[i].radius *= 0.5f;
+        particles.user = list;
+        frame_begin(&f, 1024, 768);
+        f.scene.volume_count = f.scene.mesh_count = 0;
+        f.scene.particles = &particles, f.scene.particles_count = 1;
+        f.view.position[2] = 4, f.view.field_of_view = 0.6;
+        f.light.direction[0] = f.light.direction[1] = f.light.direction[2] = -1;
+        for (int i = 0; i < 3; ++i) particles.albedo[i] = 0.8f, f.light.color[i] = 3;
+        for (int i = 0; i < 2; ++i) contender_set(&c[i], &session, &f, i == 0);
+        race(c, 2, 3);
+        snprintf(what, sizeof what, "%.1f million: a shadowed frame", 1e-6 * (double)counts[n]);
+        plain(what, c[1].seconds, "s");
+        plain("shadowed / unshadowed time", c[1].seconds / c[0].seconds, "");
+        plain("fragments splatted", 1e-9 * fragments_per_second(&c[1].stats), "G/s");
+        plain("memory, all of the context", 1e-6 * (double)c[1].stats.bytes_peak, "MB");
+        print_stages(&c[1].stats);
+        frame_end(&f);
+        free(list);
+    }
+    ex_session_end(&session);
+}
+
 /* ====================================================================================== a blob over a plane, exactly
  */
 
@@ -935,6 +973,7 @@ int main(int argc, char **argv) {
         bench_bonsai();
         bench_splatting();
         bench_empty_space();
+        bench_particles();
     }
     if (maps) bench_maps();
     if (accuracy) {

@@ -274,12 +274,12 @@ static const option_rule options[] = {
     {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
     {"--transfer", "FILE", "lines: value r g b extinction, values (0..1 for u8 and u16) rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
-    {"--particles", "FILE", "particles: little-endian 32-bit floats x y z radius opticaldepth for each, no header; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
+    {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
     {"--particle-emission", "r,g,b", "radiance per unit of optical depth; default 0,0,0", set_reals, OF_PARTICLES(emission), 3, POSITIVE},
     {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
     {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
-    {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, in place of optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
+    {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, not optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
     {"--mesh", "FILE.obj", "Wavefront OBJ, opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
     {"--mesh-color", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
     {"--camera", "px,py,pz,tx,ty,tz", "position and target; default: all of the scene in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
@@ -615,7 +615,7 @@ static void frame_scene(const arguments *all, sps_view *view) {
     for (int i = 0; i < all->volume_count; ++i) widen(lo, hi, all->volumes[i].box, all->volumes[i].box + 3);
     for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
     for (int i = 0; i < all->particles_count; ++i)
-        if (all->particles[i].particles.count > 0)
+        if (all->particles[i].particles.lo[0] <= all->particles[i].particles.hi[0])
             widen(lo, hi, all->particles[i].particles.lo, all->particles[i].particles.hi);
     if (lo[0] > hi[0])
         for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* nothing to see */

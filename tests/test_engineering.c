@@ -1165,6 +1165,28 @@ static void test_bad_values(void) {
     CHECK_COMPLAINTS(bad);
 }
 
+/* Two balls, soft and by their extinction: the picture is there, and the statistics know them. */
+static void test_particles_option(void) {
+    static const complaint all[] = {
+        {"--particle-soft --particles balls.f32 --particle-phase 0.5 --particle-emission 1,0,0 --particle-extinction "
+         "--particle-albedo 1,0.5,0 --width 20 --height 20 --alpha-pfm b.pfm --stats a.json",
+         0, NULL},
+        {"--particles balls.f32 --plan >plan", 0, NULL},
+        {"--particle-soft --plan", 2, "--particle-soft: there is no --particles"},
+        {"--particles balls.f32 --out balls.f32", 2, "--out balls.f32 is a file that --particles reads"},
+        {"--particles balls.f32 --particle-albedo 2,0,0 --plan", 2, "--particle-albedo: '2,0,0' is out of range"}};
+    static const float balls[10] = {0, 0, 0, 1, 3, 0.5f, 0.25f, 0, 0.5f, 2};
+    char text[4000];
+    float middle;
+    write_file("balls.f32", balls, sizeof balls);
+    CHECK_COMPLAINTS(all);
+    CHECK(read_file("a.json", text, sizeof text) > 60 && strstr(text, "\"particles\": 2,"));
+    CHECK(read_file("plan", text, sizeof text) > 60 && strstr(text, "particle_calls   1"));
+    CHECK(read_file("b.pfm", text, sizeof text) > 4 * 400);
+    memcpy(&middle, strstr(text, "-1.0\n") + 5 + 4 * (10 * 20 + 10), sizeof middle);
+    CHECK(middle > 0.9f && middle <= 1); /* three times 4/3 of a unit, at least */
+}
+
 /* What only the library can tell is told by the option's name. */
 static void test_library_errors(void) {
     static const complaint library[] = {
@@ -1178,9 +1200,11 @@ static void test_library_errors(void) {
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--no-shadows and --reference have no such limit"},
         {VOLUME "--fov 170 --no-shadows --out a.png", 1, "--fov: view.field_of_view is 2.96706: one of"},
         {VOLUME "--fov 170 --no-shadows --out a.png", 1, "(--reference has no such limit)"},
+        {"--particles nan.f32 " SMALL "--out a.png", 2, "--particles nan.f32: particles[0].particle[0].radius is nan"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --no-shadows --out a.png", 0, NULL}};
-    const float not_a_number = (float)sqrt(-1.0);
+    const float not_a_number = (float)sqrt(-1.0), none[5] = {0, 0, 0, not_a_number, 1};
     write_file("nan.raw", &not_a_number, sizeof not_a_number);
+    write_file("nan.f32", none, sizeof none);
     CHECK_COMPLAINTS(library);
 }
 
@@ -1193,6 +1217,8 @@ static void test_bad_files(void) {
         {"--mesh binary --plan", 2, "binary: no faces"},
         {"--mesh missing.obj --plan", 2, "missing.obj: No such file"},
         {"--mesh . --plan", 2, ".: not a regular file"},
+        {"--particles two.raw --plan", 2, "two.raw: the file holds 8 bytes, which is no multiple of a particle's 20"},
+        {"--particles missing.f32 --plan", 2, "missing.f32: No such file"},
         {"--volume two.raw --size 3,2,2 --plan", 2, "two.raw: the file holds 8 bytes, but size 3,2,2 and type u8"},
         {"--volume two.raw --size 2,2,2 --type u16 --plan", 2, "the file holds 8 bytes"},
         {"--volume \"$(printf 'a\\033[2Jb\\nc')\" --size 1,1,1 --plan", 2, "a?[2Jb?c: No such file"},
@@ -1324,6 +1350,7 @@ static void test_command_line(void) {
     test_owners();
     test_exclusions();
     test_bad_values();
+    test_particles_option();
     test_library_errors();
     test_bad_files();
     test_precious_files();

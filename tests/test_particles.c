@@ -954,6 +954,35 @@ static void test_plan(void) {
     }
 }
 
+/* Where particles' own records are nearly all that is held, or the light's sheets are, the bound still holds. */
+static void test_plan_bounds(void) {
+    for (int lit = 0; lit < 2; ++lit) {
+        check_hooks hooks;
+        sps_context *own;
+        sps_plan_report plan;
+        stage x;
+        stage_clear(&x, 3, 3);
+        stage_add(&x, 0.5);
+        fill(&x, 0, lit ? 1000 : 60000, 9);
+        for (int i = 0; i < 1000 && lit; ++i) x.clouds[0].list[i].radius = 0.002f;
+        if (lit) check_add_directional(&x.s, 0.2, 0.1, -1, 1);
+        x.s.view.quality = SPS_QUALITY_DRAFT;
+        x.s.view.slab = 1000;
+        stage_ready(&x);
+        memset(&hooks, 0, sizeof hooks);
+        own = check_context(&hooks);
+        CHECK_OK(own, sps_plan(own, &x.s.scene, &x.s.view, &plan));
+        check_render(own, &x.s, image_a);
+        if (!CHECK(hooks.peak <= plan.bytes)) printf("    lit %d: %zu of %zu\n", lit, hooks.peak, plan.bytes);
+        /* 20 bytes, 12, and 132 of a record: one chunk holds them all; 68 a texel of 512 on the longer side, and some
+         */
+        CHECK(lit ? hooks.peak > 8 * 1000 * 1000 : hooks.peak > 60000 * 164);
+        CHECK(plan.bytes < 3 * hooks.peak);
+        sps_destroy(own);
+        stage_free(&x);
+    }
+}
+
 /* Statistics of a ball: its pixels, once, times the slabs it is in; nothing for a light that casts no shadow. */
 static void test_stats(void) {
     sps_stats_report stats;
@@ -1000,6 +1029,7 @@ int main(void) {
     RUN(test_failing);
     RUN(test_memory);
     RUN(test_plan);
+    RUN(test_plan_bounds);
     RUN(test_stats);
     sps_destroy(context);
     return check_report();

@@ -2750,6 +2750,9 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
     if (spsi_bad_colour(mesh->color, 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color",
                                (double)*spsi_bad_colour(mesh->color, 1), "red, green and blue must be 0..1");
+    if (!(mesh->transparency >= 0 && mesh->transparency <= 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "transparency", (double)mesh->transparency,
+                               "it must be 0..1");
     return SPS_OK;
 }
 
@@ -9340,6 +9343,15 @@ static void spsi_begin(sps_context *context) {
     context->progress = 0;
 }
 
+/* Images know opaque meshes only. */
+static sps_result spsi_refuse_transparent(sps_context *context, const sps_scene *scene) {
+    for (int i = 0; i < scene->mesh_count; ++i)
+        if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "mesh", i, "transparency",
+                                   (double)scene->meshes[i].transparency, "only transmittance maps know other than 0");
+    return SPS_OK;
+}
+
 /* The frame that sps_render and sps_reference begin with; NULL after a failure, or where there is nothing to do. */
 static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     const sps_image *image) {
@@ -9351,7 +9363,7 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
         return NULL;
     }
     frame = spsi_frame_build(context, scene, view, image->depth != NULL);
-    if (!frame || view->width == 0 || view->height == 0) return NULL;
+    if (!frame || view->width == 0 || view->height == 0 || spsi_refuse_transparent(context, scene)) return NULL;
     if (image->row_pixels && image->row_pixels < (size_t)frame->view.region[2]) {
         spsi_fail_field(context, SPS_ERROR_ARGUMENT, "image", -1, "row_pixels", (double)image->row_pixels,
                         "it must be 0 or at least the region's width");
@@ -9382,7 +9394,8 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
     if (!scene || !view || !report)
         return spsi_fail(context, SPS_ERROR_ARGUMENT, "scene, view and report must not be NULL");
     frame = spsi_frame_build(context, scene, view, 1);
-    if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
+    if (frame && (spsi_refuse_transparent(context, scene) || spsi_plan_frame(context, frame, report)))
+        memset(report, 0, sizeof *report);
     return context->result;
 }
 

@@ -4357,12 +4357,13 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
 /* The share of the four texels whose surfaces do not come before the point. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
     const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
+    const double u = (place->t - map->settings.near_depth) * map->per_depth; /* may be behind far_depth */
     const float *surfaces = (const float *)map->surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
     for (int i = 0; i < 4; ++i) {
         sum += place->weight[i];
-        if (!((double)surfaces[place->texel[i]] + bias < (double)place->u)) lit += place->weight[i];
+        if (!((double)surfaces[place->texel[i]] + bias < u)) lit += place->weight[i];
     }
     return lit < sum ? lit / sum : 1;
 }

@@ -3886,9 +3886,11 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* The edge function of two corners, computed in an order that does not depend on which triangle asks. */
+/* The edge function of two corners, computed in an order that does not depend on which triangle asks: by where they are
+   in the image, so that of the triangles around a corner, too, exactly one has it. */
 static double spsi_edge(const double a[3], const double b[3], double edge[3]) {
-    const int swapped = a[0] > b[0] || (a[0] >= b[0] && (a[1] > b[1] || (a[1] >= b[1] && a[2] > b[2])));
+    const double ax = a[0] * b[2], bx = b[0] * a[2], ay = a[1] * b[2], by = b[1] * a[2];
+    const int swapped = ax > bx || (ax >= bx && (ay > by || (ay >= by && a[2] > b[2])));
     spsi_cross(swapped ? b : a, swapped ? a : b, edge);
     return swapped ? -1 : 1;
 }

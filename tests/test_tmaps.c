@@ -13,10 +13,10 @@
 #define CHORD  1e-6
 #define U      2e-7
 #define RIPPLE 0.0024
+#define DARK   ((double)1e15f)
 
 enum { SIDE = 9, MOST = 256, TECHNIQUES = SPS_TMAP_BEER + 1 };
 
-static const double squared_voxel = 0.65 * 0.65; /* variance of the kernel */
 static float one = 1;
 
 /* ------------------------------------------------------------------------------------------------------- fixture */
@@ -144,8 +144,7 @@ static void on_ray(const sps_tmap *map, int face, int x, int y, double t, double
     spsi_ray_point(&map->rays[face], x, y, t, point);
 }
 
-/* A square of half width w about the origin across z, or about any axis, moved by `at`; every point of it is the
-   mesh's. */
+/* A rectangle across z. */
 static void add_square(fixture *f, int mesh, double x0, double x1, double y, double z) {
     const double corner[3] = {x0, -y, z}, u[3] = {x1 - x0, 0, 0}, v[3] = {0, 2 * y, 0};
     check_add_quad(&f->triangles[mesh], corner, u, v);
@@ -228,8 +227,8 @@ static void add_particle_answer(const fixture *f, const ray *r, const sps_partic
     sum->depth += depth * fmax(part, 0);
     sum->slack += 1e-6 * depth + depth / (2 * half) * 1.5 * range * U;
     /* a soft chord that is cut, at either end of the range or at the light, is made of eight even pieces: 1.2 % */
-    if (set->soft && (along - half < f->settings.near_depth * r->length ||
-                      along + half > f->settings.far_depth * r->length))
+    if (set->soft &&
+        (along - half < f->settings.near_depth * r->length || along + half > f->settings.far_depth * r->length))
         sum->slack += 0.012 * depth;
 }
 
@@ -265,7 +264,8 @@ static void test_particles(void) {
         add(&f, soft, f.light.position[0] + 0.5, f.light.position[1], f.light.position[2] - 0.25, 2, 0.7);
         map = must_build(&f, context);
         for (int i = 0; i < 1500 && map; ++i) {
-            const int side = f.light.width, x = (int)(side * check_next(&random)), y = (int)(side * check_next(&random));
+            const int side = f.light.width, x = (int)(side * check_next(&random)),
+                      y = (int)(side * check_next(&random));
             const double t = i % 9 == 0 ? 25 : 19 * check_next(&random);
             double point[3];
             answer exact;
@@ -387,10 +387,393 @@ static void test_small_particles(void) {
     sps_destroy(context);
 }
 
+/* -------------------------------------------------------------------------------------------------------- volumes */
+
+/* A box of even gas, turned about z and x by an angle. */
+static sps_volume *add_box(fixture *f, int n, double half, double angle, double extinction) {
+    const double c = cos(angle), s = sin(angle);
+    const double axes[3][3] = {{c, s, 0}, {-s * c, c * c, s}, {s * s, -c * s, c}};
+    sps_volume *volume = check_add_volume(&f->s, n, n, n, check_box(0, 0, 0, 1, 1, 1));
+    for (int k = 0; k < 3; ++k)
+        for (int i = 0; i < 3; ++i) {
+            volume->placement.axis[k][i] = 2 * half * axes[k][i];
+            volume->placement.origin[i] -= half * axes[k][i];
+        }
+    volume->read_fn = check_read_constant;
+    volume->user = &one;
+    volume->extinction = (float)extinction;
+    return volume;
+}
+
+static double transfer_at(const sps_transfer *transfer, double value) {
+    const sps_transfer_point *p = transfer->points;
+    if (value <= (double)p[0].value) return (double)p[0].extinction;
+    for (int i = 1; i < transfer->point_count; ++i)
+        if (value <= (double)p[i].value) {
+            const double part = (value - (double)p[i - 1].value) / ((double)p[i].value - (double)p[i - 1].value);
+            return (double)p[i - 1].extinction + part * ((double)p[i].extinction - (double)p[i - 1].extinction);
+        }
+    return (double)p[transfer->point_count - 1].extinction;
+}
+
+/* The sum of a row of kernels that begins at a face, `at` voxels behind that. Not quite a Gaussian's integral: voxels
+   are points, which have less variance than their cells, by 1/12. */
+static double face_at(double at) {
+    static float table[8 * 64 + 2];
+    const double x = fmin(fmax(at + 4, 0), 7.99) * 64;
+    const int i = (int)x;
+    if (!(table[8 * 64] > 0))
+        for (int k = 0; k < 8 * 64 + 2; ++k)
+            for (int n = 0; n < 9; ++n)
+                table[k] += (float)(exp(-0.5 * pow((k / 64.0 - 4.5 - n) / 0.65, 2)) / (0.65 * sqrt(2 * PI)));
+    return (double)table[i] + (x - i) * ((double)table[i + 1] - (double)table[i]);
+}
+
+/* Extinction of the fixture's boxes at a point: a lattice of kernels is even inside, and fades at its faces. */
+static double boxes_at(const fixture *f, const double point[3]) {
+    double sum = 0;
+    for (int i = 0; i < f->s.scene.volume_count; ++i) {
+        const sps_volume *volume = &f->s.volume[i];
+        double value = 1, offset[3];
+        spsi_along(point, volume->placement.origin, -1, offset);
+        for (int k = 0; k < 3; ++k) {
+            const double *axis = volume->placement.axis[k], n = volume->size[k];
+            const double at = spsi_dot(offset, axis) / spsi_dot(axis, axis) * n;
+            value *= face_at(fmin(at, n - at));
+        }
+        sum += volume->transfer ? transfer_at(volume->transfer, value) : value * (double)volume->extinction;
+    }
+    return sum;
+}
+
+/* Along a ray to a point by the midpoint rule, in steps of 0.02; what counts is within 5 of the origin. */
+static double exact_boxes(const fixture *f, const ray *r, double end) {
+    const double middle = -spsi_dot(r->origin, r->direction), low = fmax(middle - 5, r->from);
+    const double high = fmin(middle + 5, end);
+    const int steps = (int)ceil((high - low) / 0.02);
+    double sum = 0;
+    for (int i = 0; i < steps; ++i) {
+        double point[3];
+        spsi_along(r->origin, r->direction, low + (i + 0.5) * (high - low) / steps, point);
+        sum += boxes_at(f, point) * (high - low) / steps;
+    }
+    return sum;
+}
+
+typedef struct box_case {
+    int way;
+    double slab; /* voxels */
+    double angle;
+    int classified, second;
+} box_case;
+
+static void check_boxes(const fixture *f, const sps_tmap *map, double slab, double slope, double density) {
+    check_random random = {31};
+    for (int i = 0; i < 400; ++i) {
+        const int side = f->light.width, middle = side / 2;
+        const int x = middle + (int)(side * 0.35 * (check_next(&random) - 0.5));
+        const int y = middle + (int)(side * 0.35 * (check_next(&random) - 0.5));
+        const double t = 4 + 12 * check_next(&random);
+        double point[3], exact, whole;
+        ray r;
+        on_ray(map, 0, x, y, t, point);
+        ray_to(f, point, &r);
+        exact = exact_boxes(f, &r, t * r.length);
+        whole = exact_boxes(f, &r, HUGE_VAL);
+        /* straight lines between slabs: of a curve with such a slope, or of any that rises no faster than `density` */
+        if (!CHECK_NEAR(query_at(map, point), exact,
+                        RIPPLE * whole + r.length * fmin(slab * slab / 8 * slope, slab / 4 * density) + 1e-5))
+            printf("    way %d slab %g texel %d %d t %g whole %g\n", f->light.world_to_clip ? 2 : f->settings.cubic,
+                   slab, x, y, t, whole);
+    }
+}
+
+/* Even boxes, one and two that overlap, classified ones, upright and turned, seen by every light, in slabs from a
+   quarter of a voxel to one that holds everything. A box's density rises by no more than that of a Gaussian of 0.65
+   voxels at its faces, once for each that a ray meets at one place: two, where it is turned. */
+static void test_boxes(void) {
+    static const sps_transfer_point points[3] = {{0.2f, {0, 0, 0}, 0}, {0.7f, {0, 0, 0}, 1}, {1.2f, {0, 0, 0}, 1.2f}};
+    static const box_case cases[] = {
+        {ORTHO, 0.25, 0, 0, 0},      {ORTHO, 1, 0, 0, 0},         {ORTHO, 2, 0, 0, 0},
+        {ORTHO, 4, 0, 0, 0},         {ORTHO, 1000, 0, 0, 0},      {ORTHO, 0.5, 0.5, 0, 0},
+        {SPOT, 0.5, 0, 0, 0},        {SPOT, 0.5, 0.4, 0, 0},      {ORTHO_TURNED, 0.5, 0, 0, 0},
+        {SPOT_TURNED, 0.5, 0, 0, 0}, {ORTHO_MATRIX, 1, 0, 0, 0},  {SPOT_MATRIX, 1, 0, 0, 0},
+        {ORTHO, 0.5, 0.3, 0, 1},     {SPOT_TURNED, 0.5, 0, 0, 1}, {ORTHO, 0.4, 0, 1, 0},
+        {SPOT, 0.4, 0.3, 1, 0},      {ORTHO, 0.4, 0, 1, 1}};
+    sps_context *context = sps_create(NULL);
+    for (size_t n = 0; n < sizeof cases / sizeof *cases; ++n) {
+        const box_case *c = &cases[n];
+        const double edge = 0.25, slab = fmin(c->slab * edge, 12), steepest = 2 / (sqrt(2 * PI) * 0.65 * edge);
+        sps_transfer transfer;
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_DEEP);
+        memset(&transfer, 0, sizeof transfer);
+        transfer.points = points, transfer.point_count = 3;
+        see(&f, c->way, 54);
+        f.light.quality = SPS_QUALITY_HIGH;
+        f.light.slab = c->slab;
+        if (c->classified)
+            add_box(&f, 20, 2.5, c->angle, 0)->transfer = &transfer;
+        else
+            add_box(&f, 20, 2.5, c->angle, 0.8);
+        if (c->second) add_box(&f, 12, 1.5, 0.7, 0.5);
+        map = must_build(&f, context);
+        {
+            const int failed = check_failed;
+            if (map) check_boxes(&f, map, slab, steepest * (c->classified ? 2 : 0.8 + 0.5 * c->second), 1.3);
+            if (check_failed > failed) printf("    case %d\n", (int)n);
+        }
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+static double blob(const void *user, const double p[3]) { return exp(-0.5 * spsi_dot(p, p)) + 0 * !user; }
+
+/* A Gaussian of variance 1, sampled at voxels of 0.25 and made of kernels, is one of variance 1 + 0.65^2 / 16 whose
+   whole is the same; its integral along any ray is an error function. Lines between slabs, which bend by what the
+   density's steepest slope, e^-1/2, says; the box ends at 4 standard deviations, behind which 4e-4 is left. */
+static void test_blob(void) {
+    sps_context *context = sps_create(NULL);
+    for (int way = 0; way < ROUND; ++way) {
+        const double variance = 1 + 0.65 * 0.65 / 16, deviation = sqrt(variance), slab = 0.125;
+        check_random random = {8};
+        fixture f;
+        sps_tmap *map;
+        sps_volume *volume;
+        begin(&f, SPS_TMAP_DEEP);
+        see(&f, way, 54);
+        f.light.quality = SPS_QUALITY_HIGH;
+        volume = add_box(&f, 32, 4, way % 2 ? 0.6 : 0, 1);
+        f.field.value_fn = blob;
+        f.field.user = &f;
+        volume->read_fn = NULL, volume->eval_fn = check_eval_field, volume->user = &f.field;
+        map = must_build(&f, context);
+        for (int i = 0; i < 400 && map; ++i) {
+            double point[3], along, square, exact;
+            ray r;
+            on_ray(map, 0, (int)(54 * check_next(&random)), (int)(54 * check_next(&random)),
+                   5 + 10 * check_next(&random), point);
+            ray_to(&f, point, &r);
+            along = -spsi_dot(r.origin, r.direction);
+            square = spsi_dot(r.origin, r.origin) - along * along;
+            exact = sqrt(2 * PI) / variance * exp(-0.5 * square / variance);
+            CHECK_NEAR(query_at(map, point), exact * normal_share((r.t * r.length - along) / deviation),
+                       RIPPLE * exact + 4e-4 + slab * slab / 8 * exp(-0.5) * r.length);
+        }
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+/* ------------------------------------------------------------------------------------------------------- polygons */
+
+/* What is opaque is so in every technique: nothing before, all behind, from the bias on, which is two texels' width
+   unless it is given; a share where only some of the four texels are covered. */
+static void test_opaque(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 4 * TECHNIQUES; ++n) {
+        const int given = n % 2, spot = n / 2 % 2;
+        const double bias = given ? 0.01 : spot ? 2.5 : 2; /* t - 10 = 2 t / 10 at 12.5 */
+        fixture f;
+        sps_tmap *map;
+        begin(&f, n / 4);
+        see(&f, spot ? SPOT : ORTHO, SIDE);
+        if (given) f.settings.surface_bias = bias;
+        add_square(&f, 0, -30, -0.5, 30, 0);
+        add_mesh(&f, 0, 0);
+        map = must_build(&f, context);
+        if (map) {
+            const double behind = spot ? 1.5 : 1; /* where rays have parted to, at z = -5 */
+            CHECK_NEAR(query(map, -1, 0, 1e-3), 0, 0);
+            CHECK_NEAR(query(map, -1, 0, -0.99 * bias), 0, 1e-15); /* the logarithm of a sum of weights */
+            CHECK_NEAR(query(map, -1.5, 0, -1.01 * bias), DARK, 0);
+            CHECK_NEAR(through(map, -1.5, 0, -1.01 * bias), 0, 0);
+            CHECK_NEAR(query(map, spot ? -31 : -2, 0, -300), DARK, 0);
+            CHECK_NEAR(query(map, -0.25 * behind, 0, -5), -log(0.75), 1e-6);
+            CHECK_NEAR(through(map, -0.25 * behind, 0, -5), 0.75, 1e-6);
+            CHECK_NEAR(query(map, 0.001, 0, -9), 0, 1e-15);
+            CHECK(sps_tmap_surfaces(map) && sps_tmap_surfaces(map)[3] < 0.51f && sps_tmap_surfaces(map)[4] > 1);
+        }
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* Surfaces before near_depth stand at it, and those close before far_depth shade what is behind that; so do what they
+   let through. */
+static void test_surfaces_at_the_ends(void) {
+    sps_context *context = sps_create(NULL);
+    for (int spot = 0; spot < 2; ++spot)
+        for (int opaque = 0; opaque < 2; ++opaque) {
+            const double dark = opaque ? DARK : log(2.0);
+            fixture f;
+            sps_tmap *map;
+            begin(&f, SPS_TMAP_DEEP);
+            see(&f, spot ? SPOT : ORTHO, SIDE);
+            f.settings.near_depth = 5, f.settings.far_depth = 15.5;
+            f.settings.surface_bias = 1;
+            add_square(&f, 0, -30, 0, 30, 8);
+            add_square(&f, 0, 0, 30, 30, -5);
+            add_mesh(&f, 0, opaque ? 0 : 0.5);
+            map = must_build(&f, context);
+            CHECK_NEAR(query(map, -1.5, 0, 5.5), 0, 0); /* before near_depth */
+            CHECK_NEAR(query(map, -1.5, 0, 3.9), dark, 1e-7);
+            CHECK_NEAR(query(map, -4, 0, -50), dark, 1e-7);
+            CHECK_NEAR(query(map, 2, 0, -4.9), 0, 0);
+            CHECK_NEAR(query(map, 2, 0, -5.4), opaque ? 0 : dark, 1e-7);
+            CHECK_NEAR(query(map, 2, 0, -5.9), opaque ? 0 : dark, 1e-7); /* within the bias, behind far_depth */
+            CHECK_NEAR(query(map, 2, 0, -6.1), dark, 1e-7);
+            CHECK_NEAR(query(map, 3, 0, -50), dark, 1e-7);
+            sps_tmap_destroy(map);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
+/* A sheet that lets half through casts T = 1/2, two of a quarter a sixteenth, one of all nothing: exactly where lists
+   or planes are asked, and behind everything for all techniques that are exact there. -log T is a float. */
+static void test_translucent(void) {
+    sps_context *context = sps_create(NULL);
+    for (int technique = 0; technique < TECHNIQUES; ++technique)
+        for (int n = 0; n < 3; ++n) {
+            static const double transparency[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
+            const int keeps_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
+            const double t = passes[n];
+            fixture f;
+            sps_tmap *map;
+            begin(&f, technique);
+            if (technique == SPS_TMAP_OPACITY) f.settings.components = 4;
+            f.settings.epsilon = 1e-6f;
+            add_square(&f, 0, -30, 30, 30, 0);
+            if (n == 1) add_square(&f, 0, -30, 30, 30, 0);
+            add_mesh(&f, 0, transparency[n]);
+            map = must_build(&f, context);
+            CHECK(sps_tmap_surfaces(map) == NULL);
+            CHECK_NEAR(query(map, 0, 0, 9), 0, n == 2 ? 1e-15 : 0.1); /* series ring by 9 % of it */
+            if (keeps_ends) CHECK_NEAR(through(map, 1, 0.5, -10), t, 2e-6 * t);
+            if (keeps_ends) CHECK_NEAR(query(map, 1, 0.5, -10), -log(t), 2e-6);
+            if (technique == SPS_TMAP_DEPTH) CHECK_NEAR(through(map, 1, 0.5, -3), t > 0.5 ? 1 : 0, 0);
+            if (technique <= SPS_TMAP_COMPRESSED || technique == SPS_TMAP_OPACITY ||
+                technique == SPS_TMAP_DEEP_OPACITY) {
+                CHECK_NEAR(through(map, 1, 0.5, 0), t, 2e-6 * t); /* at the sheet itself: u = 1/2 is a plane, too */
+                CHECK_NEAR(query(map, 1, 0.5, 5), 0, 0);
+            }
+            if (n == 2 && technique <= SPS_TMAP_COMPRESSED) CHECK(sps_tmap_starts(map)[SIDE * SIDE] == 0);
+            sps_tmap_destroy(map);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
+/* A sheet in the plane t = 2 + 2 x, which crosses the light's own: the ray whose x is X t meets it at t = 2 / (1 - 2
+   X). Corners lie on both sides of the light, one far behind it. */
+static void test_across_the_light(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 4; ++n) {
+        const double corner[3] = {-20, -25, 10 + 38}, u[3] = {40, 0, -80}, v[3] = {0, 50, 0}; /* z = 8 - 2 x */
+        const int opaque = n % 2, round = n / 2;
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_DEEP);
+        see(&f, round ? ROUND : SPOT, SIDE);
+        check_set3(f.light.position, 0, 0, 10);
+        f.settings.surface_bias = 1e-4;
+        check_add_quad(&f.triangles[0], corner, u, v);
+        add_mesh(&f, 0, opaque ? 0 : 0.5);
+        map = must_build(&f, context);
+        for (int i = 0; i < SIDE * SIDE && map && !round; ++i) {
+            const double exact = 2 / (1 - 2 * (i % SIDE - 4) * 0.1) / 20; /* u */
+            const uint32_t *starts = sps_tmap_starts(map);
+            CHECK(starts[i + 1] - starts[i] == (opaque ? 0 : 1));
+            CHECK_NEAR((double)(opaque ? sps_tmap_surfaces(map)[i] : sps_tmap_texels(map)[4 * starts[i]]), exact, U);
+        }
+        for (int i = 0; i < 800 && map; ++i) { /* darkness begins at the sheet, in directions all about the light */
+            double point[3], t;
+            on_ray(map, round ? i % 6 : 0, i / 6 % SIDE, i / 54 % SIDE, 18.0 * (i % 97 + 1) / 97, point);
+            t = 10 - point[2] - 2 * point[0];
+            if (fabs(t - 2) > 0.001)
+                CHECK_NEAR(through(map, point[0], point[1], point[2]), t < 2 ? 1 : opaque ? 0 : 0.5, 1e-7);
+        }
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* A net of triangles with shared corners, some of which lie exactly at the middles of texels. */
+static void add_net(fixture *f, const double origin[3], const double u[3], const double v[3], int n, double jitter) {
+    check_random random = {77};
+    double point[20][20][3], normal[3];
+    spsi_cross(u, v, normal);
+    for (int j = 0; j <= n; ++j)
+        for (int i = 0; i <= n; ++i) {
+            const int inner = i > 0 && j > 0 && i < n && j < n;
+            const double rise = inner ? jitter * check_next(&random) : 0, slide = inner && (i + j) % 2 ? jitter : 0;
+            for (int k = 0; k < 3; ++k)
+                point[j][i][k] = origin[k] + (i + slide * 0.7) / n * u[k] + (j - slide * 0.3) / n * v[k] +
+                                 rise * normal[k] / spsi_length(normal);
+        }
+    for (int j = 0; j < n; ++j)
+        for (int i = 0; i < n; ++i) {
+            check_add_corners(&f->triangles[0], point[j][i], point[j][i + 1], point[j + 1][i + 1]);
+            if (i % 2)
+                check_add_corners(&f->triangles[0], point[j][i], point[j + 1][i + 1], point[j + 1][i]);
+            else
+                check_add_corners(&f->triangles[0], point[j + 1][i], point[j][i], point[j + 1][i + 1]);
+        }
+}
+
+/* Every ray meets a closed net once, also those exactly through edges and corners; triangles of no area do nothing. */
+static void test_watertight(void) {
+    static const double nowhere[2][3] = {{-1, -1, 1}, {3, 2, 1}};
+    sps_context *context = sps_create(NULL);
+    for (int way = 0; way < WAYS; ++way)
+        for (int jitter = 0; jitter < 2; ++jitter) {
+            fixture f;
+            sps_tmap *map;
+            begin(&f, SPS_TMAP_DEEP);
+            see(&f, way, way == ROUND ? 17 : 67);
+            if (way == ROUND) {
+                check_set3(f.light.position, 0, 0, 0);
+                for (int face = 0; face < 6; ++face) { /* a cube whose edges are the rays that faces share */
+                    double origin[3] = {0, 0, 0}, u[3] = {0, 0, 0}, v[3] = {0, 0, 0};
+                    origin[face / 2] = face % 2 ? -4 : 4;
+                    origin[(face / 2 + 1) % 3] = origin[(face / 2 + 2) % 3] = -4;
+                    u[(face / 2 + 1) % 3] = v[(face / 2 + 2) % 3] = 8;
+                    add_net(&f, origin, u, v, 8, jitter * 0.25);
+                }
+            } else {
+                /* perspective rounds: no ray is to go through a corner itself */
+                const double w = way == SPOT_TURNED ? 120 : 18, off = way == SPOT || way == SPOT_MATRIX ? 1e-9 : 0;
+                const double origin[3] = {off - w / 2, -w / 2, 0}, u[3] = {w, 0, 0}, v[3] = {0, w, 0};
+                add_net(&f, origin, u, v, 18, jitter * 0.3);
+            }
+            for (int i = 0; i < 3; ++i) check_add_corners(&f.triangles[0], nowhere[0], nowhere[0], nowhere[1]);
+            add_mesh(&f, 0, 0.5);
+            map = must_build(&f, context);
+            for (int i = 0; map && i < f.light.width * f.light.height * map->face_count; ++i)
+                if (!CHECK(sps_tmap_starts(map)[i + 1] - sps_tmap_starts(map)[i] == 1))
+                    printf("    way %d texel %d jitter %d\n", way, i, jitter);
+            sps_tmap_destroy(map);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
 int main(void) {
     RUN(test_particles);
     RUN(test_plain_numbers);
     RUN(test_between_texels);
     RUN(test_small_particles);
+    RUN(test_boxes);
+    RUN(test_blob);
+    RUN(test_opaque);
+    RUN(test_surfaces_at_the_ends);
+    RUN(test_translucent);
+    RUN(test_across_the_light);
+    RUN(test_watertight);
     return check_report();
 }

@@ -763,6 +763,304 @@ static void test_watertight(void) {
     sps_destroy(context);
 }
 
+/* -------------------------------------------------------------------------------- all of it in every technique */
+
+/* A turned blob, even and soft particles, a sheet that lets some through, and an opaque one below half of that. */
+static void begin_mixed(fixture *f, int technique) {
+    const double slope[2][3] = {{30, 0, 9}, {0, 30, 4}}, corner[3] = {-15, -15, -8}, shelf[3] = {0, 40, 0};
+    const double edge[3] = {0.3, -20, -6}, across[3] = {20, 0, -2};
+    begin(f, technique);
+    f->light.width = 21, f->light.height = 17;
+    scatter(f, 0, 12, 4, 5);
+    scatter(f, 1, 12, 4, 6);
+    f->field.value_fn = blob;
+    f->field.user = f;
+    {
+        sps_volume *volume = add_box(f, 12, 4, 0.6, 0.7);
+        volume->read_fn = NULL, volume->eval_fn = check_eval_field, volume->user = &f->field;
+    }
+    check_add_quad(&f->triangles[0], corner, slope[0], slope[1]);
+    check_add_quad(&f->triangles[1], edge, across, shelf);
+    add_mesh(f, 0, 0.6);
+    add_mesh(f, 1, 0);
+}
+
+/* Optical depth of all soft particles on a texel's ray. */
+static double soft_depth(const fixture *f, const sps_tmap *map, int x, int y) {
+    fixture soft = *f;
+    double point[3];
+    soft.crowds[0].count = 0;
+    on_ray(map, 0, x, y, 21, point);
+    return exact_particles(&soft, point).depth;
+}
+
+/* What each technique says of itself: T = exp(-depth), no depth below 0, and the bracket it gives holds itself and the
+   deep map's answer. Sums of the 25 stretches that a ray meets, and of the planes, are floats: 1e-5 of the depth; u is
+   one: the densest gas here, a particle of 0.4 across 3.4, has 5 per u at most, and a sheet that may count before or
+   behind, which no depth that is asked for comes near. A compressed map's T is within epsilon of the deep map's, or of
+   even pieces that stand for soft particles, eight each, which are off by 1 / 8^2 / 8 of the steepest change of 1 -
+   s^2, 6: 1.2 % of their depth. */
+static void check_technique(const fixture *f, const sps_tmap *map, const sps_tmap *deep, float epsilon) {
+    const int technique = (int)map->settings.technique;
+    int bracketed = 0;
+    for (int i = 0; i < 21 * 17 * 24; i += technique == SPS_TMAP_MOMENT ? 5 : 1) {
+        double point[3];
+        float depth, passes, least, most, exact, exact_passes;
+        on_ray(map, 0, i % 21, i / 21 % 17, 20 * ((i / 21 / 17) + 0.37) / 24, point);
+        sps_tmap_query(map, 1, point, &depth, &passes);
+        sps_tmap_query(deep, 1, point, &exact, &exact_passes);
+        sps_tmap_bracket(map, 1, point, &least, &most);
+        const double soft = technique == SPS_TMAP_COMPRESSED ? 0.0118 * soft_depth(f, map, i % 21, i / 21 % 17) : 0;
+        const double slack = 1e-5 * (1 + fabs((double)exact)) + 10 * U + soft;
+        if (!CHECK(depth >= 0 && depth <= 1e15f && passes >= 0 && passes <= 1)) printf("    technique %d\n", technique);
+        CHECK_NEAR((double)passes, exp(-(double)depth), 2e-6 * (double)passes + 1e-37);
+        CHECK((double)least <= (double)depth + slack && (double)depth <= (double)most + slack);
+        if (!CHECK((double)least <= (double)exact + slack && (double)exact <= (double)most + slack))
+            printf("    technique %d: %g .. %g, exact %g\n", technique, (double)least, (double)most, (double)exact);
+        if (technique == SPS_TMAP_DEEP) CHECK(least >= depth && most <= depth);
+        if (technique == SPS_TMAP_COMPRESSED)
+            CHECK_NEAR((double)passes, (double)exact_passes, (double)epsilon + 2e-7 + soft);
+        bracketed += most < 1e14f && most > least;
+    }
+    if (technique == SPS_TMAP_OPACITY || technique == SPS_TMAP_DEEP_OPACITY || technique == SPS_TMAP_MOMENT)
+        CHECK(bracketed > 500);
+}
+
+static void test_techniques(void) {
+    static const float epsilons[3] = {0.1f, 0, 0.0005f};
+    sps_context *context = sps_create(NULL);
+    for (int way = ORTHO; way <= SPOT; ++way)
+        for (int n = 0; n < TECHNIQUES + 5; ++n) {
+            const int technique = n < TECHNIQUES ? n : n < TECHNIQUES + 2 ? SPS_TMAP_COMPRESSED : n - TECHNIQUES + 1;
+            const float epsilon =
+                technique == SPS_TMAP_COMPRESSED ? epsilons[n < TECHNIQUES ? 1 : 2 * (n - TECHNIQUES)] : 0;
+            fixture f;
+            sps_tmap *deep, *map;
+            begin_mixed(&f, SPS_TMAP_DEEP);
+            see(&f, way, 21);
+            f.light.height = 17;
+            deep = must_build(&f, context);
+            f.settings.technique = (sps_tmap_technique)technique;
+            f.settings.epsilon = epsilon;
+            if (n >= TECHNIQUES + 2) f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = 1;
+            map = must_build(&f, context);
+            if (map && deep) check_technique(&f, map, deep, epsilon > 0 ? epsilon : 0.01f);
+            sps_tmap_destroy(map);
+            sps_tmap_destroy(deep);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
+/* Texels are where an engine looks for them: rows from the top, faces in order, lists by their starts. */
+static void test_texels(void) {
+    sps_context *context = sps_create(NULL);
+    fixture f;
+    sps_tmap *map;
+    begin(&f, SPS_TMAP_BEER);
+    add(&f, 0, -4, 4, 0, 0.8, 1); /* top left */
+    add(&f, 0, 4, -3, 0, 0.8, 2); /* right, last row but one */
+    map = must_build(&f, context);
+    CHECK_NEAR((double)sps_tmap_texels(map)[2], 1, 1e-6);
+    CHECK_NEAR((double)sps_tmap_texels(map)[3 * (7 * SIDE + 8) + 2], 2, 1e-6);
+    sps_tmap_destroy(map);
+    begin(&f, SPS_TMAP_DEEP);
+    see(&f, ROUND, SIDE);
+    for (int face = 0; face < 6; ++face) {
+        double point[3];
+        memcpy(point, f.light.position, sizeof point);
+        point[face / 2] += face % 2 ? -5 : 5;
+        add(&f, 0, point[0], point[1], point[2], 1, 1 + face);
+    }
+    map = must_build(&f, context);
+    for (int face = 0; face < 6 && map; ++face) {
+        const uint32_t *starts = sps_tmap_starts(map) + face * SIDE * SIDE + SIDE * SIDE / 2;
+        const float *stretch = sps_tmap_texels(map) + 4 * starts[0];
+        CHECK(starts[1] - starts[0] == 1);
+        CHECK_NEAR((double)stretch[0], 4.0 / 20, U);
+        CHECK_NEAR((double)stretch[1], 6.0 / 20, U);
+        CHECK_NEAR((double)stretch[2], 1 + face, 1e-5);
+        CHECK_NEAR((double)stretch[3], 0, 0);
+    }
+    sps_tmap_destroy(map);
+    sps_destroy(context);
+}
+
+/* ---------------------------------------------------------------------------------------------------------- order */
+
+static size_t float_count(const sps_tmap *map) {
+    const size_t texels = (size_t)map->rays[0].width * (size_t)map->rays[0].height * (size_t)map->face_count;
+    if (map->technique->lists)
+        return (map->settings.technique == SPS_TMAP_DEEP ? 4 : 2) * (size_t)sps_tmap_starts(map)[texels];
+    return texels * (size_t)map->settings.components;
+}
+
+static int same_map(const sps_tmap *a, const sps_tmap *b) {
+    const size_t texels = (size_t)a->rays[0].width * (size_t)a->rays[0].height * (size_t)a->face_count;
+    if (float_count(a) != float_count(b) || !sps_tmap_surfaces(a) != !sps_tmap_surfaces(b)) return 0;
+    if (memcmp(sps_tmap_texels(a), sps_tmap_texels(b), float_count(a) * sizeof(float)) != 0) return 0;
+    if (sps_tmap_surfaces(a) && memcmp(sps_tmap_surfaces(a), sps_tmap_surfaces(b), texels * sizeof(float)) != 0)
+        return 0;
+    return !sps_tmap_starts(a) || memcmp(sps_tmap_starts(a), sps_tmap_starts(b), (texels + 1) * sizeof(uint32_t)) == 0;
+}
+
+/* The same bits for any number of workers, on every run, and if what is in the scene comes in several calls. */
+static void test_same_bits(void) {
+    static const int workers[5] = {0, 0, 1, 2, 7};
+    for (int technique = 0; technique < TECHNIQUES; ++technique)
+        for (int round = 0; round < 2; ++round) {
+            check_hooks hooks[6];
+            sps_context *contexts[6];
+            sps_tmap *maps[6];
+            for (int w = 0; w < 6; ++w) {
+                fixture f;
+                memset(&hooks[w], 0, sizeof hooks[w]);
+                hooks[w].worker_count = w < 5 ? workers[w] : 2;
+                hooks[w].order = (uint64_t)w;
+                contexts[w] = check_context(&hooks[w]);
+                begin_mixed(&f, technique);
+                if (round) see(&f, ROUND, 9);
+                if (!round) f.light.width = 67, f.light.height = 65;
+                f.settings.texel_range = technique == SPS_TMAP_FOURIER && round;
+                if (w < 5) {
+                    maps[w] = must_build(&f, contexts[w]);
+                } else { /* in pieces */
+                    sps_scene part;
+                    complete(&f);
+                    CHECK_OK(contexts[w], sps_tmap_create(contexts[w], &f.light, &f.settings, &maps[w]));
+                    part = f.s.scene;
+                    part.mesh_count = 1, part.particles_count = 0;
+                    CHECK_OK(contexts[w], sps_tmap_add(maps[w], &part));
+                    part = f.s.scene;
+                    part.volume_count = 0, part.mesh_count = 0, part.particles_count = 1;
+                    CHECK_OK(contexts[w], sps_tmap_add(maps[w], &part));
+                    part.particles += 1, part.meshes += 1, part.mesh_count = 1;
+                    CHECK_OK(contexts[w], sps_tmap_add(maps[w], &part));
+                    CHECK_OK(contexts[w], sps_tmap_finish(maps[w]));
+                }
+                end(&f);
+                if (!CHECK(maps[w] && maps[0] && same_map(maps[0], maps[w])))
+                    printf("    technique %d, %d workers, case %d\n", technique, hooks[w].worker_count, w);
+            }
+            for (int w = 0; w < 6; ++w) {
+                sps_tmap_destroy(maps[w]);
+                sps_destroy(contexts[w]);
+                CHECK(hooks[w].live == 0 && hooks[w].live_blocks == 0);
+            }
+        }
+}
+
+/* Shuffled particles: the same bits from lists, which are sorted, and the same to the rounding of sums of 25 floats. */
+static void test_shuffled(void) {
+    sps_context *context = sps_create(NULL);
+    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+        check_random random = {17};
+        fixture f;
+        sps_tmap *maps[2];
+        begin_mixed(&f, technique);
+        maps[0] = must_build(&f, context);
+        for (int i = 0; i < 24; ++i) {
+            crowd *c = &f.crowds[i % 2];
+            const int a = i / 2, b = (int)(12 * check_next(&random));
+            const sps_particle kept = c->list[a];
+            c->list[a] = c->list[b], c->list[b] = kept;
+        }
+        maps[1] = must_build(&f, context);
+        if (maps[0] && maps[1] && !maps[0]->technique->sums && !CHECK(same_map(maps[0], maps[1])))
+            printf("    technique %d\n", technique);
+        for (size_t i = 0; maps[0] && maps[1] && maps[0]->technique->sums && i < float_count(maps[0]); ++i) {
+            const size_t n = (size_t)maps[0]->settings.components;
+            const float *texel = sps_tmap_texels(maps[0]) + i / n * n;
+            double scale = 0;
+            for (size_t k = 0; k < n; ++k) scale = fmax(scale, fabs((double)texel[k]));
+            CHECK_NEAR((double)sps_tmap_texels(maps[1])[i], (double)texel[i % n], 50 * 6e-8 * scale);
+        }
+        sps_tmap_destroy(maps[0]);
+        sps_tmap_destroy(maps[1]);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* ------------------------------------------------------------------------------------------------------ six faces */
+
+/* Two points of a pair on either side of a cube's edge, or all three at a corner, 1e-9 apart: faces share their rays,
+   so each technique says the same but for floats, which see the ray in other numbers: a chord's CHORD of 4 texels' 30
+   particles; where a technique bends its answer by a line's slope of up to 30 (Beer, adaptive) or takes roots
+   (moments), by as much more. Deep maps are also compared with the exact sum. */
+static void check_seams(const fixture *f, const sps_tmap *map, double slack) {
+    check_random random = {41};
+    const int n = f->light.width - 1;
+    for (int i = 0; i < 600; ++i) {
+        const int a = i % 3, b = (a + 1) % 3, c = (a + 2) % 3; /* the edge runs along c */
+        const double sign[2] = {i / 3 % 2 ? 1 : -1, i / 6 % 2 ? 1 : -1}, t = 0.5 + 18 * check_next(&random);
+        const int k = (int)((n + 1) * check_next(&random));
+        const double along = i % 10 == 0 ? (i % 20 ? 1 : -1) : -1 + 2.0 * k / n;
+        double one_side[3], other[3];
+        one_side[a] = sign[0] * t, one_side[b] = sign[1] * t * (1 - 1e-9), one_side[c] = along * t * (1 - 1e-9);
+        other[a] = sign[0] * t * (1 - 1e-9), other[b] = sign[1] * t, other[c] = along * t * (1 - 1e-9);
+        spsi_along(f->light.position, one_side, 1, one_side);
+        spsi_along(f->light.position, other, 1, other);
+        CHECK_NEAR(query_at(map, one_side), query_at(map, other), slack);
+        if (map->settings.technique == SPS_TMAP_DEEP) {
+            const answer exact = exact_particles(f, one_side);
+            CHECK_NEAR(query_at(map, one_side), exact.depth, exact.slack + 1e-6);
+        }
+    }
+}
+
+static void test_seams(void) {
+    static const double slack[TECHNIQUES] = {1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-3, 1e-2, 1e-3, 1e-3};
+    sps_context *context = sps_create(NULL);
+    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+        fixture f;
+        sps_tmap *map;
+        begin(&f, technique);
+        see(&f, ROUND, 17);
+        scatter(&f, 0, 30, 7, 51);
+        for (int i = 0; i < 30; ++i) f.crowds[0].list[i].radius += 1;
+        if (technique == SPS_TMAP_DEEP) f.settings.near_depth = 0.25;
+        map = must_build(&f, context);
+        if (map && technique != SPS_TMAP_DEPTH) check_seams(&f, map, slack[technique]);
+        CHECK_NEAR(query_at(map, f.light.position), 0, 0);
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+/* A light in the middle of even gas, and off it: in every direction, what the ray has gone through, as for other boxes;
+   where the light stands, the slab that holds it is counted from its own place, a quarter of a slab off at most. */
+static void test_gas_around(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 4; ++n) {
+        const double slab = n % 2 ? 0.25 : 0.125, slope = 0.8 * 2 / (sqrt(2 * PI) * 0.65 * 0.25);
+        check_random random = {61};
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_DEEP);
+        see(&f, ROUND, 25);
+        if (n < 2) check_set3(f.light.position, 0, 0, 0);
+        f.settings.far_depth = 8;
+        f.light.quality = SPS_QUALITY_HIGH;
+        f.light.slab = slab / 0.25;
+        add_box(&f, 20, 2.5, n / 2 * 0.5, 0.8);
+        map = must_build(&f, context);
+        for (int i = 0; i < 800 && map; ++i) {
+            const int edge = i % 4 == 0; /* a quarter of the rays are those that faces share */
+            double point[3], exact;
+            ray r;
+            on_ray(map, i % 6, edge ? 24 : (int)(25 * check_next(&random)), (int)(25 * check_next(&random)),
+                   6 * check_next(&random), point);
+            ray_to(&f, point, &r);
+            exact = exact_boxes(&f, &r, r.t * r.length);
+            CHECK_NEAR(query_at(map, point), exact,
+                       r.length * (RIPPLE * 0.8 * 5 + slab * slab / 8 * slope + slab / 4 * 0.8) + 1e-5);
+        }
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
 int main(void) {
     RUN(test_particles);
     RUN(test_plain_numbers);
@@ -775,5 +1073,11 @@ int main(void) {
     RUN(test_translucent);
     RUN(test_across_the_light);
     RUN(test_watertight);
+    RUN(test_techniques);
+    RUN(test_texels);
+    RUN(test_same_bits);
+    RUN(test_shuffled);
+    RUN(test_seams);
+    RUN(test_gas_around);
     return check_report();
 }

@@ -335,7 +335,7 @@ typedef struct sps_tmap_settings {
     sps_tmap_window window;
     int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     int running_maximum; /* Fourier: 1: a query takes the most that the series has come to so far; n times the cost */
-    float epsilon;       /* compressed: largest error of transmittance, 0.001..0.5; 0 means 0.01 */
+    float epsilon; /* compressed: largest error of T, up to 0.5, 1e-6 (soft particles: 0.001) at best; 0 means 0.01 */
     double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
@@ -2800,9 +2800,9 @@ static sps_result spsi_check_settings(sps_context *context, const char *name, co
     if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "window", (double)(int)settings->window,
                                "it must be an sps_tmap_window");
-    if (!(fabsf(settings->epsilon) <= 0) && !(settings->epsilon >= 0.001f && settings->epsilon <= 0.5f))
+    if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "epsilon", (double)settings->epsilon,
-                               "it must be 0, or 0.001..0.5");
+                               "it must be 0..0.5");
     if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
                                "it must be 0..1e15");

@@ -33,18 +33,19 @@ QUICK START (examples/hello.c is this text)
 
 CONTENTS (search for the tag)
 
-    >>types        public types                     >>functions    public functions
-    >>config       1  macros and the C library      >>simd         2  vectors of floats
-    >>maths        3  vectors and matrices          >>memory       4  allocator, errors, tasks
-    >>kernel       5  the voxel kernel              >>view         6  rays of a camera or a light
-    >>transfer     7  transfer functions, phase     >>scene        8  checking and measuring a scene
-    >>gather       9  voxels into bricks, particles  >>polygons     10 triangles, depth maps
-    >>slicing      11 slabs and sweeps              >>splat        12 footprints into sheets
-    >>lightsheets  13 optical depth towards a light >>shading      14 light leaving a sheet
-    >>sweep        15 chunks of slabs, tiles        >>plan         16 what a scene calls for
-    >>reference    17 brute-force ray marching      >>tmaps        18 transmittance maps
-    >>public       19 the public functions          >>licence
-    >>balls        10b particles as rays see them
+    >>types            public types                       >>functions        public functions
+    >>config        1  macros and the C library           >>simd          2  vectors of floats
+    >>maths         3  vectors and matrices               >>memory        4  allocator, errors, tasks
+    >>kernel        5  the voxel kernel                   >>view          6  rays of a camera or a light
+    >>transfer      7  transfer functions, phase          >>transmittance 8  optical depth along a ray
+    >>scene         9  checking and measuring a scene     >>gather        10 voxels, particles into lists
+    >>polygons      11 triangles, depth maps              >>balls         12 particles as rays see them
+    >>tmaps         13 maps, and how they are asked       >>slicing       14 slabs and sweeps
+    >>splat         15 footprints into sheets             >>lightsheets   16 optical depth towards a light
+    >>shading       17 light leaving a sheet              >>sweep         18 chunks of slabs, tiles
+    >>occluders     19 filling transmittance maps         >>frame         20 sweep after sweep, the image
+    >>plan          21 what a scene calls for             >>reference     22 brute-force ray marching
+    >>public        23 the public functions               >>licence
 
 WHAT IT DOES NOT DO
     No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
@@ -1498,7 +1499,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 }
 
 /* ======================================================================================== >>transmittance
-   7b Optical depth along one ray: what each technique of a transmittance map keeps of it, and how it is asked. A ray
+   8  Optical depth along one ray: what each technique of a transmittance map keeps of it, and how it is asked. A ray
    runs from u = 0 to 1. What lies along it are stretches, even or of a particle's 1 - s^2; their sum is a curve of
    straight lines and jumps, which no technique holds exactly but the list itself. Two kinds:
 
@@ -2544,7 +2545,7 @@ static const spsi_technique spsi_techniques[] = {
 };
 
 /* ================================================================================================ >>scene
-   8  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
+   9  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
    zero. */
 
 typedef struct spsi_medium { /* a volume that holds voxels */
@@ -3202,7 +3203,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
 }
 
 /* =============================================================================================== >>gather
-   9  Relevant voxels. Providers are read block by block; voxels that matter go into bricks of 8^3, 16 bytes each, in
+   10 Relevant voxels. Providers are read block by block; voxels that matter go into bricks of 8^3, 16 bytes each, in
    segments that never move. For a gas a voxel matters if it is not 0. For a transfer function, it matters within two
    voxels of a place where the values of 3^3 neighbours span something that has extinction: two voxels hold 99.6 % of
    a kernel's weight, so that what shows is made of all that adds to it. Cost: one visit per voxel of the blocks read.
@@ -3728,7 +3729,7 @@ static const spsi_swarm *spsi_swarm_of(const spsi_frame *frame, int particle) {
 }
 
 /* ============================================================================================= >>polygons
-   10 Triangles, as seen by the eye and by each light, with homogeneous edge functions [Olano & Greer 1997]: for corners
+   11 Triangles, as seen by the eye and by each light, with homogeneous edge functions [Olano & Greer 1997]: for corners
    h0, h1, h2 in ray space, (h1 x h2) . (x, y, 1) is positive on the inside of that edge, also for corners behind the
    eye, so nothing is ever clipped. Both triangles of a shared edge compute the same number for it, corner order
    settled by comparison, so a pixel on the edge goes to exactly one of them. Cost: triangles * rows of tiles for
@@ -4022,7 +4023,7 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
 }
 
 /* ================================================================================================ >>balls
-   10b Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
+   12 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
    t = C.e / e.e, of half length sqrt(1 - d^2) r, d r = |C x e| / |e|. All of it is counted from the ball's own centre,
    in pixels and in t, where these are short polynomials with no difference of large numbers: floats do. Balls that the
    rays' origin is in, or close to, are met one ray at a time. Cost: 15 operations for a vector of pixels. */
@@ -4218,7 +4219,7 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
 }
 
 /* =============================================================================================== >>tmaps
-   10c Transmittance maps: a light's texels, and how they are asked. Each of up to six faces is a grid of rays; u is the
+   13 Transmittance maps: a light's texels, and how they are asked. Each of up to six faces is a grid of rays; u is the
    share of the way from near_depth to far_depth along t. Six faces share the rays of their common edges, and t is the
    largest coordinate from the light, the same seen from either side: so nothing changes suddenly from face to face.
    What is opaque is kept apart, as a depth per texel: no technique could hold it without harm to all else. */
@@ -4405,7 +4406,7 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 }
 
 /* ============================================================================================== >>slicing
-   11 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
+   14 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
    normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
    always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
    4] */
@@ -4670,7 +4671,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>splat
-   12 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
+   15 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
    is a 2D Gaussian in the pixel plane, and the share of it between two slab planes is the difference of
    spsi_kernel_share at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
@@ -5349,7 +5350,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 }
 
 /* ========================================================================================== >>lightsheets
-   13 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
+   16 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
    through when it enters slab k. The planes of texels that a chunk does not touch all hold the depth so far. Polygons
    are not in here: what lies behind an opaque one is dark by its depth map, whatever the planes say there. */
 
@@ -5517,10 +5518,10 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
 }
 
 /* ============================================================================================== >>shading
-   14 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
+   17 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
    A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
    way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
-   polygon in the light's way ends that share; one in the eye's way cuts the slab (section 12) and shares with it.
+   polygon in the light's way ends that share; one in the eye's way cuts the slab (>>splat) and shares with it.
    A transfer function is not linear, so a slab's mean value says too little: what is classified is shaded in SPSI_PARTS
    parts, whose means come from the parabola through the means of three slabs; x is then a share of optical depth. */
 
@@ -6418,7 +6419,7 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
 }
 
 /* ================================================================================================ >>sweep
-   15 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
+   18 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
    look up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so
    every pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the
    list; tiles without bricks cost one comparison per brick of the chunk. Once the rays through a patch of 8 x 8 pixels
@@ -7151,73 +7152,6 @@ static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
     return SPS_OK;
 }
 
-/* --- the image --- */
-
-/* The radiance behind one row of the region, three floats a pixel. */
-static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
-    const int *region = frame->view.region;
-    float *directions = rgb + 3 * (size_t)region[2];
-    int returned;
-    for (int x = 0; x < region[2]; ++x) {
-        double ray[3];
-        memcpy(rgb + 3 * x, frame->scene->background, 3 * sizeof(float));
-        if (!frame->scene->background_fn) continue;
-        spsi_ray_direction(&frame->eye, region[0] + x, region[1] + y, ray);
-        spsi_normalise(ray);
-        for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
-    }
-    if (!frame->scene->background_fn) return SPS_OK;
-    context->stats.background_calls += 1;
-    returned = frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb);
-    if (returned) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "scene", -1, "background_fn", returned, NULL);
-    for (int i = 0; i < region[2]; ++i)
-        if (spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour",
-                                   (double)*spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX),
-                                   "red, green and blue must be 0..1e18");
-    return SPS_OK;
-}
-
-/* No denormal number reaches a caller, whose arithmetic it could slow down. */
-static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
-
-/* Adds a sweep's radiance to the total; the first sweep also brings background, coverage and distance. */
-static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
-    const spsi_frame *frame = run->frame;
-    const spsi_shader *shader = &run->shader;
-    const int *region = frame->view.region, floats = 4 + frame->wants_depth;
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], 6 * sizeof(float));
-    if (!rgb) return context->result;
-    for (int y = 0; y < region[3]; ++y) {
-        if (run->sweep->first && spsi_background_row(context, frame, y, rgb)) return context->result;
-        for (int x = 0; x < region[2]; ++x) {
-            const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
-                              (size_t)(region[0] + x - shader->x_origin);
-            float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
-            const float depth = shader->depth[at], coverage = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
-            for (int c = 0; c < 3; ++c)
-                pixel[c] = spsi_flush((run->sweep->first ? rgb[3 * x + c] * (1 - coverage) : pixel[c]) +
-                                      shader->radiance[c][at]);
-            if (!run->sweep->first) continue;
-            pixel[3] = coverage;
-            if (frame->wants_depth) pixel[4] = coverage > 0 ? shader->distance[at] / coverage : SPSI_INFINITY;
-        }
-    }
-    return SPS_OK;
-}
-
-static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
-    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
-    const size_t pitch = image->row_pixels ? image->row_pixels : width;
-    const int floats = 4 + frame->wants_depth;
-    for (size_t y = 0; y < height; ++y)
-        for (size_t x = 0; x < width; ++x) {
-            const float *pixel = total + (y * width + x) * (size_t)floats;
-            memcpy(image->rgba + 4 * (y * pitch + x), pixel, 4 * sizeof(float));
-            if (frame->wants_depth) image->depth[y * pitch + x] = pixel[4];
-        }
-}
-
 /* --- a light's depth map --- */
 
 /* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
@@ -7314,7 +7248,7 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
 }
 
 /* =========================================================================================== >>occluders
-   15b Filling transmittance maps. A band of tiles at a time, each tile a task of its own that takes volumes, particles
+   19 Filling transmittance maps. A band of tiles at a time, each tile a task of its own that takes volumes, particles
    and triangles in their order, so that bits do not depend on the number of workers. What meets a vector of texels is
    always a vector of stretches; what becomes of it depends on the visit: sums of a technique that takes them in any
    order; the texel's range, before that, where the technique wants it; or a list that is first counted, then filled,
@@ -8283,7 +8217,74 @@ static sps_tmap *spsi_light_tmap_build(sps_context *context, const spsi_frame *f
 }
 
 /* ================================================================================================ >>frame
-   15c The frame: sweep after sweep, and the image. */
+   20 The frame: sweep after sweep, and the image. */
+
+/* --- the image --- */
+
+/* The radiance behind one row of the region, three floats a pixel. */
+static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
+    const int *region = frame->view.region;
+    float *directions = rgb + 3 * (size_t)region[2];
+    int returned;
+    for (int x = 0; x < region[2]; ++x) {
+        double ray[3];
+        memcpy(rgb + 3 * x, frame->scene->background, 3 * sizeof(float));
+        if (!frame->scene->background_fn) continue;
+        spsi_ray_direction(&frame->eye, region[0] + x, region[1] + y, ray);
+        spsi_normalise(ray);
+        for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
+    }
+    if (!frame->scene->background_fn) return SPS_OK;
+    context->stats.background_calls += 1;
+    returned = frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb);
+    if (returned) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "scene", -1, "background_fn", returned, NULL);
+    for (int i = 0; i < region[2]; ++i)
+        if (spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour",
+                                   (double)*spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX),
+                                   "red, green and blue must be 0..1e18");
+    return SPS_OK;
+}
+
+/* No denormal number reaches a caller, whose arithmetic it could slow down. */
+static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
+
+/* Adds a sweep's radiance to the total; the first sweep also brings background, coverage and distance. */
+static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
+    const spsi_frame *frame = run->frame;
+    const spsi_shader *shader = &run->shader;
+    const int *region = frame->view.region, floats = 4 + frame->wants_depth;
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], 6 * sizeof(float));
+    if (!rgb) return context->result;
+    for (int y = 0; y < region[3]; ++y) {
+        if (run->sweep->first && spsi_background_row(context, frame, y, rgb)) return context->result;
+        for (int x = 0; x < region[2]; ++x) {
+            const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
+                              (size_t)(region[0] + x - shader->x_origin);
+            float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
+            const float depth = shader->depth[at], coverage = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
+            for (int c = 0; c < 3; ++c)
+                pixel[c] = spsi_flush((run->sweep->first ? rgb[3 * x + c] * (1 - coverage) : pixel[c]) +
+                                      shader->radiance[c][at]);
+            if (!run->sweep->first) continue;
+            pixel[3] = coverage;
+            if (frame->wants_depth) pixel[4] = coverage > 0 ? shader->distance[at] / coverage : SPSI_INFINITY;
+        }
+    }
+    return SPS_OK;
+}
+
+static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
+    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
+    const size_t pitch = image->row_pixels ? image->row_pixels : width;
+    const int floats = 4 + frame->wants_depth;
+    for (size_t y = 0; y < height; ++y)
+        for (size_t x = 0; x < width; ++x) {
+            const float *pixel = total + (y * width + x) * (size_t)floats;
+            memcpy(image->rgba + 4 * (y * pitch + x), pixel, 4 * sizeof(float));
+            if (frame->wants_depth) image->depth[y * pitch + x] = pixel[4];
+        }
+}
 
 /* The depth about which the eye's depths are stored: that of the middle of the volumes, whose look-ups need it to be
    near; the polygons', which may be far behind, where there are no volumes. */
@@ -8374,7 +8375,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   16 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
+   21 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
    calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
@@ -8599,7 +8600,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   17 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
+   22 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, triangles and balls met exactly through bounding volume
    hierarchies, all in double precision. Shares with the renderer how a sample answers to light, and nothing about where
    light goes. Second order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
@@ -9299,7 +9300,7 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
     return SPS_OK;
 }
 /* =============================================================================================== >>public
-   19 The public functions: they check what they are handed and make one call down. */
+   23 The public functions: they check what they are handed and make one call down. */
 
 SPS_API int sps_version(void) { return SPS_VERSION; }
 

@@ -294,14 +294,14 @@ static const option_rule options[] = {
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer", "what gas casts shadows by: the sheets, or a transmittance map of this kind; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer", "what gas shades by: sheets, or this kind of transmittance map; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
     {"--map-components", "N", "floats a texel of that map; default by --shadow", set_integers, OF_SCENE(map_components), 1, 1, 65, NULL},
     {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
     {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
-    {"--reference", NULL, "brute-force ray marching: slow, for comparing; does not look at --quality, --shadow-size, --shadow", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching: slow; does not look at --quality, --shadow-size, --shadow", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -332,7 +332,7 @@ static void print_help(void) {
          "Options stand in any order. Of one that is given twice and is not repeatable, the last counts.\n"
          "Exit status: 0 done, 1 the render failed, 2 an option or a file is wrong.");
     for (int i = 0; i < OPTION_COUNT; ++i) {
-        char left[80];
+        char left[120];
         for (size_t k = 0; k < sizeof headings / sizeof *headings; ++k)
             if (strcmp(headings[k][0], options[i].name) == 0) printf("\n%s\n", headings[k][1]);
         snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");

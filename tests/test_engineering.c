@@ -1187,6 +1187,37 @@ static void test_particles_option(void) {
     CHECK(middle > 0.9f && middle <= 1); /* three times 4/3 of a unit, at least */
 }
 
+/* Every kind of shadow makes a picture, each one its own; what is said about a map must be about the one that there is.
+ */
+static void test_shadow_option(void) {
+    static const char *const kinds[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
+                                        "fourier", "cosine", "moment",     "adaptive", "beer"};
+    static const complaint all[] = {
+        {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
+         "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
+        {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow sheets"},
+        {VOLUME "--shadow opacity --map-window fejer --plan", 2, "--map-window says nothing about --shadow opacity"},
+        {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
+        {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not sheets|deep"},
+        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
+        {VOLUME "--shadow cosine --map-window lanczos --map-components 6 --light directional,0,0,-1,1,1,1 " SMALL
+                "--out a.png",
+         0, NULL}};
+    static char pictures[11][400];
+    for (int i = 0; i < 11; ++i) {
+        char line[300];
+        snprintf(line, sizeof line,
+                 VOLUME SMALL "--extinction 9 --light directional,1,-1,-1,9,9,9 --shadow %s --pfm shadow.pfm",
+                 kinds[i]);
+        CHECK(run_render(line).status == 0);
+        CHECK(read_file("shadow.pfm", pictures[i], sizeof pictures[i]) > 12);
+        for (int k = 0; k < i; ++k)
+            if (!CHECK(memcmp(pictures[k], pictures[i], sizeof pictures[i]) != 0))
+                printf("    %s and %s give one picture\n", kinds[k], kinds[i]);
+    }
+    CHECK_COMPLAINTS(all);
+}
+
 /* What only the library can tell is told by the option's name. */
 static void test_library_errors(void) {
     static const complaint library[] = {
@@ -1303,6 +1334,12 @@ static void test_help(void) {
                                         "--region x,y,w,h",
                                         "--slab VOXELS",
                                         "--shadow-size N",
+                                        "--shadow sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|"
+                                        "moment|adaptive|beer",
+                                        "--map-components N",
+                                        "--map-size N",
+                                        "--map-window none|lanczos|fejer",
+                                        "--map-epsilon E",
                                         "--quality draft|medium|high|ultra",
                                         "--no-shadows",
                                         "--reference",
@@ -1351,6 +1388,7 @@ static void test_command_line(void) {
     test_exclusions();
     test_bad_values();
     test_particles_option();
+    test_shadow_option();
     test_library_errors();
     test_bad_files();
     test_precious_files();

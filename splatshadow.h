@@ -77,10 +77,11 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
     about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 24 to 60 per
-pixel, 76 per texel of shadow buffer, and per worker a tile of sheets (0.3 MB per kind of gas or classified volume).
-sps_plan says how much, before; a memory_limit is never passed. ERRORS   Every call returns sps_result; sps_error gives
-one sentence that names the field and its value. After a failure the image is untouched and the context can be used
-again. THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
+    pixel, 76 per texel of shadow buffer, and per worker a tile of sheets (0.3 MB per kind of gas or classified
+    volume). sps_plan says how much, before; a memory_limit is never passed.
+ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
+    failure the image is untouched and the context can be used again.
+THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
     parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, clock, allocator) run on
     the calling thread, one at a time, and must not call into the same context.
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on

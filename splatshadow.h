@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.1.0 (2026-11-21): volumes, gases, particles and polygons into correctly shadowed images, on the CPU.
+splatshadow.h 0.1.0 (2026-11-21): volumes, gases, particles and polygons into correctly shadowed images, and into the
+shadow maps that engines look up, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 
 QUICK START (examples/hello.c is this text)

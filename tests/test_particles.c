@@ -696,22 +696,24 @@ static void test_mixed(void) {
 
 /* One stray particle, or radii far below all else, take no more slabs than there can be. */
 static void test_outliers(void) {
+    /* of 250000 the stray one moves the spread by a 500th of its distance: 100000 slabs if nothing else did */
     static const double strays[3] = {1e3, 1e7, 1e14};
     for (int n = 0; n < 6; ++n) {
         stage x;
         sps_stats_report stats;
         stage_clear(&x, 33, 31);
         stage_add(&x, 0.5);
-        fill(&x, 0, 300, 5);
+        fill(&x, 0, n == 2 ? 250000 : 300, 5);
         if (n < 3)
-            cloud_add(&x.clouds[0], 0, strays[n], -strays[n], 0.1, 1);
+            cloud_add(&x.clouds[0], 0, 0, -strays[n], 0.1, 1);
         else
             for (size_t i = 0; i < 300; ++i) x.clouds[0].list[i].radius = (float)(1 / strays[n - 3]);
         check_add_directional(&x.s, 0.3, 0.2, -1, 1);
         x.s.view.quality = SPS_QUALITY_MEDIUM;
         if (!stage_render(&x, image_a)) return;
         sps_stats(context, &stats);
-        if (!CHECK(stats.slabs <= (n < 3 ? 1 << 17 : 1000))) printf("    %d: %.0f slabs\n", n, (double)stats.slabs);
+        if (!CHECK(stats.slabs <= (n < 3 ? (1 << 16) + 1 : 1000)))
+            printf("    %d: %.0f slabs\n", n, (double)stats.slabs);
         stage_free(&x);
     }
 }

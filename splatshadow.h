@@ -8068,15 +8068,21 @@ static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held
     return SPS_OK;
 }
 
+/* All of it or nothing, so that a failed one can be repeated. */
 static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
+    const int volumes = map->volume_count, meshes = map->mesh_count;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
-    map->replace_invalid |= scene->replace_invalid;
     if (spsi_tmap_append(map, &map->volumes, &map->volume_count, scene->volumes, scene->volume_count,
                          sizeof(sps_volume)) ||
-        spsi_tmap_append(map, &map->meshes, &map->mesh_count, scene->meshes, scene->mesh_count, sizeof(sps_mesh)))
+        spsi_tmap_append(map, &map->meshes, &map->mesh_count, scene->meshes, scene->mesh_count, sizeof(sps_mesh)) ||
+        spsi_tmap_append(map, &map->particles, &map->particles_count, scene->particles, scene->particles_count,
+                         sizeof(sps_particles))) {
+        map->volume_count = volumes;
+        map->mesh_count = meshes;
         return map->context->result;
-    return spsi_tmap_append(map, &map->particles, &map->particles_count, scene->particles, scene->particles_count,
-                            sizeof(sps_particles));
+    }
+    map->replace_invalid |= scene->replace_invalid;
+    return SPS_OK;
 }
 
 /* Releases what a map holds. */

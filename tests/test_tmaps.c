@@ -1061,6 +1061,528 @@ static void test_gas_around(void) {
     sps_destroy(context);
 }
 
+/* --------------------------------------------------------------------------------------------------------- memory */
+
+/* A smaller mixed scene, for what is done many times. */
+static void begin_little(fixture *f, int technique) {
+    begin_mixed(f, technique);
+    f->light.width = f->light.height = SIDE;
+    f->s.volume[0].size[0] = f->s.volume[0].size[1] = f->s.volume[0].size[2] = 5;
+    f->crowds[0].count = f->crowds[1].count = 4;
+}
+
+/* Every technique holds what it says, to the byte; where a texel's size is fixed it says so from the beginning, but for
+   surfaces, which only the occluders tell. */
+static void test_bytes(void) {
+    for (int n = 0; n < 4 * TECHNIQUES; ++n) {
+        const int technique = n / 4, opaque = n % 2, round = n / 2 % 2;
+        check_hooks hooks;
+        sps_context *context;
+        fixture f;
+        sps_tmap *map = NULL;
+        size_t before, bytes;
+        memset(&hooks, 0, sizeof hooks);
+        context = check_context(&hooks);
+        begin_little(&f, technique);
+        if (round) see(&f, ROUND, SIDE);
+        if (!opaque) f.s.mesh[1].transparency = 0.3f;
+        complete(&f);
+        CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+        before = sps_tmap_bytes(map);
+        CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
+        CHECK(sps_tmap_bytes(map) == before);
+        CHECK_OK(context, sps_tmap_finish(map));
+        bytes = sps_tmap_bytes(map);
+        if (technique > SPS_TMAP_COMPRESSED)
+            CHECK(bytes == before + (opaque ? 4u : 0u) * SIDE * SIDE * (round ? 6 : 1));
+        else
+            CHECK(bytes ==
+                  before + sizeof(float) * (float_count(map) + (opaque ? (size_t)(SIDE * SIDE * (round ? 6 : 1)) : 0)));
+        before = hooks.live;
+        sps_tmap_destroy(map);
+        CHECK(before - hooks.live == bytes);
+        sps_destroy(context);
+        CHECK(hooks.live == 0 && hooks.live_blocks == 0);
+        end(&f);
+    }
+}
+
+/* A budget takes components away that are left to the technique, one step after another, to its least; what was asked
+   for by number it does not touch. */
+static void test_budget_of_components(void) {
+    static const int least[TECHNIQUES] = {0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
+                     step[TECHNIQUES] = {0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
+    sps_context *context = sps_create(NULL);
+    for (int technique = SPS_TMAP_DEPTH; technique < TECHNIQUES; ++technique)
+        for (int ranged = 0; ranged < (technique == SPS_TMAP_FOURIER ? 2 : 1); ++ranged) {
+            const int fewest = least[technique] + 2 * ranged;
+            size_t empty;
+            int usual;
+            sps_tmap_settings resolved;
+            fixture f;
+            sps_tmap *map;
+            begin(&f, technique);
+            f.settings.texel_range = ranged;
+            map = must_build(&f, context);
+            sps_tmap_get_settings(map, &resolved);
+            usual = resolved.components;
+            empty = sps_tmap_bytes(map) - (size_t)(SIDE * SIDE * 4 * usual);
+            sps_tmap_destroy(map);
+            for (int n = usual + 1; n >= 0; --n) {
+                f.settings.byte_budget = empty + (size_t)(SIDE * SIDE * 4 * n);
+                f.settings.components = 0;
+                map = build(&f, context);
+                if (n < fewest) {
+                    CHECK(!map && strstr(sps_error(context), "settings.byte_budget is "));
+                } else if (CHECK(map != NULL)) {
+                    sps_tmap_get_settings(map, &resolved);
+                    CHECK(resolved.components <= n && resolved.components >= fewest && resolved.components <= usual);
+                    CHECK(resolved.components + step[technique] > n || n >= usual);
+                    CHECK(sps_tmap_bytes(map) <= f.settings.byte_budget);
+                }
+                sps_tmap_destroy(map);
+                f.settings.components = usual;
+                map = build(&f, context);
+                CHECK(!map == (n < usual));
+                sps_tmap_destroy(map);
+            }
+        }
+    sps_destroy(context);
+}
+
+/* What only the occluders tell, lists and surfaces, is refused when it is known, with the number of bytes that it
+ * takes. */
+static void test_budget_of_lists(void) {
+    sps_context *context = sps_create(NULL);
+    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+        size_t bytes;
+        fixture f;
+        sps_tmap *map;
+        begin_little(&f, technique);
+        map = must_build(&f, context);
+        bytes = sps_tmap_bytes(map);
+        f.settings.components = map->settings.components;
+        sps_tmap_destroy(map);
+        for (int n = 0; n < 4; ++n) {
+            const size_t less[4] = {0, 1, 300, bytes / 8};
+            f.settings.byte_budget = bytes - less[n];
+            map = build(&f, context);
+            if (n == 0) {
+                CHECK(map && sps_tmap_bytes(map) == bytes);
+            } else {
+                const char *takes = strstr(sps_error(context), "the map takes ");
+                CHECK(!map && strstr(sps_error(context), "settings.byte_budget is ") && takes);
+                if (takes && !CHECK(atof(takes + 14) > (double)f.settings.byte_budget))
+                    printf("    technique %d: %s, of %g\n", technique, sps_error(context), (double)bytes);
+            }
+            sps_tmap_destroy(map);
+        }
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* The context can still do what it could. */
+static void check_renders(sps_context *context) {
+    static float rgba[4 * 64];
+    check_scene s;
+    check_clear(&s, 8, 8);
+    check_add_directional(&s, 0, 0, -1, 1);
+    check_add_volume(&s, 3, 3, 3, check_box(-1, -1, -1, 1, 1, 1))->eval_fn = check_eval_constant;
+    s.volume[0].user = &one;
+    s.volume[0].extinction = 1;
+    if (check_render(context, &s, rgba)) CHECK(rgba[4 * 36 + 3] > 0.5f);
+}
+
+/* Each allocation fails in turn: an error, nothing lost, and all goes on. The first failure of an add leaves the map as
+   it was. */
+static void test_allocations(void) {
+    for (int technique = 0; technique < TECHNIQUES; ++technique)
+        for (int last = 0, n = 1; !last; ++n) {
+            check_hooks hooks;
+            sps_context *context;
+            fixture f;
+            sps_tmap *map = NULL, *again;
+            sps_result result;
+            memset(&hooks, 0, sizeof hooks);
+            hooks.worker_count = 2;
+            context = check_context(&hooks);
+            begin_little(&f, technique);
+            complete(&f);
+            hooks.fail_at = hooks.allocations + n;
+            result = sps_tmap_create(context, &f.light, &f.settings, &map);
+            if (result == SPS_OK) {
+                result = sps_tmap_add(map, &f.s.scene);
+                if (result == SPS_OK)
+                    result = sps_tmap_finish(map);
+                else if (CHECK_OK(context, sps_tmap_add(map, &f.s.scene)) && CHECK_OK(context, sps_tmap_finish(map))) {
+                    again = must_build(&f, context);
+                    CHECK(again && same_map(map, again));
+                    sps_tmap_destroy(again);
+                    sps_tmap_destroy(map);
+                    map = NULL;
+                }
+            } else {
+                CHECK(map == NULL);
+            }
+            last = hooks.allocations < hooks.fail_at;
+            CHECK(result == (last ? SPS_OK : SPS_ERROR_MEMORY));
+            sps_tmap_destroy(map);
+            hooks.fail_at = 0;
+            if (n % 5 == 1) check_renders(context);
+            again = must_build(&f, context);
+            CHECK(again != NULL);
+            sps_tmap_destroy(again);
+            sps_destroy(context);
+            CHECK(hooks.live == 0 && hooks.live_blocks == 0);
+            end(&f);
+        }
+}
+
+/* A limit of memory is an error until there is enough, and is never passed. */
+static void test_memory_limit(void) {
+    for (int technique = 0; technique < TECHNIQUES; technique += 3) {
+        int built = 0, refused = 0;
+        for (size_t limit = 100000; !built; limit += limit / 4) {
+            check_hooks hooks;
+            sps_context *context;
+            fixture f;
+            sps_tmap *map;
+            memset(&hooks, 0, sizeof hooks);
+            hooks.memory_limit = limit;
+            context = check_context(&hooks);
+            begin_little(&f, technique);
+            map = build(&f, context);
+            if (map)
+                ++built;
+            else
+                refused += strstr(sps_error(context), "memory_limit") != NULL;
+            CHECK(hooks.peak <= limit);
+            sps_tmap_destroy(map);
+            sps_destroy(context);
+            CHECK(hooks.live == 0);
+            end(&f);
+            if (!CHECK(limit < (size_t)1 << 30)) break;
+        }
+        CHECK(refused > 0);
+    }
+}
+
+/* -------------------------------------------------------------------------------------------- states and refusals */
+
+static void check_refused(fixture *f, const char *text) {
+    sps_context *context = sps_create(NULL);
+    sps_tmap *map = build(f, context);
+    if (!CHECK(map == NULL && strstr(sps_error(context), text) != NULL))
+        printf("    wanted \"%s\", got \"%s\"\n", text, sps_error(context));
+    sps_tmap_destroy(map);
+    check_renders(context);
+    sps_destroy(context);
+}
+
+/* Settings, each with the sentence that says what is wrong. */
+static void test_settings(void) {
+    static const struct {
+        const char *text;
+        int technique, components;
+    } counts[] = {{"settings.components is 1; a deep map has as many", SPS_TMAP_DEEP, 1},
+                  {"settings.components is 2; a compressed map has", SPS_TMAP_COMPRESSED, 2},
+                  {"settings.components is 2; a depth map has 1", SPS_TMAP_DEPTH, 2},
+                  {"settings.components is 66; an opacity map has 1, 2 .. 65", SPS_TMAP_OPACITY, 66},
+                  {"settings.components is -1; an opacity", SPS_TMAP_OPACITY, -1},
+                  {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEEP_OPACITY, 2},
+                  {"settings.components is 6; a Fourier map has 3, 5 .. 65", SPS_TMAP_FOURIER, 6},
+                  {"settings.components is 67; a Fourier", SPS_TMAP_FOURIER, 67},
+                  {"settings.components is 65; a cosine map has 2, 3 .. 64", SPS_TMAP_COSINE, 65},
+                  {"settings.components is 6; a moment map has 5, 7 .. 9", SPS_TMAP_MOMENT, 6},
+                  {"settings.components is 11; a moment", SPS_TMAP_MOMENT, 11},
+                  {"settings.components is 5; an adaptive map has 4, 6 .. 64", SPS_TMAP_ADAPTIVE, 5},
+                  {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4}};
+    static const char *const texts[] = {
+        "settings.technique is 10", "settings.technique is -1", "settings.window is 3",
+        "settings.epsilon is 0.51", "settings.epsilon is nan",  "settings.surface_bias is -1",
+        "settings.start_canary is", "settings.end_canary is",   "settings.far_depth is 0",
+        "settings.far_depth is 2",  "settings.far_depth is 2",  "settings.far_depth is 2e+15",
+        "settings.far_depth is nan"};
+    for (size_t i = 0; i < sizeof counts / sizeof *counts; ++i) {
+        fixture f;
+        begin(&f, counts[i].technique);
+        f.settings.components = counts[i].components;
+        check_refused(&f, counts[i].text);
+    }
+    for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
+        fixture f;
+        begin(&f, SPS_TMAP_FOURIER);
+        if (i == 0) f.settings.technique = (sps_tmap_technique)TECHNIQUES;
+        if (i == 1) f.settings.technique = (sps_tmap_technique)-1;
+        if (i == 2) f.settings.window = (sps_tmap_window)3;
+        if (i == 3) f.settings.epsilon = 0.51f;
+        if (i == 4) f.settings.epsilon = (float)(HUGE_VAL - HUGE_VAL);
+        if (i == 5) f.settings.surface_bias = -1;
+        if (i == 6) f.settings.start_canary = 1;
+        if (i == 7) f.settings.end_canary = 1;
+        if (i >= 8) f.settings.far_depth = i == 8 ? 0 : i == 11 ? 2e15 : i == 12 ? HUGE_VAL - HUGE_VAL : 2;
+        if (i == 9 || i == 10) f.settings.near_depth = i == 9 ? 2 : -1;
+        check_refused(&f, texts[i]);
+    }
+    {
+        fixture f; /* texel_range takes two of them */
+        begin(&f, SPS_TMAP_FOURIER);
+        f.settings.texel_range = 1, f.settings.components = 3;
+        check_refused(&f, "settings.components is 3; a Fourier map has 5, 7 .. 65");
+    }
+}
+
+/* Planes must rise from above 0 to 1; they are copied, and serve. */
+static void test_planes(void) {
+    static const float wrong[5][3] = {
+        {0, 0.5f, 1}, {0.5f, 0.5f, 1}, {0.5f, 0.4f, 1}, {0.2f, 0.5f, 0.9f}, {0.2f, 1.5f, 1}};
+    static const char *const texts[5] = {"settings.planes[0] is 0;", "settings.planes[1] is 0.5;",
+                                         "settings.planes[1] is 0.4;", "settings.planes[2] is 0.9;",
+                                         "settings.planes[1] is 1.5;"};
+    sps_context *context = sps_create(NULL);
+    for (int technique = SPS_TMAP_OPACITY; technique <= SPS_TMAP_DEEP_OPACITY; ++technique) {
+        float planes[3] = {0.25f, 0.5f, 1};
+        sps_tmap_settings resolved;
+        fixture f;
+        sps_tmap *map = NULL;
+        begin(&f, technique);
+        f.settings.components = technique == SPS_TMAP_OPACITY ? 3 : 5;
+        for (int i = 0; i < 5; ++i) {
+            f.settings.planes = wrong[i];
+            check_refused(&f, texts[i]);
+        }
+        add(&f, 0, 0, 0, 1, 2, 3); /* u 0.35 .. 0.55 */
+        f.settings.planes = planes;
+        complete(&f);
+        CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+        planes[0] = planes[1] = 7;
+        sps_tmap_get_settings(map, &resolved);
+        CHECK(resolved.planes && resolved.planes != planes && resolved.planes[1] <= 0.5f);
+        CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
+        CHECK_OK(context, sps_tmap_finish(map));
+        if (technique == SPS_TMAP_OPACITY) {
+            CHECK_NEAR(query(map, 0, 0, 5), 0, 0);
+            CHECK_NEAR(query(map, 0, 0, 0), 2.25, 1e-5);
+            CHECK_NEAR(query(map, 0, 0, 2.5), 1.125, 1e-5); /* half the way from plane to plane */
+        } else { /* the particle's own range: planes are at 1/4, 1/2 and 1 of it */
+            CHECK_NEAR(query(map, 0, 0, 2), 0.75, 1e-5);
+            CHECK_NEAR(query(map, 0, 0, 1), 1.5, 1e-5);
+        }
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+/* Views and scenes. */
+static void test_scenes(void) {
+    static const char *const texts[] = {"view.width is 0",
+                                        "view.height is 0",
+                                        "view.width is 16385",
+                                        "view.field_of_view is 4",
+                                        "same point",
+                                        "cannot be inverted",
+                                        "view.width is 9; an omni",
+                                        "view.end_canary",
+                                        "view.position is nan",
+                                        "view.slab is -1",
+                                        "position is nan",
+                                        "radius is -1",
+                                        "optical_depth is inf",
+                                        "particles[0].end_canary",
+                                        "particles[0].read_fn is NULL",
+                                        "mesh[0].transparency is 1.5",
+                                        "mesh[0].transparency is -0.5",
+                                        "mesh[0].transparency is nan",
+                                        "mesh[1].read_fn is NULL",
+                                        "volume[0].extinction is -1",
+                                        "volume[0].size is -1",
+                                        "scene.mesh_count is -1",
+                                        "scene.volume_count is 1",
+                                        "mesh[0].triangle[1].position is nan",
+                                        "volume[0].placement's determinant is 0",
+                                        "scene.end_canary"};
+    for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
+        const float nan = (float)(HUGE_VAL - HUGE_VAL);
+        fixture f;
+        begin_little(&f, SPS_TMAP_OPACITY);
+        if (i == 0) f.light.width = 0;
+        if (i == 1) f.light.height = 0;
+        if (i == 2) f.light.width = 16385;
+        if (i == 3) f.light.field_of_view = 4;
+        if (i == 4) check_set3(f.light.target, 0, 0, 10);
+        if (i == 5) memset(f.matrix, 0, sizeof f.matrix), f.light.world_to_clip = f.matrix;
+        if (i == 6) f.settings.omnidirectional = 1, f.light.height = 8;
+        if (i == 7) f.light.end_canary = 1;
+        if (i == 8) f.light.position[1] = (double)nan;
+        if (i == 9) f.light.slab = -1;
+        if (i == 10) f.crowds[0].list[1].position[1] = nan;
+        if (i == 11) f.crowds[0].list[2].radius = -1;
+        if (i == 12) f.crowds[1].list[0].optical_depth = (float)HUGE_VAL;
+        if (i == 13) f.sets[0].end_canary = 1;
+        if (i == 14) f.sets[0].read_fn = NULL;
+        if (i >= 15 && i <= 17) f.s.mesh[0].transparency = i == 15 ? 1.5f : i == 16 ? -0.5f : nan;
+        if (i == 18) f.s.mesh[1].read_fn = NULL;
+        if (i == 19) f.s.volume[0].extinction = -1;
+        if (i == 20) f.s.volume[0].size[1] = -1;
+        if (i == 21) f.s.scene.mesh_count = -1;
+        if (i == 22) f.s.scene.volumes = NULL;
+        if (i == 23) f.triangles[0].list[1].position[2][0] = nan;
+        if (i == 24) memset(f.s.volume[0].placement.axis[1], 0, 3 * sizeof(double));
+        if (i == 25) f.s.scene.end_canary = 1;
+        check_refused(&f, texts[i]);
+        end(&f);
+    }
+}
+
+/* replace_invalid makes the same of particles that are no numbers as leaving them out. */
+static void test_replaced(void) {
+    sps_context *context = sps_create(NULL);
+    fixture f, whole;
+    sps_tmap *maps[2];
+    sps_stats_report stats;
+    begin_mixed(&whole, SPS_TMAP_DEEP);
+    begin_mixed(&f, SPS_TMAP_DEEP);
+    add(&f, 1, 0, 0, 0, 2, HUGE_VAL);
+    f.s.scene.replace_invalid = 1;
+    maps[0] = must_build(&whole, context);
+    maps[1] = must_build(&f, context);
+    sps_stats(context, &stats);
+    CHECK(stats.values_replaced == 1);
+    CHECK(maps[0] && maps[1] && same_map(maps[0], maps[1]));
+    for (int i = 0; i < 2; ++i) sps_tmap_destroy(maps[i]);
+    end(&f);
+    end(&whole);
+    sps_destroy(context);
+}
+
+/* What a map answers to when it is not its turn. */
+static void test_states(void) {
+    const double points[6] = {0, 0, -5, 1, 1, -5};
+    float depths[2] = {7, 7}, passes[2] = {7, 7}, least[2] = {7, 7}, most[2] = {7, 7};
+    sps_context *context = sps_create(NULL);
+    sps_tmap_settings resolved;
+    sps_tmap *map = (sps_tmap *)(void *)&resolved;
+    fixture f;
+    begin_little(&f, SPS_TMAP_OPACITY);
+    complete(&f);
+    CHECK(sps_tmap_create(NULL, &f.light, &f.settings, &map) == SPS_ERROR_ARGUMENT && map == NULL);
+    CHECK(sps_tmap_create(context, NULL, &f.settings, &map) == SPS_ERROR_ARGUMENT &&
+          strstr(sps_error(context), "NULL"));
+    CHECK(sps_tmap_create(context, &f.light, NULL, &map) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_create(context, &f.light, &f.settings, NULL) == SPS_ERROR_ARGUMENT);
+    CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+    sps_tmap_query(map, 2, points, depths, passes);
+    sps_tmap_bracket(map, 2, points, least, most);
+    CHECK(depths[1] <= 0 && passes[0] >= 1 && passes[1] >= 1 && least[1] <= 0 && most[1] <= 0);
+    CHECK(!sps_tmap_texels(map) && !sps_tmap_starts(map) && !sps_tmap_surfaces(map));
+    CHECK(sps_tmap_add(map, NULL) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "scene"));
+    CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
+    CHECK_OK(context, sps_tmap_finish(map));
+    CHECK(sps_tmap_finish(map) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "finished"));
+    CHECK(sps_tmap_add(map, &f.s.scene) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "finished"));
+    sps_tmap_query(map, 2, points, depths, NULL);
+    sps_tmap_query(map, 2, points, NULL, passes);
+    sps_tmap_bracket(map, 2, points, least, NULL);
+    sps_tmap_bracket(map, 2, points, NULL, most);
+    CHECK(depths[0] > 0 && passes[0] < 1 && least[0] <= depths[0] && most[0] >= depths[0]);
+    CHECK(sps_tmap_starts(map) == NULL && sps_tmap_texels(map));
+    sps_tmap_query(map, 0, NULL, NULL, NULL);
+    sps_tmap_query(NULL, 1, points, depths, passes);
+    CHECK(depths[0] <= 0 && passes[0] >= 1);
+    sps_tmap_get_settings(map, &resolved);
+    CHECK(resolved.components == 8 && resolved.epsilon > 0.009f && resolved.far_depth >= 20);
+    sps_tmap_get_settings(map, NULL);
+    sps_tmap_get_settings(NULL, &resolved);
+    CHECK(resolved.components == 0 && resolved.far_depth <= 0);
+    CHECK(sps_tmap_finish(NULL) == SPS_ERROR_ARGUMENT && sps_tmap_bytes(NULL) == 0);
+    CHECK(!sps_tmap_texels(NULL) && !sps_tmap_starts(NULL) && !sps_tmap_surfaces(NULL));
+    sps_tmap_destroy(NULL);
+    sps_tmap_destroy(map);
+    end(&f);
+    sps_destroy(context);
+}
+
+/* Providers that count their calls together, and fail at one of them. */
+static struct {
+    long calls, fail_at, progress, cancel_at;
+    fixture *f;
+} provider;
+
+static int provider_counts(void) { return ++provider.calls == provider.fail_at ? 7 : 0; }
+
+static int failing_particles(void *user, size_t first, size_t count, sps_particle *out) {
+    read_crowd(user, first, count, out);
+    return provider_counts();
+}
+
+static int failing_triangles(void *user, size_t first, size_t count, sps_triangle *out) {
+    check_read_triangles(user, first, count, out);
+    return provider_counts();
+}
+
+static int failing_voxels(void *user, size_t count, const double *positions, float *out) {
+    check_eval_field(user, count, positions, out);
+    return provider_counts();
+}
+
+static int failing_range(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)user, (void)lo, (void)size;
+    out[0] = 0, out[1] = 1;
+    return provider_counts();
+}
+
+static int failing_progress(void *user, float fraction) {
+    (void)user;
+    CHECK(fraction >= 0 && fraction <= 1);
+    return ++provider.progress == provider.cancel_at;
+}
+
+/* Every call of every provider fails in turn, then every look at progress says stop: a failed map answers nothing, and
+   the context goes on. */
+static void test_callbacks(void) {
+    for (int technique = 0; technique < TECHNIQUES; technique += 3)
+        for (int cancels = 0; cancels < 2; ++cancels)
+            for (int last = 0, n = 1; !last; ++n) {
+                sps_config config;
+                sps_context *context;
+                fixture f;
+                sps_tmap *map = NULL;
+                sps_result result;
+                memset(&config, 0, sizeof config);
+                memset(&provider, 0, sizeof provider);
+                config.progress_fn = failing_progress;
+                context = sps_create(&config);
+                begin_little(&f, technique);
+                f.sets[0].read_fn = f.sets[1].read_fn = failing_particles;
+                f.s.mesh[0].read_fn = f.s.mesh[1].read_fn = failing_triangles;
+                f.s.volume[0].eval_fn = failing_voxels, f.s.volume[0].range_fn = failing_range;
+                complete(&f);
+                CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+                CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
+                CHECK(provider.calls == 0);
+                if (cancels)
+                    provider.cancel_at = n;
+                else
+                    provider.fail_at = n;
+                result = sps_tmap_finish(map);
+                last = cancels ? provider.progress < n : provider.calls < n;
+                CHECK(result == (last ? SPS_OK : cancels ? SPS_ERROR_CANCELLED : SPS_ERROR_CALLBACK));
+                if (!last) {
+                    CHECK(strstr(sps_error(context), cancels ? "cancelled by progress_fn" : "failed: it returned 7"));
+                    CHECK(!sps_tmap_texels(map) && !(query(map, 0, 0, -9) > 0));
+                    CHECK(sps_tmap_finish(map) == SPS_ERROR_ARGUMENT);
+                    CHECK(sps_tmap_add(map, &f.s.scene) == SPS_ERROR_ARGUMENT);
+                }
+                provider.cancel_at = provider.fail_at = 0;
+                check_renders(context);
+                sps_tmap_destroy(map);
+                sps_destroy(context);
+                end(&f);
+                if (last) CHECK(n > (cancels ? 3 : 5));
+            }
+}
+
 int main(void) {
     RUN(test_particles);
     RUN(test_plain_numbers);
@@ -1079,5 +1601,16 @@ int main(void) {
     RUN(test_shuffled);
     RUN(test_seams);
     RUN(test_gas_around);
+    RUN(test_bytes);
+    RUN(test_budget_of_components);
+    RUN(test_budget_of_lists);
+    RUN(test_allocations);
+    RUN(test_memory_limit);
+    RUN(test_settings);
+    RUN(test_planes);
+    RUN(test_scenes);
+    RUN(test_replaced);
+    RUN(test_states);
+    RUN(test_callbacks);
     return check_report();
 }

@@ -4544,8 +4544,9 @@ static double spsi_particle_edge(const spsi_frame *frame) {
     return fmax(SPSI_PARTICLE_EDGE * frame->particle_radius, frame->particle_spread / 200);
 }
 
-/* Cuts the bounds of volumes and particles into slabs. */
-static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+/* Cuts the bounds of volumes and particles into slabs; for_particles: 1: thin enough for these. */
+static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, int for_particles,
+                                   spsi_sweep *sweep) {
     double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
@@ -4553,7 +4554,8 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
         low = fmin(low, spsi_dot(point, sweep->normal));
         high = fmax(high, spsi_dot(point, sweep->normal));
     }
-    if (frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
+    if (for_particles &&
+        frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
         extent = fmax(spsi_particle_edge(frame), (high - low) / (SPSI_SLABS_MAX / 16));
     for (int i = 0; i < frame->medium_count; ++i)
         extent = fmin(extent, spsi_voxel_extent(&frame->media[i], sweep->normal));
@@ -4668,7 +4670,8 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
     sweep->first = n == 0;
     sweep->normal[2] = sweep->thickness = 1;
     if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
-    if (spsi_sweep_direction(context, frame, sweep) || spsi_sweep_slabs(context, frame, sweep)) return context->result;
+    if (spsi_sweep_direction(context, frame, sweep) || spsi_sweep_slabs(context, frame, 1, sweep))
+        return context->result;
     return sweep->sheets ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
 }
 
@@ -7839,7 +7842,7 @@ static sps_result spsi_tmap_sweep(sps_context *context, const spsi_frame *frame,
     if (!(least >= SPSI_COSINE_MIN))
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "least cosine of a ray with the axis", least,
                                "volumes need 0.1; narrow the light's field_of_view, or make the map omnidirectional");
-    return spsi_sweep_slabs(context, frame, sweep);
+    return spsi_sweep_slabs(context, frame, 0, sweep); /* particles are no part of sheets here */
 }
 
 /* What splatting volumes into a face takes. */

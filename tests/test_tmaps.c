@@ -1583,6 +1583,296 @@ static void test_callbacks(void) {
             }
 }
 
+/* -------------------------------------------------------------------------------------------------------- extremes */
+
+/* Nothing but numbers, and T = exp(-depth), at random places in and about a map. */
+static void check_sane(const sps_tmap *map, uint64_t seed) {
+    check_random random;
+    random.state = seed;
+    for (int i = 0; i < 150 && map; ++i) {
+        double point[3];
+        float depth, passes, least, most;
+        for (int k = 0; k < 3; ++k)
+            point[k] =
+                map->view.position[k] + (i % 5 ? 1.2 : 1e3) * map->settings.far_depth * (2 * check_next(&random) - 1);
+        sps_tmap_query(map, 1, point, &depth, &passes);
+        sps_tmap_bracket(map, 1, point, &least, &most);
+        if (!CHECK(depth >= 0 && depth <= 1e15f && passes >= 0 && passes <= 1 && least >= 0 && most <= 1e15f))
+            printf("    technique %d depth %g\n", (int)map->settings.technique, (double)depth);
+        CHECK_NEAR((double)passes, exp(-(double)depth), 2e-6 * (double)passes + 1e-37);
+        CHECK((double)least <= (double)depth * 1.00001 + 1e-5 && (double)depth <= (double)most * 1.00001 + 1e-5);
+    }
+}
+
+/* Faintest and thickest gas: what is behind all of it is right to the rounding of a chord and a sum of two. */
+static void test_depths(void) {
+    static const double depths[5] = {1e-8, 1e-3, 1e8, 1e18, 0};
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 5 * TECHNIQUES; ++n) {
+        const int technique = n / 5;
+        const double exact = fmin(depths[n % 5], 1e15);
+        fixture f;
+        sps_tmap *map;
+        begin(&f, technique);
+        f.settings.window = SPS_TMAP_WINDOW_FEJER;
+        add(&f, 0, 0, 0, 1, 2, depths[n % 5]);
+        add(&f, 1, 0, 0, -1, 2, 0);
+        map = must_build(&f, context);
+        if (technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE && technique != SPS_TMAP_COMPRESSED &&
+            (technique != SPS_TMAP_ADAPTIVE || exact > 1e-4)) /* T is a float: 6e-8 of depth */
+            CHECK_NEAR(query(map, 0, 0, -10), technique == SPS_TMAP_ADAPTIVE && exact > 100 ? DARK : exact,
+                       (technique == SPS_TMAP_ADAPTIVE ? 2e-4 : 2e-6) * exact);
+        CHECK_NEAR(query(map, 4, 4, -10), 0, 1e-15);
+        check_sane(map, 7);
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+/* Sizes that are no multiple of a tile, or of a vector, or of anything. */
+static void test_sizes(void) {
+    static const int sizes[6][2] = {{1, 1}, {67, 65}, {130, 3}, {3, 130}, {64, 64}, {65, 1}};
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 7 * 6; ++n) {
+        static const int techniques[6] = {SPS_TMAP_DEEP,   SPS_TMAP_DEEP_OPACITY, SPS_TMAP_FOURIER,
+                                          SPS_TMAP_MOMENT, SPS_TMAP_ADAPTIVE,     SPS_TMAP_BEER};
+        const int size = n / 6;
+        check_random random = {23};
+        fixture f;
+        sps_tmap *map;
+        begin(&f, techniques[n % 6]);
+        if (size == 6)
+            see(&f, ROUND, 1);
+        else
+            f.light.width = sizes[size][0], f.light.height = sizes[size][1];
+        if (f.light.height == 1) f.light.ortho_height = 1;
+        scatter(&f, 0, 30, 6, 71);
+        scatter(&f, 1, 30, 6, 72);
+        for (int i = 0; i < 60; ++i) f.crowds[i % 2].list[i / 2].radius += size == 6 ? 20 : size == 0 ? 7 : 2;
+        map = must_build(&f, context);
+        for (int i = 0; i < 200 && map; ++i) {
+            double point[3];
+            answer exact;
+            on_ray(map, size == 6 ? i % 6 : 0, (int)(f.light.width * check_next(&random)),
+                   (int)(f.light.height * check_next(&random)), i % 3 ? 20 * check_next(&random) : 20, point);
+            exact = exact_particles(&f, point);
+            if (n % 6 == 0 || (i % 3 == 0 && techniques[n % 6] != SPS_TMAP_ADAPTIVE))
+                if (!CHECK_NEAR(query_at(map, point), exact.depth, exact.slack + 1e-5 * exact.depth))
+                    printf("    size %d technique %d\n", size, techniques[n % 6]);
+        }
+        check_sane(map, 9);
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+/* Ranges of no width to speak of, or far from all gas: it is before or behind as a whole. */
+static void test_ranges(void) {
+    sps_context *context = sps_create(NULL);
+    for (int technique = 0; technique < TECHNIQUES; ++technique)
+        for (int n = 0; n < 5; ++n) {
+            static const double ranges[5][2] = {
+                {10, 1 + 1e-12}, {0.1, 5}, {100, 2}, {12, 1 + 1e-12}, {1e-3, 1 + 1e-12}};
+            const double near_depth = ranges[n][0], far_depth = near_depth * ranges[n][1];
+            const int exact_at_the_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
+            fixture f;
+            sps_tmap *map;
+            begin(&f, technique);
+            f.settings.near_depth = near_depth, f.settings.far_depth = far_depth;
+            add(&f, 0, 0, 0, 0, 1.5, 2); /* depths 8.5 .. 11.5 */
+            add(&f, 1, 0, 0, 0, 1.5, 0.5);
+            add_square(&f, 0, -30, 30, 30, 1);
+            add_mesh(&f, 0, 0.8);
+            map = must_build(&f, context);
+            CHECK_NEAR(query(map, 0, 0, 10 - 0.99 * near_depth), 0, 0);
+            if (exact_at_the_ends) /* a compressed map's or an adaptive one's T is a float, and off by epsilon at most
+                                    */
+                CHECK_NEAR(through(map, 0, 0, 10 - fmax(far_depth, 12)), 0.8 * exp(-2.5),
+                           technique == SPS_TMAP_COMPRESSED ? 0.01 : 1e-5);
+            if (technique == SPS_TMAP_DEEP && n != 1 && n != 4) {
+                /* at near_depth: all that lies before. The middle of the chord, for n = 0, to 6e-8 of its 10. */
+                const double before = n == 0 ? 1.25 : 2.5;
+                CHECK_NEAR(query(map, 0, 0, 10 - near_depth), before - log(0.8f), n == 2 ? 1e-6 : 3e-6);
+            }
+            check_sane(map, 13);
+            sps_tmap_destroy(map);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
+static void test_nothing(void) {
+    sps_context *context = sps_create(NULL);
+    for (int technique = 0; technique < TECHNIQUES; ++technique)
+        for (int n = 0; n < 4; ++n) {
+            fixture f;
+            sps_tmap *map;
+            begin_little(&f, technique);
+            if (n < 2) f.s.scene.volume_count = f.s.scene.mesh_count = 0, f.crowds[0].count = f.crowds[1].count = 0;
+            if (n == 1) see(&f, ROUND, 5);
+            if (n >= 2) check_set3(f.light.target, 0, 0, 20); /* looks away */
+            if (n == 3) f.light.field_of_view = 0.5;
+            map = must_build(&f, context);
+            check_sane(map, 3);
+            CHECK_NEAR(query(map, 0, 0, n == 2 ? 10 : n == 3 ? 15 : -5), n == 2 ? query(map, 0, 0, 10) : 0, 1e-15);
+            if (n < 2) CHECK_NEAR(through(map, 0, 0, -5), 1, 1e-15);
+            if (n < 2) CHECK(sps_tmap_surfaces(map) == NULL);
+            if (n < 2 && technique < 2) CHECK(sps_tmap_starts(map)[n ? 150 : SIDE * SIDE] == 0);
+            sps_tmap_destroy(map);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
+/* Scaled worlds, and ones far from the origin: the same answers. Particles' own places are floats, so far away they are
+   rounded to 1/16; the exact answer takes them where they are. */
+static void test_worlds(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 8; ++n) {
+        const double scale = n % 4 == 1 ? 1e-3 : n % 4 == 2 ? 1e3 : 1, shift = n % 4 == 3 ? 1e6 : 0;
+        check_random random = {33};
+        fixture f, plain;
+        sps_tmap *map, *same;
+        begin_mixed(&plain, SPS_TMAP_DEEP);
+        begin_mixed(&f, SPS_TMAP_DEEP);
+        see(&f, n / 4 ? SPOT : ORTHO, SIDE);
+        see(&plain, n / 4 ? SPOT : ORTHO, SIDE);
+        for (int i = 0; i < 24; ++i) {
+            sps_particle *p = &f.crowds[i % 2].list[i / 2];
+            p->radius *= (float)scale;
+            for (int k = 0; k < 3; ++k) p->position[k] = (float)((double)p->position[k] * scale + shift);
+        }
+        for (int k = 0; k < 3; ++k) {
+            f.light.position[k] = f.light.position[k] * scale + shift;
+            f.light.target[k] += shift;
+            for (int m = 0; m < 2; ++m) {
+                f.s.mesh[m].placement.origin[k] = shift;
+                f.s.mesh[m].placement.axis[k][k] = scale;
+            }
+            f.s.volume[0].placement.origin[k] = f.s.volume[0].placement.origin[k] * scale + shift;
+            for (int a = 0; a < 3; ++a) f.s.volume[0].placement.axis[a][k] *= scale;
+        }
+        f.light.ortho_height *= scale, f.settings.far_depth *= scale;
+        f.s.volume[0].read_fn = plain.s.volume[0].read_fn = check_read_constant;
+        f.s.volume[0].eval_fn = plain.s.volume[0].eval_fn = NULL;
+        f.s.volume[0].user = plain.s.volume[0].user = &one;
+        f.s.volume[0].extinction = (float)(0.1 / scale), plain.s.volume[0].extinction = 0.1f;
+        if (shift > 0) f.crowds[0].count = f.crowds[1].count = plain.crowds[0].count = plain.crowds[1].count = 0;
+        map = must_build(&f, context);
+        same = must_build(&plain, context);
+        for (int i = 0; i < 300 && map && same; ++i) {
+            const int x = (int)(SIDE * check_next(&random)), y = (int)(SIDE * check_next(&random));
+            const double t = 19.9 * check_next(&random);
+            double point[3], other[3];
+            on_ray(map, 0, x, y, t * scale, point);
+            on_ray(same, 0, x, y, t, other);
+            /* floats of places, 1e-7 of 10, at the rims of 24 chords; of slabs, where 1e6 has lost 10 digits of a
+             * double */
+            CHECK_NEAR(through(map, point[0], point[1], point[2]), through(same, other[0], other[1], other[2]), 1e-3);
+        }
+        sps_tmap_destroy(map);
+        sps_tmap_destroy(same);
+        end(&f);
+        end(&plain);
+    }
+    sps_destroy(context);
+}
+
+/* Particles far from the world's origin, against chords. */
+static void test_far_away(void) {
+    sps_context *context = sps_create(NULL);
+    for (int way = ORTHO; way <= SPOT; ++way) {
+        check_random random = {37};
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_DEEP);
+        see(&f, way, SIDE);
+        scatter(&f, 0, 40, 5, 91);
+        for (int k = 0; k < 3; ++k) {
+            f.light.position[k] += 1e6, f.light.target[k] += 1e6;
+            for (int i = 0; i < 40; ++i) f.crowds[0].list[i].position[k] += 1e6f;
+        }
+        map = must_build(&f, context);
+        for (int i = 0; i < 400 && map; ++i) {
+            double point[3];
+            answer exact;
+            on_ray(map, 0, (int)(SIDE * check_next(&random)), (int)(SIDE * check_next(&random)),
+                   20 * check_next(&random), point);
+            exact =
+                exact_particles(&f, point); /* by squares of 1e6, which leave 1e-4 of doubles: 4 times CHORD's 1e-3 */
+            CHECK_NEAR(query_at(map, point), exact.depth, exact.slack + 4e-3);
+        }
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
+/* The longest map there is, and the widest spot: all right for particles; volumes are refused with a cosine. */
+static void test_wide(void) {
+    sps_context *context = sps_create(NULL);
+    fixture f;
+    sps_tmap *map;
+    size_t empty;
+    begin(&f, SPS_TMAP_BEER);
+    map = must_build(&f, context);
+    empty = sps_tmap_bytes(map) - SIDE * SIDE * 12;
+    sps_tmap_destroy(map);
+    f.light.width = 16384, f.light.height = 1;
+    f.light.ortho_height = 0.001;
+    add(&f, 0, 5, 0, 0, 2, 3);
+    map = must_build(&f, context);
+    CHECK(map && sps_tmap_bytes(map) == empty + 16384 * 12);
+    CHECK_NEAR(query(map, 5, 0, -10), 3, 3e-6);
+    CHECK_NEAR(query(map, 6.0005, 0, -10), 3 * sqrt(1 - 1.0005 * 1.0005 / 4), 1e-5);
+    CHECK_NEAR(query(map, -7.9, 0, -10), 0, 0);
+    sps_tmap_destroy(map);
+    begin(&f, SPS_TMAP_DEEP);
+    see(&f, SPOT, 151);
+    f.light.field_of_view = 3;
+    scatter(&f, 0, 60, 6, 77);
+    for (int i = 0; i < 60; ++i) f.crowds[0].list[i].radius += 2; /* 0.75 texels, 0.187 t, at 20 */
+    map = must_build(&f, context);
+    for (int i = 0; i < 600 && map; ++i) {
+        double point[3];
+        answer exact;
+        on_ray(map, 0, i * 7 % 151, i * 31 % 151, i % 19 + 0.5, point);
+        exact = exact_particles(&f, point);
+        CHECK_NEAR(query_at(map, point), exact.depth,
+                   5 * exact.slack); /* near ones' places are floats of up to 10 radii */
+    }
+    sps_tmap_destroy(map);
+    add_box(&f, 4, 1, 0, 1);
+    map = build(&f, context);
+    CHECK(!map && strstr(sps_error(context), "cosine of a ray with the axis is 0.0") &&
+          strstr(sps_error(context), "0.1"));
+    f.light.field_of_view = 2;
+    f.light.height = 9, f.light.width = 9;
+    map = must_build(&f, context);
+    sps_tmap_destroy(map);
+    sps_destroy(context);
+}
+
+/* Slabs are for volumes: no particle far off, nor a crowd of ones much smaller than voxels, makes them others. */
+static void test_stray(void) {
+    sps_context *context = sps_create(NULL);
+    sps_tmap *maps[3];
+    for (int n = 0; n < 3; ++n) {
+        fixture f;
+        begin(&f, SPS_TMAP_DEEP);
+        add_box(&f, 8, 2, 0.3, 0.5);
+        if (n == 1) add(&f, 0, 0, 0, -3e7, 1, 1); /* behind far_depth, and 1e8 voxels away */
+        for (int i = 0; i < 20 && n == 2; ++i) add(&f, 0, 300, 0, 0.001 * i, 1e-5, 1);
+        maps[n] = must_build(&f, context);
+    }
+    for (int i = 0; i < 200 && maps[0] && maps[1] && maps[2]; ++i)
+        for (int n = 1; n < 3; ++n)
+            CHECK_NEAR(query(maps[n], i % 7 - 3, i % 5 - 2, 9 - 0.09 * i),
+                       query(maps[0], i % 7 - 3, i % 5 - 2, 9 - 0.09 * i), 0);
+    if (maps[0] && maps[2]) CHECK(sps_tmap_bytes(maps[0]) == sps_tmap_bytes(maps[2]));
+    for (int n = 0; n < 3; ++n) sps_tmap_destroy(maps[n]);
+    sps_destroy(context);
+}
+
 int main(void) {
     RUN(test_particles);
     RUN(test_plain_numbers);
@@ -1612,5 +1902,13 @@ int main(void) {
     RUN(test_replaced);
     RUN(test_states);
     RUN(test_callbacks);
+    RUN(test_depths);
+    RUN(test_sizes);
+    RUN(test_ranges);
+    RUN(test_nothing);
+    RUN(test_worlds);
+    RUN(test_far_away);
+    RUN(test_wide);
+    RUN(test_stray);
     return check_report();
 }

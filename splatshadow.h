@@ -7951,11 +7951,10 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         spsi_progress(context, occluders->progress + occluders->progress_share))
         return context->result;
     map->finished = 1;
-    if (map->settings.byte_budget && spsi_tmap_bytes(map) > map->settings.byte_budget) {
-        map->finished = 0;
-        return spsi_tmap_refuse_budget(map, (double)(spsi_tmap_bytes(map) + map->surfaces.size));
-    }
-    return SPS_OK;
+    if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
+    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* as long as it is finished, it knows */
+    map->finished = 0;
+    return context->result;
 }
 
 /* --- making one --- */

@@ -278,7 +278,7 @@ typedef struct sps_particles {
 
 /* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
    near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
-   needs them in order has them sorted. n stands for `components`; docs/manual.md says which to take. */
+   needs them in order has them sorted. n stands for `components`; docs/shadow_maps.md says which to take. */
 typedef enum sps_tmap_technique {
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
        a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
@@ -337,7 +337,8 @@ typedef struct sps_tmap_settings {
     int cubic;           /* opacity: 1: monotone cubics between planes instead of straight lines */
     sps_tmap_window window;
     int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    int running_maximum; /* Fourier: 1: a query takes the most that the series has come to so far; n times the cost */
+    int running_maximum; /* Fourier: 1: a query takes the most of the series so far, so that T never rises; n times the
+                            cost */
     float epsilon; /* compressed: largest error of T, up to 0.5, 1e-6 (soft particles: 0.001) at best; 0 means 0.01 */
     double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
@@ -565,15 +566,18 @@ SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *p
 
 /* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
    optical depth, 1 where it is densest in the middle), for a compressed one nodes (u, transmittance), of all texels one
-   after the other. Six faces follow each other: +x -x +y -y +z -z. Valid until sps_tmap_destroy; NULL before
-   sps_tmap_finish. docs/manual.md has the code that samples them as sps_tmap_query does. */
+   after the other. Six faces follow each other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x
+   or x y; the middles of the outermost texels lie on the cube's edges, so that this is no hardware cube map. Valid
+   until sps_tmap_destroy; NULL before sps_tmap_finish. docs/shadow_maps.md has the code that samples them as
+   sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Of deep and compressed maps: the number of each texel's first stretch or node, and at the end that of all. NULL for
    other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* u of each texel's first opaque surface, 2 where there is none; NULL where there is none in all of the map. */
+/* u of each texel's first opaque surface, 2 where there is none, one float a texel in the same order; NULL where there
+   is none in all of the map. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* The settings as they were resolved: components above all. */
@@ -7323,8 +7327,8 @@ static void spsi_bin_place(const spsi_filling *filling, int column, spsi_bin *bi
     bin->height = spsi_filling_height(filling);
     bin->stride = (size_t)(bin->width * bin->height) + SPSI_LANES;
     before = (size_t)bin->x0 * (size_t)bin->height + (size_t)column * SPSI_LANES;
-    bin->ranges = filling->ranges + 2 * before;
-    bin->sums = filling->sums + (size_t)filling->map->inner.components * before;
+    bin->ranges = filling->ranges ? filling->ranges + 2 * before : NULL;
+    bin->sums = filling->sums ? filling->sums + (size_t)filling->map->inner.components * before : NULL;
 }
 
 /* The number of a texel in its map. */

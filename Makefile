@@ -142,8 +142,7 @@ COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 COMPILE_wide_sanitized = clang $(STANDARD) -O2 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
 # What runs where: all of it, unless the time calls for less: vectors are not in what is sanitized, nor is the library in
-# the modelling of examples. Random scenes: the same three hundred each time, and
-# `make fuzz` for others.
+# the modelling of examples. Random scenes: the same three hundred each time, and `make fuzz` for others.
 TESTS_native    = $(TESTS) fuzz
 TESTS_sanitized = $(filter-out test_simd test_modelling,$(TESTS))
 TESTS_cpp       = test_engineering test_plan

@@ -7327,7 +7327,7 @@ static void spsi_bin_place(const spsi_filling *filling, int column, spsi_bin *bi
     bin->height = spsi_filling_height(filling);
     bin->stride = (size_t)(bin->width * bin->height) + SPSI_LANES;
     before = (size_t)bin->x0 * (size_t)bin->height + (size_t)column * SPSI_LANES;
-    bin->ranges = filling->ranges ? filling->ranges + 2 * before : NULL;
+    bin->ranges = filling->ranges ? filling->ranges + 2 * before : NULL; /* lists have none */
     bin->sums = filling->sums ? filling->sums + (size_t)filling->map->inner.components * before : NULL;
 }
 

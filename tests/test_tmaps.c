@@ -306,7 +306,7 @@ static void test_plain_numbers(void) {
         sps_tmap_destroy(map);
         f.crowds[soft].count = 0;
         add(&f, soft, 0, 0, 13, 2, 4); /* wholly behind it */
-        add(&f, soft, 0, 0, 0, 0, 1e18f);
+        add(&f, soft, 0, 0, 0, 0, 1e18);
         map = must_build(&f, context);
         CHECK_NEAR(query(map, 0, 0, 0), 0, 0);
         CHECK(sps_tmap_starts(map)[SIDE * SIDE] == 0);
@@ -919,8 +919,9 @@ static void test_same_bits(void) {
                 hooks[w].order = (uint64_t)w;
                 contexts[w] = check_context(&hooks[w]);
                 begin_mixed(&f, technique);
-                if (round) see(&f, ROUND, 9);
-                if (!round) f.light.width = 67, f.light.height = 65;
+                f.s.volume[0].size[0] = f.s.volume[0].size[1] = f.s.volume[0].size[2] = 6;
+                if (round) see(&f, ROUND, 7);
+                if (!round && technique % 3 == 1) f.light.width = 67, f.light.height = 65; /* four tiles */
                 f.settings.texel_range = technique == SPS_TMAP_FOURIER && round;
                 if (w < 5) {
                     maps[w] = must_build(&f, contexts[w]);
@@ -993,7 +994,7 @@ static void check_seams(const fixture *f, const sps_tmap *map, double slack) {
     const int n = f->light.width - 1;
     for (int i = 0; i < 600; ++i) {
         const int a = i % 3, b = (a + 1) % 3, c = (a + 2) % 3; /* the edge runs along c */
-        const double sign[2] = {i / 3 % 2 ? 1 : -1, i / 6 % 2 ? 1 : -1}, t = 0.5 + 18 * check_next(&random);
+        const double sign[2] = {i / 3 % 2 ? 1.0 : -1.0, i / 6 % 2 ? 1.0 : -1.0}, t = 0.5 + 18 * check_next(&random);
         const int k = (int)((n + 1) * check_next(&random));
         const double along = i % 10 == 0 ? (i % 20 ? 1 : -1) : -1 + 2.0 * k / n;
         double one_side[3], other[3];
@@ -1032,24 +1033,24 @@ static void test_seams(void) {
    where the light stands, the slab that holds it is counted from its own place, a quarter of a slab off at most. */
 static void test_gas_around(void) {
     sps_context *context = sps_create(NULL);
-    for (int n = 0; n < 4; ++n) {
+    for (int n = 0; n < 2; ++n) {
         const double slab = n % 2 ? 0.25 : 0.125, slope = 0.8 * 2 / (sqrt(2 * PI) * 0.65 * 0.25);
         check_random random = {61};
         fixture f;
         sps_tmap *map;
         begin(&f, SPS_TMAP_DEEP);
-        see(&f, ROUND, 25);
-        if (n < 2) check_set3(f.light.position, 0, 0, 0);
+        see(&f, ROUND, 17);
+        if (n == 0) check_set3(f.light.position, 0, 0, 0);
         f.settings.far_depth = 8;
         f.light.quality = SPS_QUALITY_HIGH;
         f.light.slab = slab / 0.25;
-        add_box(&f, 20, 2.5, n / 2 * 0.5, 0.8);
+        add_box(&f, 20, 2.5, n * 0.5, 0.8);
         map = must_build(&f, context);
         for (int i = 0; i < 800 && map; ++i) {
             const int edge = i % 4 == 0; /* a quarter of the rays are those that faces share */
             double point[3], exact;
             ray r;
-            on_ray(map, i % 6, edge ? 24 : (int)(25 * check_next(&random)), (int)(25 * check_next(&random)),
+            on_ray(map, i % 6, edge ? 16 : (int)(17 * check_next(&random)), (int)(17 * check_next(&random)),
                    6 * check_next(&random), point);
             ray_to(&f, point, &r);
             exact = exact_boxes(&f, &r, r.t * r.length);
@@ -1299,7 +1300,7 @@ static void test_settings(void) {
                   {"settings.components is 5; an adaptive map has 4, 6 .. 64", SPS_TMAP_ADAPTIVE, 5},
                   {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4}};
     static const char *const texts[] = {
-        "settings.technique is 10", "settings.technique is -1", "settings.window is 3",
+        "settings.technique is 10", "settings.technique is 15", "settings.window is 3",
         "settings.epsilon is 0.51", "settings.epsilon is nan",  "settings.surface_bias is -1",
         "settings.start_canary is", "settings.end_canary is",   "settings.far_depth is 0",
         "settings.far_depth is 2",  "settings.far_depth is 2",  "settings.far_depth is 2e+15",
@@ -1314,7 +1315,7 @@ static void test_settings(void) {
         fixture f;
         begin(&f, SPS_TMAP_FOURIER);
         if (i == 0) f.settings.technique = (sps_tmap_technique)TECHNIQUES;
-        if (i == 1) f.settings.technique = (sps_tmap_technique)-1;
+        if (i == 1) f.settings.technique = (sps_tmap_technique)15;
         if (i == 2) f.settings.window = (sps_tmap_window)3;
         if (i == 3) f.settings.epsilon = 0.51f;
         if (i == 4) f.settings.epsilon = (float)(HUGE_VAL - HUGE_VAL);
@@ -1692,7 +1693,7 @@ static void test_ranges(void) {
             if (technique == SPS_TMAP_DEEP && n != 1 && n != 4) {
                 /* at near_depth: all that lies before. The middle of the chord, for n = 0, to 6e-8 of its 10. */
                 const double before = n == 0 ? 1.25 : 2.5;
-                CHECK_NEAR(query(map, 0, 0, 10 - near_depth), before - log(0.8f), n == 2 ? 1e-6 : 3e-6);
+                CHECK_NEAR(query(map, 0, 0, 10 - near_depth), before - log(0.8), n == 2 ? 1e-6 : 3e-6);
             }
             check_sane(map, 13);
             sps_tmap_destroy(map);
@@ -1875,7 +1876,7 @@ static void test_stray(void) {
 
 /* ---------------------------------------------------------------------------------- images that shade by maps */
 
-enum { PIXELS = 48 * 36 };
+enum { WIDE = 32, HIGH = 24, PIXELS = WIDE * HIGH };
 
 static float image_a[4 * PIXELS], image_b[4 * PIXELS], image_c[4 * PIXELS];
 
@@ -1887,7 +1888,7 @@ typedef struct picture {
     check_field field;
     check_triangles floor;
     sps_tmap_settings settings;
-    crowd crowd;
+    crowd balls;
     sps_particles set;
 } picture;
 
@@ -1910,7 +1911,7 @@ static void begin_picture(picture *p, int width, int height, int voxels) {
     check_add_quad(&p->floor, origin, u, v);
     check_add_mesh(&p->s, &p->floor, 0.8);
     p->set.read_fn = read_crowd;
-    p->set.user = &p->crowd;
+    p->set.user = &p->balls;
     check_color(p->set.albedo, 0.5, 0.6, 0.9);
     p->s.scene.particles = &p->set;
 }
@@ -1918,12 +1919,12 @@ static void begin_picture(picture *p, int width, int height, int voxels) {
 static void add_picture_particles(picture *p, int count) {
     check_random random = {19};
     for (int i = 0; i < count; ++i) {
-        sps_particle *one_particle = &p->crowd.list[i];
+        sps_particle *one_particle = &p->balls.list[i];
         for (int k = 0; k < 3; ++k) one_particle->position[k] = (float)(2 * check_next(&random) - 1);
         one_particle->radius = (float)(0.15 + 0.2 * check_next(&random));
         one_particle->optical_depth = 0.6f;
     }
-    p->crowd.count = p->set.count = (size_t)count;
+    p->balls.count = p->set.count = (size_t)count;
     p->s.scene.particles_count = 1;
 }
 
@@ -1932,9 +1933,9 @@ static sps_light *lit_by_map(picture *p, sps_light *light) {
     return light;
 }
 
-static double brightest(const float *image) {
+static double brightest(const float *image, int pixels) {
     double most = 0;
-    for (int i = 0; i < 4 * PIXELS; ++i)
+    for (int i = 0; i < 4 * pixels; ++i)
         if (i % 4 < 3) most = fmax(most, (double)image[i]);
     return most;
 }
@@ -1951,7 +1952,7 @@ static void test_map_against_sheets(void) {
         for (int fine = 0; fine < 2; ++fine) {
             picture p;
             sps_light *light;
-            begin_picture(&p, 48, 36, 24);
+            begin_picture(&p, WIDE, HIGH, 24);
             if (n == 3) add_picture_particles(&p, 20), p.s.scene.volume_count = 0;
             p.s.view.slab = fine ? 0.25 : 0.5;
             light =
@@ -1960,7 +1961,7 @@ static void test_map_against_sheets(void) {
             lit_by_map(&p, light);
             check_render(context, &p.s, image_b);
             difference[fine] = check_rms(image_a, image_b, 4 * PIXELS);
-            most = brightest(image_a);
+            most = brightest(image_a, PIXELS);
             CHECK(check_largest(image_a, image_b, 4 * PIXELS) < (n == 3 ? 0.01 : 0.0026) * most);
             CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
             check_free_triangles(&p.floor);
@@ -1979,12 +1980,11 @@ static void test_pictures(void) {
     for (int technique = 0; technique < TECHNIQUES; ++technique) {
         picture p;
         sps_plan_report plan;
-        begin_picture(&p, 48, 36, 16);
+        begin_picture(&p, WIDE, HIGH, 12);
         add_picture_particles(&p, 6);
         p.settings.technique = (sps_tmap_technique)technique;
         lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
         lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4)); /* inside */
-        p.s.view.slab = 0.5;
         CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plan));
         check_render(context, &p.s, technique ? image_b : image_a);
         for (int i = 0; i < 4 * PIXELS && technique; ++i)
@@ -1994,7 +1994,8 @@ static void test_pictures(void) {
             }
         if (technique > 0) {
             const double rms = check_rms(image_a, image_b, 4 * PIXELS);
-            if (!CHECK(rms <= error[technique] * brightest(image_a))) printf("    technique %d: %g\n", technique, rms);
+            if (!CHECK(rms <= error[technique] * brightest(image_a, PIXELS)))
+                printf("    technique %d: %g\n", technique, rms);
         }
         check_free_triangles(&p.floor);
     }
@@ -2014,16 +2015,17 @@ static void test_light_inside(void) {
     begin_picture(&p, 24, 18, 16);
     memset(&image, 0, sizeof image);
     image.rgba = image_a;
+    p.s.scene.mesh_count = 0;
     light = check_add_point(&p.s, 0.3, 0.45, -0.2, 0.5);
-    p.s.view.slab = 0.25;
+    p.s.view.slab = 0.5;
     p.s.view.quality = SPS_QUALITY_HIGH;
-    light->shadow_map_size = 48;
+    light->shadow_map_size = 32;
     CHECK(sps_render(context, &p.s.scene, &p.s.view, &image) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sps_error(context), "shadow_map") != NULL);
     lit_by_map(&p, light);
     check_render(context, &p.s, image_a);
     check_march(context, &p.s, 0.25, image_b, NULL);
-    most = brightest(image_b);
+    most = brightest(image_b, 24 * 18);
     for (int i = 0; i < 4 * 24 * 18; ++i) {
         const double off = fabs((double)image_a[i] - (double)image_b[i]);
         worst = fmax(worst, off), sum += off * off, count += 1;
@@ -2038,7 +2040,7 @@ static void test_light_inside(void) {
 static void test_lights_together(void) {
     sps_context *context = sps_create(NULL);
     picture p;
-    begin_picture(&p, 48, 36, 16);
+    begin_picture(&p, WIDE, HIGH, 16);
     lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 2));
     check_add_point(&p.s, 2, 4, 1, 20);
     check_render(context, &p.s, image_a);
@@ -2071,18 +2073,18 @@ static void test_picture_bits(void) {
             memset(&hooks, 0, sizeof hooks);
             hooks.worker_count = workers[w], hooks.order = (uint64_t)w;
             context = check_context(&hooks);
-            begin_picture(&p, 48, 36, 12);
-            p.s.scene.mesh_count = technique == 0;
+            begin_picture(&p, 16, 12, 8);
+            p.s.scene.mesh_count = 0;
             add_picture_particles(&p, 6);
             p.settings.technique = (sps_tmap_technique)technique;
             lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
             lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_size = 20;
             check_render(context, &p.s, w ? image_b : image_a);
-            CHECK(w == 0 || memcmp(image_a, image_b, sizeof image_a) == 0);
-            p.s.view.region[0] = 11, p.s.view.region[1] = 7, p.s.view.region[2] = 20, p.s.view.region[3] = 15;
+            CHECK(w == 0 || memcmp(image_a, image_b, 4 * 16 * 12 * sizeof(float)) == 0);
+            p.s.view.region[0] = 5, p.s.view.region[1] = 3, p.s.view.region[2] = 7, p.s.view.region[3] = 6;
             check_render(context, &p.s, image_c);
-            for (int y = 0; y < 15; ++y)
-                CHECK(memcmp(image_c + 80 * y, image_a + 4 * (48 * (7 + y) + 11), 80 * sizeof(float)) == 0);
+            for (int y = 0; y < 6; ++y)
+                CHECK(memcmp(image_c + 4 * 7 * y, image_a + 4 * (16 * (3 + y) + 5), 4 * 7 * sizeof(float)) == 0);
             sps_destroy(context);
             CHECK(hooks.live == 0 && hooks.live_blocks == 0);
             check_free_triangles(&p.floor);
@@ -2095,7 +2097,7 @@ static void test_held_voxels(void) {
     fixture f;
     sps_tmap *maps[2];
     sps_stats_report stats;
-    begin_picture(&p, 48, 36, 12);
+    begin_picture(&p, WIDE, HIGH, 12);
     check_add_directional(&p.s, -1, -2, -0.5, 3);
     check_render(context, &p.s, image_a);
     p.s.volume[0].revision = 5;

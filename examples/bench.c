@@ -46,17 +46,6 @@ static void at_least(const char *what, double value, const char *unit, double bo
 
 static void plain(const char *what, double value, const char *unit) { figure(what, value, unit, -HUGE_VAL, HUGE_VAL); }
 
-static int compare_doubles(const void *left, const void *right) {
-    const double a = *(const double *)left, b = *(const double *)right;
-    return a < b ? -1 : a > b;
-}
-
-/* Sorts. */
-static double percentile(double *values, size_t count, double share) {
-    qsort(values, count, sizeof *values, compare_doubles);
-    return values[(size_t)(share * (double)(count - 1) + 0.5)];
-}
-
 /* ================================================================================================== frames */
 
 /* A scene of one volume, one mesh and one light at most. Stays where it is: the scene points into it. */
@@ -131,7 +120,7 @@ static void race(contender *contenders, int count, int repeats) {
             if (r >= 0) seconds[i * repeats + r] = took;
             sps_stats(c->session->context, &c->stats);
         }
-    for (int i = 0; i < count; ++i) contenders[i].seconds = percentile(seconds + i * repeats, (size_t)repeats, 0.5);
+    for (int i = 0; i < count; ++i) contenders[i].seconds = ex_percentile(seconds + i * repeats, (size_t)repeats, 0.5);
     free(seconds);
 }
 
@@ -360,11 +349,6 @@ static void bench_empty_space(void) {
 
 /* ========================================================================================== transmittance maps */
 
-static int puff_read(void *user, size_t first, size_t count, sps_particle *out) {
-    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
-    return 0;
-}
-
 /* Particles evenly spread in a ball of radius 1, each a few texels wide. */
 static sps_particle *puff_build(size_t count) {
     sps_particle *list = (sps_particle *)ex_allocate(count, sizeof *list);
@@ -485,7 +469,7 @@ static void bench_maps(void) {
     double inserts;
     memset(&particles, 0, sizeof particles);
     memset(&scene, 0, sizeof scene);
-    particles.count = 100000, particles.read_fn = puff_read, particles.user = puff_build(100000);
+    particles.count = 100000, particles.read_fn = ex_particles_read, particles.user = puff_build(100000);
     scene.particles = &particles, scene.particles_count = 1;
     queries.positions = (double *)ex_allocate(MAP_QUERIES, 3 * sizeof(double));
     queries.depths = (float *)ex_allocate(MAP_QUERIES, sizeof(float));
@@ -518,7 +502,7 @@ static void bench_particles(void) {
         frame f;
         char what[100];
         memset(&particles, 0, sizeof particles);
-        particles.count = counts[n], particles.read_fn = puff_read;
+        particles.count = counts[n], particles.read_fn = ex_particles_read;
         sps_particle *list = puff_build(counts[n]);
         for (size_t i = 0; i < counts[n] && n == 1; ++i) list[i].radius *= 0.5f;
         particles.user = list;
@@ -707,7 +691,7 @@ static double image_error(const float *rgba, const double *exact, int size, doub
         differences[i] = fabs((double)rgba[4 * i] - exact[i]);
         sum += differences[i] * differences[i];
     }
-    if (high) *high = percentile(differences, count, 0.99);
+    if (high) *high = ex_percentile(differences, count, 0.99);
     free(differences);
     return sqrt(sum / (double)count);
 }

@@ -1,9 +1,8 @@
 /* common.h: what the example programs share. Nothing here belongs to the library: it is the part that an engine has
    already. Each program includes this file first, with SPLATSHADOW_IMPLEMENTATION defined before it.
 
-   Contents (search for the tag): >>memory, >>files, >>grid (raw volumes), >>particles, >>builder, >>obj (meshes),
-   >>transfer,
-   >>picture (PNG, PFM), >>clock (time, progress), >>pool (threads), >>session, >>scene-main.
+   Contents (search for the tag): >>memory, >>figures, >>files, >>grid (raw volumes), >>particles, >>builder, >>obj
+   (meshes), >>transfer, >>picture (PNG, PFM), >>clock (time, progress), >>pool (threads), >>session, >>scene-main.
 
    Functions that can fail return 0 when all went well; otherwise they fill `error`, one line that names the file.
    EX_NO_PNG, if defined, leaves stb_image_write and the functions that need it out. */
@@ -95,6 +94,30 @@ static inline void *ex_grow(void *array, size_t count, size_t *capacity, size_t 
     }
     *capacity = larger;
     return moved;
+}
+
+/* ================================================================================================ >>figures */
+
+/* The value below which a share of all lie. Reorders them, as far as it takes to find it [Hoare 1961]. */
+static inline double ex_percentile(double *values, size_t count, double share) {
+    const size_t wanted = (size_t)(share * (double)(count - 1) + 0.5);
+    size_t low = 0, high = count - 1;
+    while (low < high) {
+        const double pivot = values[low + (high - low) / 2];
+        size_t i = low, j = high;
+        for (;;) {
+            while (values[i] < pivot) ++i;
+            while (pivot < values[j]) --j;
+            if (i >= j) break;
+            const double swapped = values[i];
+            values[i++] = values[j], values[j--] = swapped;
+        }
+        if (wanted <= j)
+            high = j;
+        else
+            low = j + 1;
+    }
+    return values[wanted];
 }
 
 /* ================================================================================================== >>files */
@@ -340,17 +363,18 @@ static inline void ex_grid_free(ex_grid *grid) {
 
 /* ============================================================================================== >>particles */
 
+/* sps_particles.read_fn over a list of them. */
+static inline int ex_particles_read(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
+    return 0;
+}
+
 /* Particles from a file of 32-bit floats, five each. */
 typedef struct ex_particles {
     sps_particle *list;
     size_t count;
     double lo[3], hi[3]; /* bounds of those that are finite; lo > hi without any */
 } ex_particles;
-
-static inline int ex_particles_read(void *user, size_t first, size_t count, sps_particle *out) {
-    memcpy(out, ((const ex_particles *)user)->list + first, count * sizeof *out);
-    return 0;
-}
 
 static inline void ex_particles_measure(ex_particles *particles) {
     for (int a = 0; a < 3; ++a) particles->lo[a] = DBL_MAX, particles->hi[a] = -DBL_MAX;

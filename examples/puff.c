@@ -8,11 +8,6 @@
 
 enum { PARTICLES = 2 * EX_PUFF_PARTICLES };
 
-static int read_particles(void *user, size_t first, size_t count, sps_particle *out) {
-    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
-    return 0;
-}
-
 /* One puff that has just risen, and one that has drifted for a while. */
 static void fill_puffs(sps_particle *particles) {
     const ex_puff fresh = {{-1.15, 1.05, 0.2}, 1.0, 0.09, 0.24, 0.13, 4},
@@ -25,7 +20,7 @@ static void fill_puffs(sps_particle *particles) {
 
 static void set_smoke(sps_particles *smoke, sps_particle *particles) {
     static const sps_lobe lobes[2] = {{0.45f, 0.7f}, {-0.25f, 0.3f}};
-    smoke->count = PARTICLES, smoke->read_fn = read_particles, smoke->user = particles;
+    smoke->count = PARTICLES, smoke->read_fn = ex_particles_read, smoke->user = particles;
     smoke->soft = 1;
     ex_color(smoke->albedo, 0.93, 0.91, 0.89);
     smoke->lobes = lobes, smoke->lobe_count = 2;

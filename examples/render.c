@@ -545,7 +545,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
 static int load_particles(particles_arguments *from, sps_particles *set, ex_error *error) {
     if (ex_particles_load(&from->particles, from->file, error)) return 1;
     set->count = from->particles.count;
-    set->read_fn = ex_particles_read, set->user = &from->particles;
+    set->read_fn = ex_particles_read, set->user = from->particles.list;
     set->soft = from->soft, set->is_extinction = from->is_extinction;
     to_floats(from->albedo, set->albedo);
     to_floats(from->emission, set->emission);

@@ -5,6 +5,7 @@
 # make fuzz        random scenes under sanitizers
 # make bench       times, as ratios within one run, and error against time
 # make accuracy    error against time alone, into docs/accuracy.md
+# make maps        transmittance maps against each other, into docs/maps.md and docs/maps_*.png
 # make gallery     the pictures of the scene programs alone
 # make pictures    the small ones in docs/
 # make format      clang-format on examples and tests
@@ -124,6 +125,13 @@ accuracy: build/bench
 	build/bench accuracy | tee build/accuracy.txt
 	@{ echo '# Error against time'; echo; echo 'Printed by `make accuracy`. Times are those of the machine it ran on.'; echo; \
 		echo '```'; cat build/accuracy.txt; echo '```'; } > docs/accuracy.md
+
+# The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
+.PHONY: maps
+maps: build/maps
+	@mkdir -p build/maps_pictures && rm -f build/maps.failed
+	{ build/maps docs build/maps_pictures || touch build/maps.failed; } | tee build/maps.txt
+	@test ! -e build/maps.failed && cp build/maps.txt docs/maps.md
 
 # ------------------------------------------------------------------------------------------------------- tests
 

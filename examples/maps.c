@@ -1,0 +1,604 @@
+/* maps: transmittance maps against each other, in the setting of Giulietti's thesis (DigiPen 2013, chapter 4): 2500
+   particles of smoke, one spot light, a map of 512 x 512, a picture of 1024 x 768, 6, 8, 16 and 24 numbers a texel.
+   There the truth was each technique's own run with 24; here it is the exact deep map.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/maps.c -o maps -lm
+   maps CHARTS PICTURES     Markdown to stdout; curves and a sheet of differences into the folder CHARTS, all pictures
+                            into the folder PICTURES; both folders must be there */
+
+#define SPLATSHADOW_IMPLEMENTATION
+#include "common.h"
+#include "modelling.h"
+#include "chart.h"
+#include "map_trials.h"
+
+/* =============================================================================================== measuring */
+
+static void stop_if(sps_result result, const ex_session *session) {
+    if (result == SPS_OK) return;
+    fprintf(stderr, "maps: %s\n", sps_error(session->context));
+    exit(1);
+}
+
+static void stop_if_failed(int failed, const ex_error *error) {
+    if (!failed) return;
+    fprintf(stderr, "maps: %s\n", error->text);
+    exit(1);
+}
+
+/* Every `stride`th number of two lists. */
+static spread spread_of(const float *values, const float *exact, size_t count, size_t stride) {
+    double *differences = (double *)ex_allocate(count, sizeof(double)), sum = 0;
+    spread result = {0, 0, 0};
+    for (size_t i = 0; i < count; ++i) {
+        differences[i] = fabs((double)values[i * stride] - (double)exact[i * stride]);
+        sum += differences[i] * differences[i];
+        result.largest = fmax(result.largest, differences[i]);
+    }
+    result.rms = sqrt(sum / (double)count);
+    result.high = ex_percentile(differences, count, 0.99);
+    free(differences);
+    return result;
+}
+
+static sps_tmap *build_map(const ex_session *session, const set_up *s, const sps_tmap_settings *settings,
+                           double *seconds) {
+    sps_tmap *map;
+    const double start = ex_now(NULL);
+    stop_if(sps_tmap_create(session->context, &s->light_view, settings, &map), session);
+    stop_if(sps_tmap_add(map, &s->occluders), session);
+    stop_if(sps_tmap_finish(map), session);
+    *seconds = ex_now(NULL) - start;
+    return map;
+}
+
+typedef struct query_task {
+    const sps_tmap *map;
+    const double *points;
+    float *out;
+} query_task;
+
+static void query_block(void *data, int index, int worker) {
+    const query_task *task = (const query_task *)data;
+    const size_t first = (size_t)index * BLOCK, count = POINTS - first < BLOCK ? POINTS - first : BLOCK;
+    (void)worker;
+    sps_tmap_query(task->map, count, task->points + 3 * first, NULL, task->out + first);
+}
+
+/* Transmittance at all points, with all threads. */
+static void query_map(ex_session *session, const set_up *s, const sps_tmap *map, float *out, double *seconds) {
+    query_task task = {map, s->points, out};
+    const double start = ex_now(NULL);
+    ex_parallel_for(&session->pool, (POINTS + BLOCK - 1) / BLOCK, query_block, &task);
+    *seconds = ex_now(NULL) - start;
+}
+
+/* The picture; settings NULL: shadows by slabs, without a map. The map's range of depths is left to the library. */
+static void render(const ex_session *session, set_up *s, const sps_tmap_settings *settings, float *rgba,
+                   double *seconds) {
+    sps_tmap_settings own;
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    if (settings) own = *settings, own.near_depth = own.far_depth = 0;
+    s->light.shadow_map = settings ? &own : NULL;
+    s->light.shadow_map_size = settings ? s->map_size : 0;
+    const double start = ex_now(NULL);
+    stop_if(sps_render(session->context, &s->scene, &s->view, &image), session);
+    *seconds = ex_now(NULL) - start;
+    s->light.shadow_map = NULL;
+}
+
+/* Transmittances by the exact map, and the picture made with it; prints how they came about. */
+static void make_exact(ex_session *session, set_up *s, float *slabs_rgba) {
+    double build, query, mapped, slabs, shade = 0;
+    sps_tmap *map = build_map(session, s, &s->range, &build);
+    s->exact = (float *)ex_allocate(POINTS, sizeof(float));
+    s->exact_rgba = (float *)ex_allocate((size_t)WIDTH * HEIGHT, 4 * sizeof(float));
+    query_map(session, s, map, s->exact, &query);
+    for (int i = 0; i < POINTS; ++i) shade += i < GAS_POINTS ? (double)s->exact[i] / GAS_POINTS : 0;
+    printf("\n## %c%s: %s\n\n", s->name[0] - 'a' + 'A', s->name + 1, s->words);
+    printf("The exact map takes %.1f MB; mean transmittance at the points in the gas is %.3f.\n",
+           1e-6 * (double)sps_tmap_bytes(map), shade);
+    sps_tmap_destroy(map);
+    render(session, s, &s->range, s->exact_rgba, &mapped);
+    render(session, s, NULL, slabs_rgba, &slabs);
+    const spread apart = spread_of(slabs_rgba, s->exact_rgba, (size_t)WIDTH * HEIGHT, 4);
+    printf(
+        "Without a map, with shadows by slabs, the picture differs by %.5f rms, %.5f at the 99th percentile, %.3f at "
+        "most.\n\n",
+        apart.rms, apart.high, apart.largest);
+}
+
+/* Fills in all but the render time. `own` holds the transmittances of this technique's largest map, which comes first.
+   The picture is left out where rgba is NULL. */
+static void measure(ex_session *session, set_up *s, trial *t, float *values, float *rgba, float *own) {
+    const int is_largest = t == s->trials.list + s->trials.count - 1 || t[1].kind != t->kind;
+    sps_tmap *map = build_map(session, s, &t->settings, &t->build);
+    t->bytes = (double)sps_tmap_bytes(map);
+    query_map(session, s, map, values, &t->query);
+    sps_tmap_destroy(map);
+    if (is_largest) memcpy(own, values, GAS_POINTS * sizeof(float));
+    t->own = spread_of(values, own, GAS_POINTS, 1).rms;
+    t->gas = spread_of(values, s->exact, GAS_POINTS, 1);
+    t->ground = spread_of(values + GAS_POINTS, s->exact + GAS_POINTS, GROUND_POINTS, 1);
+    if (!rgba) return;
+    render(session, s, &t->settings, rgba, &t->render);
+    t->picture = spread_of(rgba, s->exact_rgba, (size_t)WIDTH * HEIGHT, 4);
+}
+
+/* Times once more, taken in turns, so that whatever else the machine does falls on each alike: the least counts, since
+   nothing makes a program faster than it is. What takes long has been timed well enough by being run once. */
+static void race(ex_session *session, set_up *s, float *values, float *rgba) {
+    for (int turn = 0; turn < TURNS; ++turn)
+        for (int i = 0; i < s->trials.count; ++i) {
+            trial *t = &s->trials.list[i];
+            double build, query, whole;
+            if (t->build + t->query > LONG || !(t->render > 0)) continue;
+            sps_tmap *map = build_map(session, s, &t->settings, &build);
+            query_map(session, s, map, values, &query);
+            sps_tmap_destroy(map);
+            render(session, s, &t->settings, rgba, &whole);
+            t->build = fmin(t->build, build), t->query = fmin(t->query, query), t->render = fmin(t->render, whole);
+        }
+}
+
+/* ================================================================================================ pictures */
+
+/* Differences of what a screen would be sent, four times enlarged. */
+static void enhance(const float *rgba, const float *exact, float *out) {
+    for (size_t i = 0; i < (size_t)WIDTH * HEIGHT * 4; ++i) {
+        const int apart = abs((int)ex_srgb_code(rgba[i]) - (int)ex_srgb_code(exact[i]));
+        out[i] = (float)ex_linear_of(fmin(4 * apart / 255.0, 1));
+    }
+}
+
+static void write_picture(const char *folder, const char *name, const float *rgba, int width, int height) {
+    char path[4096];
+    ex_error error;
+    snprintf(path, sizeof path, "%s/%s.png", folder, name);
+    for (char *at = path + strlen(folder) + 1; *at; ++at)
+        if (*at == ' ' || *at == ',') *at = '_';
+    stop_if_failed(ex_write_png(path, rgba, width, height, 1, &error), &error);
+}
+
+enum { SHEET_COLUMNS = 4, SHEET_SHRINK = 4, CROP_X = 180, CROP_Y = 90, CROP_WIDTH = 600, CROP_HEIGHT = 520 };
+
+/* For the manual: of few colours, unfiltered and packed with patience, files are a third as large. */
+static void write_small(const char *folder, const char *name, ex_canvas *canvas) {
+    const int usual = stbi_write_png_compression_level;
+    for (size_t i = 0; i < (size_t)canvas->width * (size_t)canvas->height * 4; ++i) {
+        const double code = floor(ex_srgb_code(canvas->rgba[i]) * (31 / 255.0) + 0.5) / 31;
+        canvas->rgba[i] = (float)ex_linear_of(code);
+    }
+    stbi_write_png_compression_level = 64, stbi_write_force_png_filter = 0;
+    write_picture(folder, name, canvas->rgba, canvas->width, canvas->height);
+    stbi_write_png_compression_level = usual, stbi_write_force_png_filter = -1;
+}
+
+/* Puts the part of a picture that holds smoke and shadow at one of the sheet's places. */
+static void add_to_sheet(ex_canvas *sheet, int place, const float *rgba, const char *name) {
+    const int x = 4 + place % SHEET_COLUMNS * (CROP_WIDTH / SHEET_SHRINK + 6);
+    const int y = 4 + place / SHEET_COLUMNS * (CROP_HEIGHT / SHEET_SHRINK + 16);
+    float *part = (float *)ex_allocate((size_t)CROP_WIDTH * CROP_HEIGHT, 4 * sizeof(float));
+    for (int row = 0; row < CROP_HEIGHT; ++row)
+        memcpy(part + (size_t)row * CROP_WIDTH * 4, rgba + 4 * ((size_t)(row + CROP_Y) * WIDTH + CROP_X),
+               CROP_WIDTH * 4 * sizeof(float));
+    ex_canvas_picture(sheet, x, y, part, CROP_WIDTH, CROP_HEIGHT, SHEET_SHRINK, name);
+    free(part);
+}
+
+/* Error in the gas over `x_of` a trial, one curve for each technique. */
+static void draw_chart(ex_canvas *canvas, ex_chart *chart, const set_up *s, double (*x_of)(const trial *)) {
+    for (int i = 0; i < s->trials.count; ++i)
+        ex_chart_reach(chart, x_of(&s->trials.list[i]), s->trials.list[i].gas.rms);
+    for (int axis = 0; axis < 2; ++axis) {
+        double *ends = axis ? chart->y : chart->x;
+        ends[0] *= 0.8, ends[1] *= 1.25;
+    }
+    ex_chart_frame(canvas, chart);
+    for (int k = 0; k < KINDS; ++k) {
+        double points[COUNTS][2];
+        int count = 0;
+        for (int i = 0; i < s->trials.count; ++i) {
+            const trial *t = &s->trials.list[i];
+            if (t->kind != &kinds[k]) continue;
+            points[count][0] = x_of(t), points[count++][1] = t->gas.rms;
+        }
+        ex_chart_curve(canvas, chart, (const double(*)[2])points, count, kinds[k].mark, kinds[k].color);
+    }
+}
+
+static double megabytes_of(const trial *t) { return 1e-6 * t->bytes; }
+static double milliseconds_of(const trial *t) { return 1e3 * (t->build + t->query); }
+
+static void draw_keys(ex_canvas *canvas, int x, int y, int columns, int column_width) {
+    for (int k = 0; k < KINDS; ++k)
+        ex_chart_key(canvas, x + k % columns * column_width, y + k / columns * 15, kinds[k].name, kinds[k].mark,
+                     kinds[k].color);
+}
+
+static void chart_time(const set_up *s, const char *folder) {
+    ex_canvas canvas = ex_canvas_begin(720, 480, 1);
+    ex_chart chart = {48, 28, 480, 410, {0, 0}, {0, 0}, "", "milliseconds to build and to answer 150000 points"};
+    chart.title = "puff: rms error of transmittance in the gas";
+    draw_chart(&canvas, &chart, s, milliseconds_of);
+    draw_keys(&canvas, 545, 40, 1, 0);
+    write_small(folder, "maps_time", &canvas);
+    ex_canvas_end(&canvas);
+}
+
+/* Three scenes side by side, since all six would be a large file. */
+static void chart_bytes(set_up *const *scenes, const char *name, const char *folder) {
+    ex_canvas canvas = ex_canvas_begin(960, 385, 1);
+    for (int i = 0; i < 3; ++i) {
+        ex_chart chart = {48 + i * 312, 28, 250, 245, {0, 0}, {0, 0}, "", "megabytes"};
+        char title[80];
+        snprintf(title, sizeof title, "%s: rms error in the gas", scenes[i]->name);
+        chart.title = title;
+        draw_chart(&canvas, &chart, scenes[i], megabytes_of);
+    }
+    draw_keys(&canvas, 48, 322, 4, 228);
+    write_small(folder, name, &canvas);
+    ex_canvas_end(&canvas);
+}
+
+/* ================================================================================================== tables */
+
+static void print_errors(const set_up *s) {
+    printf(
+        "```\n                          asked  has     MB | in the gas             own24 | on the ground  | picture\n"
+        "                                            | rms    p99    largest        | rms    largest | rms     p99     "
+        "largest\n");
+    for (int i = 0; i < s->trials.count; ++i) {
+        const trial *t = &s->trials.list[i];
+        char asked[16], has[16];
+        snprintf(asked, sizeof asked, "%d", t->asked), snprintf(has, sizeof has, "%d", t->settings.components);
+        if (t->kind->technique == SPS_TMAP_COMPRESSED)
+            snprintf(asked, sizeof asked, "%g", (double)t->settings.epsilon), strcpy(has, "-");
+        printf("%-25s %5s %4s %6.1f | %.4f %.4f %.4f  %.4f | %.4f %.4f ", t->kind->name, asked, has, 1e-6 * t->bytes,
+               t->gas.rms, t->gas.high, t->gas.largest, t->own, t->ground.rms, t->ground.largest);
+        if (t->render > 0)
+            printf(" | %.5f %.5f %.4f\n", t->picture.rms, t->picture.high, t->picture.largest);
+        else
+            printf(" |\n");
+    }
+    printf("```\n");
+    fflush(stdout);
+}
+
+static void print_times(const set_up *s) {
+    printf("```\n                          asked   build   query   both  render   (ms)   rms in the gas\n");
+    for (int i = 0; i < s->trials.count; ++i) {
+        const trial *t = &s->trials.list[i];
+        char asked[16];
+        snprintf(asked, sizeof asked, "%d", t->asked);
+        if (t->kind->technique == SPS_TMAP_COMPRESSED) snprintf(asked, sizeof asked, "%g", (double)t->settings.epsilon);
+        char whole[16] = "-";
+        if (t->render > 0) snprintf(whole, sizeof whole, "%.1f", 1e3 * t->render);
+        printf("%-25s %5s  %6.1f  %6.1f %6.1f  %6s          %.4f\n", t->kind->name, asked, 1e3 * t->build,
+               1e3 * t->query, 1e3 * (t->build + t->query), whole, t->gas.rms);
+    }
+    printf("```\n");
+}
+
+/* The least error in the gas among maps that take no more than a map of so many components. */
+static const trial *best_within(const set_up *s, int components) {
+    const int surfaces = s->core.triangle_count > 0; /* a float a texel, in every map */
+    const double most = 4.0 * (components + surfaces) * s->map_size * s->map_size + 4096;
+    const trial *best = NULL;
+    for (int i = 0; i < s->trials.count; ++i) {
+        const trial *t = &s->trials.list[i];
+        if (t->bytes <= most && (!best || t->gas.rms < best->gas.rms)) best = t;
+    }
+    return best;
+}
+
+static void print_best(set_up *const *scenes) {
+    printf(
+        "\n## Which technique to take for so many bytes\n\nThe least rms error in the gas among all maps that take no "
+        "more than 6, 8, 16 or 24 floats a texel.\n\n| scene |");
+    for (int which = 0; which < COUNTS; ++which) printf(" %d |", counts[which]);
+    printf("\n|---|---|---|---|---|\n");
+    for (int i = 0; i < SCENES; ++i) {
+        printf("| %s |", scenes[i]->name);
+        for (int which = 0; which < COUNTS; ++which) {
+            char name[48];
+            const trial *t = best_within(scenes[i], counts[which]);
+            printf(" %s: %.4f |", t ? trial_name(t, name) : "none", t ? t->gas.rms : 0);
+        }
+        printf("\n");
+    }
+}
+
+/* ================================================================================================== claims */
+
+static double gas_error(const trial *t) { return t->gas.rms; }
+static double picture_error(const trial *t) { return t->picture.rms; }
+static double seconds_of(const trial *t) { return t->render; }
+
+typedef double (*measure_fn)(const trial *t);
+
+/* What is measured of one technique, over what is measured of another or of the worst or best of others. */
+static double deep_gain(const set_up *s, int asked, int kind_index, measure_fn of) {
+    (void)kind_index;
+    return of(trial_of(&s->trials, OPACITY, asked)) / of(trial_of(&s->trials, DEEP_OPACITY, asked));
+}
+
+static double fourier_over_most(const set_up *s, int asked, int kind_index, measure_fn of) {
+    (void)kind_index;
+    return of(trial_of(&s->trials, FOURIER, asked)) /
+           fmax(of(trial_of(&s->trials, OPACITY, asked)), of(trial_of(&s->trials, DEEP_OPACITY, asked)));
+}
+
+static double fourier_over_least(const set_up *s, int asked, int kind_index, measure_fn of) {
+    (void)kind_index;
+    return of(trial_of(&s->trials, FOURIER, asked)) /
+           fmin(of(trial_of(&s->trials, OPACITY, asked)), of(trial_of(&s->trials, DEEP_OPACITY, asked)));
+}
+
+static double over_largest(const set_up *s, int asked, int kind_index, measure_fn of) {
+    return of(trial_of(&s->trials, kind_index, asked)) / of(trial_of(&s->trials, kind_index, counts[COUNTS - 1]));
+}
+
+static double own_over_true(const set_up *s, int asked, int kind_index, measure_fn of) {
+    const trial *t = trial_of(&s->trials, kind_index, asked);
+    return of == gas_error ? t->own / t->gas.rms : 0;
+}
+
+/* A finding of the thesis as a bound on a ratio. */
+typedef struct claim {
+    const char *words, *ratio; /* the number is how many a texel has */
+    double (*figure)(const set_up *s, int asked, int kind_index, measure_fn of);
+    int asked, kind_index;
+    double low, high; /* it holds between these */
+} claim;
+
+enum { FEJER = 6, MOMENT = 10, COMPRESSED = 14 };
+
+static const claim error_claims[] = {
+    {"6: deep opacity is more exact than opacity", "opacity / deep", deep_gain, 6, 0, 1, HUGE_VAL},
+    {"8: the same", "opacity / deep", deep_gain, 8, 0, 1, HUGE_VAL},
+    {"16: the two are all but equal", "opacity / deep, 0.8..1.25", deep_gain, 16, 0, 0.8, 1.25},
+    {"24: the same", "opacity / deep, 0.8..1.25", deep_gain, 24, 0, 0.8, 1.25},
+    {"6: Fourier is the least exact of the three", "Fourier / the worse", fourier_over_most, 6, 0, 1, HUGE_VAL},
+    {"8: the same", "Fourier / the worse", fourier_over_most, 8, 0, 1, HUGE_VAL},
+    {"16: the same", "Fourier / the worse", fourier_over_most, 16, 0, 1, HUGE_VAL},
+    {"24: the same", "Fourier / the worse", fourier_over_most, 24, 0, 1, HUGE_VAL},
+    {"opacity: 16 is as good as 24", "16 / 24, up to 1.25", over_largest, 16, OPACITY, 0, 1.25},
+    {"deep opacity: 16 is as good as 24", "16 / 24, up to 1.25", over_largest, 16, DEEP_OPACITY, 0, 1.25},
+    {"opacity: more numbers, less error", "6 / 24", over_largest, 6, OPACITY, 1, HUGE_VAL},
+    {"deep opacity: the same", "6 / 24", over_largest, 6, DEEP_OPACITY, 1, HUGE_VAL},
+    {"Fourier: the same", "6 / 24", over_largest, 6, FOURIER, 1, HUGE_VAL},
+    {"opacity, 8: its own 24 will do for the truth", "own / true, 0.8..1.25", own_over_true, 8, OPACITY, 0.8, 1.25},
+    {"deep opacity, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, DEEP_OPACITY, 0.8, 1.25},
+    {"Fourier, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, FOURIER, 0.8, 1.25},
+    {"Fourier with Fejer's window, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, FEJER, 0.8, 1.25},
+    {"moment, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, MOMENT, 0.8, 1.25},
+};
+
+static const claim time_claims[] = {
+    {"6: Fourier is the fastest of the three", "Fourier / the faster", fourier_over_least, 6, 0, 0, 1},
+    {"16: Fourier is the slowest", "Fourier / the slower", fourier_over_most, 16, 0, 1, HUGE_VAL},
+    {"8: opacity is faster than deep opacity, by a little", "opacity / deep, 0.8..1", deep_gain, 8, 0, 0.8, 1},
+    {"16: the same", "opacity / deep, 0.8..1", deep_gain, 16, 0, 0.8, 1},
+};
+
+static int claim_holds(const claim *c, const set_up *s, measure_fn of, double *ratio) {
+    *ratio = c->figure(s, c->asked, c->kind_index, of);
+    return *ratio > c->low && *ratio <= c->high;
+}
+
+static void print_cell(const claim *c, const set_up *s, measure_fn of) {
+    double ratio;
+    const int holds = claim_holds(c, s, of, &ratio);
+    printf(" %s %.2f |", holds ? "yes" : "**no**", ratio);
+}
+
+static void print_claims(set_up *const *scenes) {
+    printf(
+        "\n## What the thesis found, scene by scene\n\nWhether it holds, and the ratio of errors (rms in the gas; of "
+        "the picture in the last column) that tells so.\n\n| finding | ratio of errors |");
+    for (int i = 0; i < SCENES; ++i) printf(" %s |", scenes[i]->name);
+    printf(" puff, picture |\n|---|---|---|---|---|---|---|---|---|\n");
+    for (size_t i = 0; i < sizeof error_claims / sizeof *error_claims; ++i) {
+        printf("| %s | %s |", error_claims[i].words, error_claims[i].ratio);
+        for (int k = 0; k < SCENES; ++k) print_cell(&error_claims[i], scenes[k], gas_error);
+        if (error_claims[i].figure == own_over_true)
+            printf(" |");
+        else
+            print_cell(&error_claims[i], scenes[0], picture_error);
+        printf("\n");
+    }
+    printf("\n| finding | ratio of times | puff |\n|---|---|---|\n");
+    for (size_t i = 0; i < sizeof time_claims / sizeof *time_claims; ++i) {
+        printf("| %s | %s |", time_claims[i].words, time_claims[i].ratio);
+        print_cell(&time_claims[i], scenes[0], seconds_of);
+        printf("\n");
+    }
+}
+
+/* "in 5 of 6 scenes (not in core)" */
+static void print_tally(size_t index, set_up *const *scenes) {
+    const claim *c = &error_claims[index];
+    int held = 0;
+    double ratio;
+    for (int i = 0; i < SCENES; ++i) held += claim_holds(c, scenes[i], gas_error, &ratio);
+    printf("in %d of %d scenes", held, SCENES);
+    if (held == 0 || held == SCENES) return;
+    printf(held * 2 >= SCENES ? " (not in" : " (only in");
+    for (int i = 0, named = 0; i < SCENES; ++i)
+        if (claim_holds(c, scenes[i], gas_error, &ratio) != (held * 2 >= SCENES))
+            printf("%s %s", named++ ? "," : "", scenes[i]->name);
+    printf(")");
+}
+
+/* The reasons are ours; the figures are this run's. */
+static void print_words(set_up *const *scenes) {
+    const trials *puff = &scenes[0]->trials;
+    double ratio;
+    printf("\n## In words\n\n- **Few numbers: deep opacity beats opacity.** It does with 6 ");
+    print_tally(0, scenes);
+    printf(", with 8 ");
+    print_tally(1, scenes);
+    printf(
+        ". Layers are laid where each ray meets gas. Little is gained where the first and the last occluder do not tell"
+        " where light is lost, as with a dense core in faint gas.\n- **More numbers: the two meet.** With 16 ");
+    print_tally(2, scenes);
+    printf(", with 24 ");
+    print_tally(3, scenes);
+    printf(
+        ". The gap rather widens, since the two numbers that a deep map spends on its range weigh less among more. What"
+        " shrinks is what the eye sees: in pictures of puff with 24 the rms errors are %.5f and %.5f.\n",
+        trial_of(puff, OPACITY, 24)->picture.rms, trial_of(puff, DEEP_OPACITY, 24)->picture.rms);
+    printf("- **Fourier is the worst.** With 6 ");
+    print_tally(4, scenes);
+    printf(", with 8 ");
+    print_tally(5, scenes);
+    printf(", with 16 ");
+    print_tally(6, scenes);
+    printf(", with 24 ");
+    print_tally(7, scenes);
+    printf(
+        ". That is the series without a window, over the range of depths that the gas takes up. With windows it is"
+        " worse: for puff with 8 the error is %.4f without, %.4f with Lanczos's and %.4f with Fejer's, against %.4f of"
+        " opacity. A range for each texel brings it to %.4f.\n",
+        trial_of(puff, FOURIER, 8)->gas.rms, trial_of(puff, FOURIER + 1, 8)->gas.rms, trial_of(puff, FEJER, 8)->gas.rms,
+        trial_of(puff, OPACITY, 8)->gas.rms, trial_of(puff, FOURIER + 4, 8)->gas.rms);
+    printf("- **A technique's own run with 24 is the truth.** For opacity maps of 8 that will do ");
+    print_tally(13, scenes);
+    printf(", for Fourier maps ");
+    print_tally(15, scenes);
+    printf(", for moment maps ");
+    print_tally(17, scenes);
+    printf(
+        ". It hides what more numbers do not cure: for puff a Fejer window's error is %.4f, of which %.4f is seen that"
+        " way, and a moment map's %.4f, of which %.4f is seen.\n",
+        trial_of(puff, FEJER, 8)->gas.rms, trial_of(puff, FEJER, 8)->own, trial_of(puff, MOMENT, 8)->gas.rms,
+        trial_of(puff, MOMENT, 8)->own);
+    printf("- **Speed.** That Fourier maps are fastest with 6 %s here, that they are slowest with 16 %s: what they "
+           "saved in"
+           " the thesis was to sort particles, which none of the three needs here, and their queries cost more.\n",
+           claim_holds(&time_claims[0], scenes[0], seconds_of, &ratio) ? "holds" : "does not hold",
+           claim_holds(&time_claims[1], scenes[0], seconds_of, &ratio) ? "holds" : "does not hold");
+    printf(
+        "- **What the thesis did not try.** For puff a compressed map with an epsilon of %g takes %.1f MB, and errs by"
+        " %.4f; a deep opacity map of 8 takes %.1f MB, and errs by %.4f; but to make the former takes %.0f times as"
+        " long.\n",
+        (double)trial_of(puff, COMPRESSED, 8)->settings.epsilon, 1e-6 * trial_of(puff, COMPRESSED, 8)->bytes,
+        trial_of(puff, COMPRESSED, 8)->gas.rms, 1e-6 * trial_of(puff, DEEP_OPACITY, 8)->bytes,
+        trial_of(puff, DEEP_OPACITY, 8)->gas.rms,
+        trial_of(puff, COMPRESSED, 8)->build / trial_of(puff, DEEP_OPACITY, 8)->build);
+}
+
+/* ==================================================================================================== main */
+
+/* Whether this one stands for its technique where not all of its pictures are rendered: that of 8. */
+static int is_picture_sample(const trial *t) {
+    const int only = t->kind->technique == SPS_TMAP_BEER || t->kind->technique == SPS_TMAP_DEPTH;
+    return only || t->asked == (is_slow(t->kind) ? 6 : 8);
+}
+
+/* All of one scene but the times. Pictures of every trial are made where the thesis has one, else of those of 8. */
+static void run_scene(ex_session *session, set_up *s, int every, const char *folder, ex_canvas *sheet) {
+    float *values = (float *)ex_allocate(POINTS, sizeof(float)), *own = (float *)ex_allocate(POINTS, sizeof(float));
+    float *rgba = (float *)ex_allocate((size_t)WIDTH * HEIGHT, 4 * sizeof(float));
+    char name[48], file[96];
+    scatter_points(s);
+    make_exact(session, s, rgba);
+    snprintf(file, sizeof file, "%s_exact", s->name);
+    write_picture(folder, file, s->exact_rgba, WIDTH, HEIGHT);
+    snprintf(file, sizeof file, "%s_slabs", s->name);
+    write_picture(folder, file, rgba, WIDTH, HEIGHT);
+    if (sheet) add_to_sheet(sheet, 0, s->exact_rgba, "exact");
+    for (int i = s->trials.count - 1; i >= 0; --i) {
+        trial *t = &s->trials.list[i];
+        const int is_sample = is_picture_sample(t),
+                  is_shown = is_slow(t->kind) ? every && is_sample : every || is_sample;
+        measure(session, s, t, values, is_shown ? rgba : NULL, own);
+        if (!is_shown) continue;
+        enhance(rgba, s->exact_rgba, rgba);
+        snprintf(file, sizeof file, "%s_%s_x4", s->name, trial_name(t, name));
+        write_picture(folder, file, rgba, WIDTH, HEIGHT);
+        if (sheet && is_sample) add_to_sheet(sheet, 1 + (int)(t->kind - kinds), rgba, name);
+    }
+    print_errors(s);
+    free(rgba);
+    free(values);
+    free(own);
+}
+
+static void print_head(void) {
+    printf(
+        "# Transmittance maps compared\n\n"
+        "Printed by `make maps`. %d particles, one spot light, maps of %d x %d texels (%d x %d but for\n"
+        "the smoke), pictures of %d x %d. Times are\n"
+        "those of the machine it ran on (%d processors, vectors of %d floats); errors are the same anywhere but for\n"
+        "rounding.\n\n"
+        "The setting is that of R. Giulietti's thesis (DigiPen, 2013), which rendered smoke with opacity, deep "
+        "opacity\n"
+        "and Fourier maps of 6, 8, 16 and 24 numbers a texel, and took each technique's own run with 24 for the "
+        "truth.\n"
+        "Here the truth is the exact deep map of as many texels.\n\n"
+        "- asked, has: numbers a texel. A technique that cannot have as many has the next lower that it can; "
+        "compressed\n"
+        "  maps are asked for an epsilon instead.\n"
+        "- in the gas, on the ground: error of transmittance at %d points in particles and %d in their shadow.\n"
+        "- own24: rms difference from this technique's own largest map, as the thesis measured.\n"
+        "- picture: error of linear radiance, against the picture made with the exact map. p99: 99th percentile. Where "
+        "none\n"
+        "  stands, none was rendered: of other scenes than the puff those with 8 alone are, and of moment maps and "
+        "running\n"
+        "  maxima, whose queries make a picture take many seconds, the puff's with 6 alone.\n\n"
+        "![Error over time](maps_time.png)\n![Error over bytes](maps_bytes.png)\n![Error over "
+        "bytes](maps_bytes_hard.png)\n\n"
+        "Differences of the puff's pictures with 8 numbers a texel or the next that there is, four times\n"
+        "enlarged, as a screen shows them:\n\n"
+        "![Differences](maps_differences.png)\n",
+        PARTICLES, MAP_SIZE, MAP_SIZE, SMALL_MAP_SIZE, SMALL_MAP_SIZE, WIDTH, HEIGHT, ex_processor_count(), SPSI_LANES,
+        GAS_POINTS, GROUND_POINTS);
+}
+
+static void time_scene(ex_session *session, set_up *s) {
+    float *values = (float *)ex_allocate(POINTS, sizeof(float));
+    float *rgba = (float *)ex_allocate((size_t)WIDTH * HEIGHT, 4 * sizeof(float));
+    race(session, s, values, rgba);
+    printf("\n## Times of %s\n\nThe least of %d, of one where build and query take more than %g s; with all "
+           "processors. The query is of %d points; the picture's time has "
+           "the making of its map in it.\n\n",
+           s->name, TURNS + 1, LONG, POINTS);
+    print_times(s);
+    free(rgba);
+    free(values);
+}
+
+int main(int argc, char **argv) {
+    set_up *scenes[SCENES];
+    ex_session session;
+    ex_error error;
+    ex_canvas sheet = ex_canvas_begin(4 + SHEET_COLUMNS * (CROP_WIDTH / SHEET_SHRINK + 6),
+                                      4 + 4 * (CROP_HEIGHT / SHEET_SHRINK + 16), 1);
+    if (argc != 3) {
+        fprintf(stderr, "%s: give two folders: for charts, and for pictures\n", argv[0]);
+        return 2;
+    }
+    stop_if_failed(ex_session_begin(&session, 0, &error), &error);
+    session.progress.terminal = 0; /* tables would run into it */
+    print_head();
+    for (int i = 0; i < SCENES; ++i) {
+        scenes[i] = (set_up *)ex_allocate(1, sizeof *scenes[i]);
+        set_up_begin(scenes[i], makers[i]);
+        run_scene(&session, scenes[i], i == 0, argv[2], i == 0 ? &sheet : NULL);
+    }
+    time_scene(&session, scenes[0]);
+    print_best(scenes);
+    print_claims(scenes);
+    print_words(scenes);
+    chart_time(scenes[0], argv[1]);
+    chart_bytes(scenes, "maps_bytes", argv[1]);
+    chart_bytes(scenes + 3, "maps_bytes_hard", argv[1]);
+    write_small(argv[1], "maps_differences", &sheet);
+    for (int i = 0; i < SCENES; ++i) set_up_end(scenes[i]), free(scenes[i]);
+    ex_canvas_end(&sheet);
+    ex_session_end(&session);
+    return 0;
+}

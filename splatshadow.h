@@ -283,32 +283,38 @@ typedef enum sps_tmap_technique {
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
        a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
     SPS_TMAP_DEEP = 0,
-    /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off,
-       the one whose error is set by the caller. 8 bytes a node and 4 a texel; a query searches. No components. */
+    /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off
+       along a texel's own ray, the one whose error is set by the caller. (Between four texels, the mean of optical
+       depths may be more off where some of them are all but black.) 8 bytes a node and 4 a texel; a query searches.
+       No components. */
     SPS_TMAP_COMPRESSED,
     /* Where transmittance falls to a half; 1 before, 0 behind. Right for what is opaque alone. 1 component. */
     SPS_TMAP_DEPTH,
     /* Optical depth at n planes, u = 1/n .. 1 or as given [Kim & Neumann 2001]. Exact there; between them, the planes
-       before and after bracket the truth. n 1..65, by default 8; a query costs 2 look-ups. */
+       before and after bracket the truth. n 1..65, by default 8; insertion costs the planes that a stretch runs
+       through, a query 2 look-ups. */
     SPS_TMAP_OPACITY,
     /* Deep opacity map [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last occluder,
-       which come before them. Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8. */
+       which come before them. Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8;
+       occluders are looked at twice. */
     SPS_TMAP_DEEP_OPACITY,
-    /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact behind everything; before that
-       it rings, by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the
-       last, since u = 0 and u = 1 are neighbours, or ask for texel_range. n 3, 5 .. 65, by default 7, and two more with
-       texel_range; a query costs n. */
+    /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
+       by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the last, since
+       u = 0 and u = 1 are neighbours, or ask for texel_range. n 3, 5 .. 65, by default 7, and two more with
+       texel_range; insertion and query cost n. */
     SPS_TMAP_FOURIER,
-    /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings. n 2..64,
-       by default 8; a query costs n. */
+    /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings, but
+       nothing is exact either. n 2..64, by default 8; made from lists, so that it takes 10 times as long as sums do; a
+       query costs n. */
     SPS_TMAP_COSINE,
     /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
        z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
-       exact behind everything. n 5, 7 or 9, by default 5; a query solves for the roots of a polynomial. */
+       exact at u = 1. n 5, 7 or 9, by default 5; insertion costs n, a query a small matrix and the roots of a
+       polynomial, ten times as much as others. */
     SPS_TMAP_MOMENT,
     /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .., of
-       which the one that changes the area least goes when there is one too many. No bound, but small errors. n 4, 6 ..
-       64, by default 16; a query searches. */
+       which the one that changes the area least goes when there is one too many. No bound; small errors from 8 nodes
+       on, large ones with 3 or 4. n 4, 6 .. 64, by default 16; made from lists; a query searches. */
     SPS_TMAP_ADAPTIVE,
     /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
        engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps

@@ -534,7 +534,7 @@ static void print_head(void) {
         "the smoke), pictures of %d x %d. Times are\n"
         "those of the machine it ran on (%d processors, vectors of %d floats); errors are the same anywhere but for\n"
         "rounding.\n\n"
-        "The setting is that of R. Giulietti's thesis (DigiPen, 2013), which rendered smoke with opacity, deep "
+        "The setting is that of N. Giulietti's thesis (DigiPen, 2013), which rendered smoke with opacity, deep "
         "opacity\n"
         "and Fourier maps of 6, 8, 16 and 24 numbers a texel, and took each technique's own run with 24 for the "
         "truth.\n"

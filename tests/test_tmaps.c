@@ -511,6 +511,7 @@ static void test_boxes(void) {
         memset(&transfer, 0, sizeof transfer);
         transfer.points = points, transfer.point_count = 3;
         see(&f, c->way, 54);
+        f.settings.near_depth = 2;
         f.light.quality = SPS_QUALITY_HIGH;
         f.light.slab = c->slab;
         if (c->classified)
@@ -581,7 +582,9 @@ static void test_opaque(void) {
         begin(&f, n / 4);
         see(&f, spot ? SPOT : ORTHO, SIDE);
         if (given) f.settings.surface_bias = bias;
+        if (given) add_square(&f, 0, -30, -0.5, 30, -6); /* behind the first, which is the one that counts */
         add_square(&f, 0, -30, -0.5, 30, 0);
+        if (!given) add_square(&f, 0, -30, -0.5, 30, -6);
         add_mesh(&f, 0, 0);
         map = must_build(&f, context);
         if (map) {
@@ -1367,6 +1370,10 @@ static void test_planes(void) {
             CHECK_NEAR(query(map, 0, 0, 0), 2.25, 1e-5);
             CHECK_NEAR(query(map, 0, 0, 2.5), 1.125, 1e-5); /* half the way from plane to plane */
         } else { /* the particle's own range: planes are at 1/4, 1/2 and 1 of it */
+            const double before[3] = {0, 0, 5};
+            float bracket[2] = {7, 7};
+            sps_tmap_bracket(map, 1, before, &bracket[0], &bracket[1]);
+            CHECK(bracket[0] <= 0 && bracket[1] <= 0);
             CHECK_NEAR(query(map, 0, 0, 2), 0.75, 1e-5);
             CHECK_NEAR(query(map, 0, 0, 1), 1.5, 1e-5);
         }
@@ -1537,6 +1544,36 @@ static int failing_progress(void *user, float fraction) {
     (void)user;
     CHECK(fraction >= 0 && fraction <= 1);
     return ++provider.progress == provider.cancel_at;
+}
+
+static int rising_progress(void *user, float fraction) {
+    float *seen = (float *)user; /* the last one, and how many between what is read and the end there were */
+    CHECK(fraction >= seen[0] && fraction <= 1);
+    if (fraction > seen[0] && fraction > 0.2f && fraction < 1) seen[1] += 1;
+    seen[0] = fraction;
+    return 0;
+}
+
+/* Progress rises from face to face and from one band of rows to the next, and ends at 1. */
+static void test_progress(void) {
+    for (int technique = 0; technique < TECHNIQUES; ++technique)
+        for (int round = 0; round < 2; ++round) {
+            float seen[2] = {0, 0};
+            sps_config config;
+            sps_context *context;
+            fixture f;
+            memset(&config, 0, sizeof config);
+            config.progress_fn = rising_progress;
+            config.progress_user = seen;
+            context = sps_create(&config);
+            begin_little(&f, technique);
+            if (round) see(&f, ROUND, 5);
+            if (!round) f.light.width = 3, f.light.height = 200;
+            sps_tmap_destroy(must_build(&f, context));
+            CHECK(seen[1] > (round ? 4 : 2) && seen[0] >= 1);
+            sps_destroy(context);
+            end(&f);
+        }
 }
 
 /* Every call of every provider fails in turn, then every look at progress says stop: a failed map answers nothing, and
@@ -2232,6 +2269,7 @@ int main(void) {
     RUN(test_scenes);
     RUN(test_replaced);
     RUN(test_states);
+    RUN(test_progress);
     RUN(test_callbacks);
     RUN(test_depths);
     RUN(test_sizes);

@@ -1527,10 +1527,11 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
    Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
    (components), but n log n for a compressed list; a query what its function says. T stands for exp(-optical depth). */
 
-#define SPSI_TMAP_COMPONENTS 65    /* most floats a texel */
-#define SPSI_SOFT_PIECES     8     /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
-#define SPSI_SOFT_MOST       256   /* at most, where an error is to be kept */
-#define SPSI_BEER_LENGTH     1e-6f /* least length of a Beer map's gas, so that its density stays finite */
+#define SPSI_TMAP_COMPONENTS 65     /* most floats a texel */
+#define SPSI_SOFT_PIECES     8      /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
+#define SPSI_SOFT_MOST       256    /* at most, where an error is to be kept */
+#define SPSI_SOFT_EPSILON    0.001f /* the least that these keep */
+#define SPSI_BEER_LENGTH     1e-6f  /* least length of a Beer map's gas, so that its density stays finite */
 
 /* A stretch of a ray from u0 to u1, of optical depth `depth`: even (soft 0), or as 1 - s^2 with s from -1 to 1 through
    it (soft 1), which is what a ray meets in a particle. */
@@ -4325,7 +4326,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     if (map->settings.technique == SPS_TMAP_DEEP) {
         bounds[0] = bounds[1] = spsi_tmap_depth(map, index, u);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
-        const float through = expf(-spsi_tmap_depth(map, index, u)), epsilon = map->settings.epsilon;
+        const float through = expf(-spsi_tmap_depth(map, index, u)), epsilon = map->inner.epsilon;
         bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
     } else if (map->technique->bracket) {
@@ -7745,6 +7746,9 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     most = filling->most;
     filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
+    /* what brackets can be sure of */
+    filling->map->inner.epsilon =
+        spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     nodes = SPSI_CURVE_NODES(most, (size_t)filling->pieces);
     if (!technique->fit) nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
     filling->scratch_size =

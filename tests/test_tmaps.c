@@ -788,22 +788,12 @@ static void begin_mixed(fixture *f, int technique) {
     add_mesh(f, 1, 0);
 }
 
-/* Optical depth of all soft particles on a texel's ray. */
-static double soft_depth(const fixture *f, const sps_tmap *map, int x, int y) {
-    fixture soft = *f;
-    double point[3];
-    soft.crowds[0].count = 0;
-    on_ray(map, 0, x, y, 21, point);
-    return exact_particles(&soft, point).depth;
-}
-
 /* What each technique says of itself: T = exp(-depth), no depth below 0, and the bracket it gives holds itself and the
    deep map's answer. Sums of the 25 stretches that a ray meets, and of the planes, are floats: 1e-5 of the depth; u is
    one: the densest gas here, a particle of 0.4 across 3.4, has 5 per u at most, and a sheet that may count before or
-   behind, which no depth that is asked for comes near. A compressed map's T is within epsilon of the deep map's, or of
-   even pieces that stand for soft particles, eight each, which are off by 1 / 8^2 / 8 of the steepest change of 1 -
-   s^2, 6: 1.2 % of their depth. */
-static void check_technique(const fixture *f, const sps_tmap *map, const sps_tmap *deep, float epsilon) {
+   behind, which no depth that is asked for comes near. A compressed map's T is within
+   epsilon of the deep map's. */
+static void check_technique(const sps_tmap *map, const sps_tmap *deep, float epsilon) {
     const int technique = (int)map->settings.technique;
     int bracketed = 0;
     for (int i = 0; i < 21 * 17 * 24; i += technique == SPS_TMAP_MOMENT ? 5 : 1) {
@@ -813,16 +803,14 @@ static void check_technique(const fixture *f, const sps_tmap *map, const sps_tma
         sps_tmap_query(map, 1, point, &depth, &passes);
         sps_tmap_query(deep, 1, point, &exact, &exact_passes);
         sps_tmap_bracket(map, 1, point, &least, &most);
-        const double soft = technique == SPS_TMAP_COMPRESSED ? 0.0118 * soft_depth(f, map, i % 21, i / 21 % 17) : 0;
-        const double slack = 1e-5 * (1 + fabs((double)exact)) + 10 * U + soft;
+        const double slack = 1e-5 * (1 + fabs((double)exact)) + 10 * U;
         if (!CHECK(depth >= 0 && depth <= 1e15f && passes >= 0 && passes <= 1)) printf("    technique %d\n", technique);
         CHECK_NEAR((double)passes, exp(-(double)depth), 2e-6 * (double)passes + 1e-37);
         CHECK((double)least <= (double)depth + slack && (double)depth <= (double)most + slack);
         if (!CHECK((double)least <= (double)exact + slack && (double)exact <= (double)most + slack))
             printf("    technique %d: %g .. %g, exact %g\n", technique, (double)least, (double)most, (double)exact);
         if (technique == SPS_TMAP_DEEP) CHECK(least >= depth && most <= depth);
-        if (technique == SPS_TMAP_COMPRESSED)
-            CHECK_NEAR((double)passes, (double)exact_passes, (double)epsilon + 2e-7 + soft);
+        if (technique == SPS_TMAP_COMPRESSED) CHECK_NEAR((double)passes, (double)exact_passes, (double)epsilon + 2e-7);
         bracketed += most < 1e14f && most > least;
     }
     if (technique == SPS_TMAP_OPACITY || technique == SPS_TMAP_DEEP_OPACITY || technique == SPS_TMAP_MOMENT)
@@ -847,11 +835,44 @@ static void test_techniques(void) {
             f.settings.epsilon = epsilon;
             if (n >= TECHNIQUES + 2) f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = 1;
             map = must_build(&f, context);
-            if (map && deep) check_technique(&f, map, deep, epsilon > 0 ? epsilon : 0.01f);
+            if (map && deep) check_technique(map, deep, epsilon > 0 ? epsilon : 0.01f);
             sps_tmap_destroy(map);
             sps_tmap_destroy(deep);
             end(&f);
         }
+    sps_destroy(context);
+}
+
+/* Soft particles are curves, of which lines keep within epsilon, too, be they thin or thick, alone or one in another;
+   0.001 is the least that is promised for these, and a bracket that holds the truth for whatever is asked. */
+static void test_soft_compressed(void) {
+    static const double depths[5] = {0.05, 0.8, 6, 50, 3000};
+    static const float epsilons[4] = {0.2f, 0, 0.001f, 1e-8f};
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 40; ++n) {
+        const double epsilon = n / 5 % 4 == 1 ? 0.01 : fmax((double)epsilons[n / 5 % 4], 0.001);
+        fixture f;
+        sps_tmap *deep, *map;
+        begin(&f, SPS_TMAP_DEEP);
+        add(&f, 1, 0, 0, 0, 6, depths[n % 5]);
+        for (int i = 0; i < 6 && n >= 20; ++i) add(&f, 1, 0.2 * i, 0.1 * i, i, 2 + 0.3 * i, depths[(n + i) % 5]);
+        deep = must_build(&f, context);
+        f.settings.technique = SPS_TMAP_COMPRESSED;
+        f.settings.epsilon = epsilons[n / 5 % 4];
+        map = must_build(&f, context);
+        for (int i = 0; i < 700 && map && deep; ++i) {
+            const double point[3] = {i % 7 - 3, i % 3, 9 - 18.0 * i / 700};
+            const double exact = through(deep, point[0], point[1], point[2]);
+            float least, most;
+            sps_tmap_bracket(map, 1, point, &least, &most);
+            if (!CHECK_NEAR(through(map, point[0], point[1], point[2]), exact, epsilon + 2e-7))
+                printf("    epsilon %g\n", epsilon);
+            if (!CHECK(exact <= exp(-(double)least) + 2e-7 && exact >= exp(-(double)most) - 2e-7))
+                printf("    epsilon %g\n", (double)f.settings.epsilon);
+        }
+        sps_tmap_destroy(map);
+        sps_tmap_destroy(deep);
+    }
     sps_destroy(context);
 }
 
@@ -2254,6 +2275,7 @@ int main(void) {
     RUN(test_across_the_light);
     RUN(test_watertight);
     RUN(test_techniques);
+    RUN(test_soft_compressed);
     RUN(test_texels);
     RUN(test_same_bits);
     RUN(test_shuffled);

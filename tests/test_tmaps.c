@@ -861,7 +861,7 @@ static void test_soft_compressed(void) {
         f.settings.epsilon = epsilons[n / 5 % 4];
         map = must_build(&f, context);
         for (int i = 0; i < 700 && map && deep; ++i) {
-            const double point[3] = {i % 7 - 3, i % 3, 9 - 18.0 * i / 700};
+            const double point[3] = {i % 7 - 3.0, i % 3 * 1.0, 9 - 18.0 * i / 700};
             const double exact = through(deep, point[0], point[1], point[2]);
             float least, most;
             sps_tmap_bracket(map, 1, point, &least, &most);
@@ -2038,7 +2038,7 @@ static void test_pictures(void) {
     for (int technique = 0; technique < TECHNIQUES; ++technique) {
         picture p;
         sps_plan_report plan;
-        begin_picture(&p, WIDE, HIGH, 12);
+        begin_picture(&p, WIDE, HIGH, 9);
         add_picture_particles(&p, 6);
         p.settings.technique = (sps_tmap_technique)technique;
         lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));

@@ -469,7 +469,7 @@ typedef struct box_case {
 
 static void check_boxes(const fixture *f, const sps_tmap *map, double slab, double slope, double density) {
     check_random random = {31};
-    for (int i = 0; i < 400; ++i) {
+    for (int i = 0; i < 250; ++i) {
         const int side = f->light.width, middle = side / 2;
         const int x = middle + (int)(side * 0.35 * (check_next(&random) - 0.5));
         const int y = middle + (int)(side * 0.35 * (check_next(&random) - 0.5));
@@ -1070,7 +1070,7 @@ static void test_gas_around(void) {
         f.light.slab = slab / 0.25;
         add_box(&f, 20, 2.5, n * 0.5, 0.8);
         map = must_build(&f, context);
-        for (int i = 0; i < 800 && map; ++i) {
+        for (int i = 0; i < 400 && map; ++i) {
             const int edge = i % 4 == 0; /* a quarter of the rays are those that faces share */
             double point[3], exact;
             ray r;

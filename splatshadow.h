@@ -131,8 +131,8 @@ typedef enum sps_result {
     SPS_ERROR_MEMORY,      /* the allocator gave NULL, or memory_limit would be passed */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a provider delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction serves camera and light (sps_light), or numbers leave floats' range
-                            */
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction serves camera and light (sps_light), numbers leave floats' range, or
+                              sps_render is given a mesh that lets light pass */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -334,12 +334,12 @@ typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
     int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
-    size_t byte_budget; /* what the finished map may take at most; 0: no limit */
+    size_t byte_budget; /* what the finished map may take at most, surfaces too; 0: no limit */
     /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
        far. What lies before or behind counts as at either end. */
     double near_depth, far_depth;
     int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
-    const float *planes; /* opacity: u of each plane, rising from above 0 to 1, copied; NULL: even steps */
+    const float *planes; /* opacity: u of each plane, rising from above 0 to 1, copied; NULL: even */
     int cubic;           /* opacity: 1: monotone cubics between planes instead of straight lines */
     sps_tmap_window window;
     int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
@@ -365,8 +365,9 @@ typedef struct sps_light {
     float color[3];      /* >= 0; directional: irradiance, point: intensity; all zero: no light */
     int no_shadow;       /* 1: shines through everything */
     /* NULL: gas shades by slabs. Else it shades by a transmittance map made with these settings, which knows no limit
-       of slicing: around a point light that is among what it lights, the map has six faces. far_depth 0: the range of
-       depths is fitted to the gas. Surfaces shade by their own depth map either way. */
+       of slicing: around a point light that is among what it lights, the map has six faces. The range of depths is
+       fitted to the gas, and surfaces shade by their own depth map either way: near_depth, far_depth and surface_bias
+       must be 0. */
     const sps_tmap_settings *shadow_map;
     int shadow_map_size; /* texels on its longer side, or a face's, up to 16384; 0: shadow_size, or from quality */
     uint32_t end_canary; /* leave 0 */
@@ -533,7 +534,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
-/* What the last sps_render, sps_reference or sps_plan did; counts stand also after a failure. */
+/* What the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did; counts stand also after a
+   failure. Footprints splatted into maps are not counted. */
 SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
@@ -555,7 +557,9 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 /* Pulls the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
    kernel cut at slabs square to the light's axis, every triangle where it is. Time is about occluders * texels under
    them * components; memory, on top of the map's, 130 bytes a particle and 4 bytes a component of 64 rows of texels, or
-   16 bytes for every stretch in these. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
+   16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made from lists
+   take per worker what the fullest texel's stretches need, 60 bytes each, or, where particles are soft, 0.4 KB, and 14
+   KB for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
    (finished already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
@@ -582,8 +586,8 @@ SPS_API const float *sps_tmap_texels(const sps_tmap *map);
    other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* u of each texel's first opaque surface, 2 where there is none, one float a texel in the same order; NULL where there
-   is none in all of the map. */
+/* u of each texel's first opaque surface, 1e30 where there is none, one float a texel in the same order; NULL where
+   there is none in all of the map. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* The settings as they were resolved: components above all. */
@@ -1117,7 +1121,7 @@ static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size
 /* As spsi_buffer_reserve, but keeps the first `kept` items and grows by half at least. */
 static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
     const size_t held = buffer->size / size, grown = held + held / 2;
-    const size_t wanted = grown > count ? grown : count;
+    const size_t wanted = grown > count ? grown : count > 0 ? count : 1;
     void *data;
     if (buffer->data && held >= count) return buffer->data;
     data = spsi_acquire(context, wanted, size);
@@ -3584,17 +3588,17 @@ static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
 }
 
 /* Tells the caller of values that were no densities. */
-static void spsi_tell_replaced(const sps_context *context) {
+static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
+    const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
-    if (!context->stats.values_replaced || !context->config.message_fn) return;
-    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were no densities and count as 0",
-                 (double)context->stats.values_replaced);
+    if (!(replaced > 0) || !context->config.message_fn) return;
+    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were no densities and count as 0", replaced);
     context->config.message_fn(context->config.message_user, text);
 }
 
 /* Holds the relevant voxels of all volumes, reading them unless they are still held from the last call. */
 static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
-    const uint64_t fingerprint = spsi_volumes_fingerprint(frame);
+    const uint64_t fingerprint = spsi_volumes_fingerprint(frame), replaced = context->stats.values_replaced;
     if (fingerprint == 0 || fingerprint != context->gathered) {
         int current = -1;
         context->gathered = 0;
@@ -3603,7 +3607,7 @@ static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
         for (int i = 0; i < frame->medium_count; ++i)
             if (spsi_gather_medium(context, frame, i, &current)) return context->result;
         context->gathered = fingerprint;
-        spsi_tell_replaced(context);
+        spsi_tell_replaced(context, replaced);
     }
     context->stats.bricks = (uint64_t)context->brick_count;
     context->stats.voxels_relevant = context->voxel_count;
@@ -4237,7 +4241,8 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
    largest coordinate from the light, the same seen from either side: so nothing changes suddenly from face to face.
    What is opaque is kept apart, as a depth per texel: no technique could hold it without harm to all else. */
 
-#define SPSI_FACES 6
+#define SPSI_FACES      6
+#define SPSI_NO_SURFACE 1e30f /* u of none: no point is so far behind far_depth */
 
 struct sps_tmap {
     sps_context *context;
@@ -4247,6 +4252,7 @@ struct sps_tmap {
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
     sps_view view;              /* the light's */
     double matrix[16];          /* its world_to_clip */
+    int has_components;         /* 1: the caller has said how many, 0: the technique */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
     int face_count, replace_invalid;
     int finished, failed;
@@ -4258,7 +4264,7 @@ struct sps_tmap {
     int volume_count, mesh_count, particles_count;
     spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
     spsi_buffer starts;   /* of lists: each texel's first item, and one more */
-    spsi_buffer surfaces; /* u of each texel's first opaque surface, 2: none; no data: there are none at all */
+    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
 };
 
 static size_t spsi_tmap_texel_count(const sps_tmap *map) {
@@ -7572,15 +7578,17 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
         spsi_bin_slabs(&bin, &tile);
 }
 
-static void spsi_fill_volumes(spsi_filling *filling) {
+static sps_result spsi_fill_volumes(spsi_filling *filling) {
     spsi_run *run = filling->occluders->run;
     const int chunks = run ? (run->sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK : 0;
     for (int chunk = 0; chunk < chunks; ++chunk) {
         spsi_run_find_bricks(run, chunk);
         if (run->chunk_brick_count == 0) continue;
+        if (spsi_progress(filling->context, filling->progress)) break;
         run->shader.first_slab = chunk * SPSI_CHUNK;
         spsi_parallel(filling->context, filling->tiles_x, spsi_fill_volumes_task, filling);
     }
+    return filling->context->result;
 }
 
 /* --- what becomes of a band --- */
@@ -7623,7 +7631,7 @@ static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
     spsi_parallel(filling->context, filling->tiles_x, spsi_clear_task, filling);
-    spsi_fill_volumes(filling);
+    if (spsi_fill_volumes(filling)) return filling->context->result;
     spsi_parallel(filling->context, filling->tiles_x, spsi_fill_task, filling);
     return SPS_OK;
 }
@@ -7749,6 +7757,10 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     /* what brackets can be sure of */
     filling->map->inner.epsilon =
         spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
+    if (map->settings.technique == SPS_TMAP_DEEP) most = 0; /* its lists are sorted and kept as they are */
+    if (most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)))
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in a texel", (double)most,
+                               "2 million can be fitted");
     nodes = SPSI_CURVE_NODES(most, (size_t)filling->pieces);
     if (!technique->fit) nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
     filling->scratch_size =
@@ -7922,7 +7934,7 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
         return map->context->result;
     if (!has_surfaces) return SPS_OK;
     surfaces = (float *)spsi_buffer_reserve(map->context, &map->surfaces, texels, sizeof(float));
-    for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = 2;
+    for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
     return map->context->result;
 }
 
@@ -7950,6 +7962,10 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= occluders->faces.list[i].optical_depth >= SPSI_DEPTH_MAX;
+    if (has_surfaces && map->settings.byte_budget &&
+        spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float) > map->settings.byte_budget)
+        return spsi_tmap_refuse_budget(map,
+                                       (double)(spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float)));
     if (spsi_tmap_reserve_texels(map, has_surfaces)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
@@ -7993,6 +8009,7 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
     const size_t budget = settings->byte_budget;
+    map->has_components = settings->components > 0;
     map->has_range = technique->range > 0 || (technique->range < 0 && settings->texel_range);
     if (settings->components == 0) {
         const int more = technique->range < 0 ? 2 * map->has_range : 0;
@@ -8016,6 +8033,9 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
     map->settings.planes = map->inner.planes = NULL;
     if (!from || (map->settings.technique != SPS_TMAP_OPACITY && map->settings.technique != SPS_TMAP_DEEP_OPACITY))
         return SPS_OK;
+    if (!map->has_components)
+        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, map->name, -1, "components", 0,
+                               "with planes it must say how many, and two more for a deep opacity map");
     planes = (float *)spsi_buffer_reserve(map->context, &map->planes, (size_t)count, sizeof(float));
     if (!planes) return map->context->result;
     for (int i = 0; i < count; ++i) {
@@ -8146,6 +8166,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_frame *frame = spsi_tmap_frame(map, &scene);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
+    /* voxels last, whose bounds alone the slabs are cut from: particles take none */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -8173,6 +8194,8 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
         low = fmin(low, q[2]);
         high = corner > 0 ? fmax(high, q[2]) : q[2];
     }
+    /* gas that its distance does not tell from a point still lies between two depths */
+    high = fmax(high, low + fmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     /* the ends of a Fourier series are neighbours */
     room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? 0.05 * (high - low) : 0;
     settings->near_depth = map->rays[0].perspective ? fmax(low - room, 0) : low - room;
@@ -9278,7 +9301,7 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     for (int i = 0; i < frame->medium_count; ++i)
         for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].step[k]));
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
-    spsi_tell_replaced(context);
+    spsi_tell_replaced(context, 0);
     if (spsi_gather_particles(context, frame)) return context->result;
     if (frame->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->particle_radius);
     marcher->step = step * extent;

@@ -575,8 +575,9 @@ int main(int argc, char **argv) {
     set_up *scenes[SCENES];
     ex_session session;
     ex_error error;
+    const int sheet_rows = (1 + KINDS + SHEET_COLUMNS - 1) / SHEET_COLUMNS;
     ex_canvas sheet = ex_canvas_begin(4 + SHEET_COLUMNS * (CROP_WIDTH / SHEET_SHRINK + 6),
-                                      4 + 4 * (CROP_HEIGHT / SHEET_SHRINK + 16), 1);
+                                      4 + sheet_rows * (CROP_HEIGHT / SHEET_SHRINK + 16), 1);
     if (argc != 3) {
         fprintf(stderr, "%s: give two folders: for charts, and for pictures\n", argv[0]);
         return 2;

@@ -609,6 +609,19 @@ static void test_opaque(void) {
    let through. */
 static void test_surfaces_at_the_ends(void) {
     sps_context *context = sps_create(NULL);
+    { /* and where there is none, nothing shades however far behind */
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_OPACITY);
+        f.settings.near_depth = 5, f.settings.far_depth = 6;
+        add_square(&f, 0, -4, -2, 2, 4.5);
+        add_mesh(&f, 0, 0);
+        map = must_build(&f, context);
+        CHECK_NEAR(query(map, 3, 0, 2.5), 0, 0);
+        CHECK_NEAR(query(map, 3, 0, -1e6), 0, 0);
+        sps_tmap_destroy(map);
+        end(&f);
+    }
     for (int spot = 0; spot < 2; ++spot)
         for (int opaque = 0; opaque < 2; ++opaque) {
             const double dark = opaque ? DARK : log(2.0);
@@ -2210,7 +2223,7 @@ static void test_picture_refusals(void) {
         if (i == 4) p.settings.surface_bias = 1;
         if (i == 5 || i == 6) p.s.light[0].shadow_map_size = i == 5 ? -1 : 16385;
         if (i == 7) p.settings.byte_budget = 99;
-        if (i == 8) p.settings.planes = planes;
+        if (i == 8) p.settings.planes = planes, p.settings.components = 9;
         if (i == 9) p.settings.end_canary = 1;
         if (i >= 10) p.s.mesh[0].transparency = i == 10 ? 0.5f : -1;
         memset(&image, 0, sizeof image);

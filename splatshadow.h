@@ -278,7 +278,9 @@ typedef struct sps_particles {
 
 /* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
    near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
-   needs them in order has them sorted. n stands for `components`; docs/shadow_maps.md says which to take. */
+   needs them in order has them sorted. Deep, compressed, depth, cosine
+   and adaptive maps are made from lists that they sort, which takes 10 to 50 times as long as the sums of the others.
+   n stands for `components`; docs/shadow_maps.md says which to take. */
 typedef enum sps_tmap_technique {
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
        a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
@@ -336,11 +338,14 @@ typedef struct sps_tmap_settings {
     int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
     size_t byte_budget; /* what the finished map may take at most, surfaces too; 0: no limit */
     /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
-       far. What lies before or behind counts as at either end. */
+       far, that all gas is to lie between: what lies before or behind counts as at either end, where Fourier maps mix
+       it up and cosine maps lose it. Opaque surfaces may lie behind. */
     double near_depth, far_depth;
     int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
-    const float *planes; /* opacity: u of each plane, rising from above 0 to 1, copied; NULL: even */
-    int cubic;           /* opacity: 1: monotone cubics between planes instead of straight lines */
+    /* Opacity: u of each plane, rising from above 0 to 1, copied: as many as `components` (deep opacity: two less),
+       which must be set; NULL: even steps. Techniques that have none do not look at this, nor at what is below. */
+    const float *planes;
+    int cubic; /* opacity: 1: monotone cubics between planes instead of straight lines */
     sps_tmap_window window;
     int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
     int running_maximum; /* Fourier: 1: a query takes the most of the series so far, so that T never rises; n times the
@@ -7509,11 +7514,12 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
-            u = fmin(fmax(t * map->per_depth, 0), 1);
+            u = fmax(t * map->per_depth, 0); /* surfaces may lie behind far_depth */
             if (!opaque)
                 spsi_insert_one(bin, x, y, u, u, (double)depth);
             else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
-                surfaces[spsi_bin_texel(bin, x, y)] = spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)u);
+                surfaces[spsi_bin_texel(bin, x, y)] =
+                    spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)fmin(u, 1e29));
         }
 }
 
@@ -7991,10 +7997,12 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
 
 static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
     if (spsi_check_settings(context, "settings", settings)) return context->result;
-    if (!(settings->near_depth >= 0 && settings->far_depth > settings->near_depth &&
-          settings->far_depth <= SPSI_COORDINATE_MAX))
+    if (!(settings->near_depth >= 0 && settings->near_depth <= SPSI_COORDINATE_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "near_depth", settings->near_depth,
+                               "it must be 0..1e15");
+    if (!(settings->far_depth > settings->near_depth && settings->far_depth <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
-                               "it must be above near_depth, which is not negative, and within 1e15");
+                               "it must be above near_depth, and within 1e15");
     if (light->width < 1 || light->height < 1)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, light->width < 1 ? "width" : "height",
                                light->width < 1 ? light->width : light->height, "a map's must be 1..16384");
@@ -8008,13 +8016,13 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, c
 static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
-    const size_t budget = settings->byte_budget;
+    const size_t budget = settings->byte_budget, surfaces = spsi_tmap_texel_count(map) * sizeof(float);
     map->has_components = settings->components > 0;
     map->has_range = technique->range > 0 || (technique->range < 0 && settings->texel_range);
     if (settings->components == 0) {
         const int more = technique->range < 0 ? 2 * map->has_range : 0;
         settings->components = technique->usual + more;
-        while (budget && spsi_tmap_bytes(map) > budget &&
+        while (budget && spsi_tmap_bytes(map) + surfaces > budget &&
                settings->components - technique->step >= technique->least + more && technique->step > 0)
             settings->components -= technique->step;
     }
@@ -9493,7 +9501,8 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
     if (!scene) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "scene must not be NULL");
-    if (map->finished || map->failed)
+    if (map->failed) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap has failed to finish; destroy it");
+    if (map->finished)
         return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished; nothing can be added to it");
     return spsi_tmap_add(map, scene);
 }
@@ -9501,7 +9510,8 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
-    if (map->finished || map->failed) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
+    if (map->failed) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap has failed to finish; destroy it");
+    if (map->finished) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
     map->failed = spsi_tmap_finish(map) != SPS_OK;
     spsi_tmap_forget(map);
     return map->context->result;

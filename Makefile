@@ -142,21 +142,21 @@ TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
 CONFIGURATIONS ?= native sanitized wide_sanitized plain cpp baseline
 
 COMPILE_native    = gcc $(STANDARD) -O2 -march=native
-COMPILE_sanitized = clang $(STANDARD) -O2 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
+COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
 COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L -O2
 COMPILE_baseline  = gcc $(STANDARD) -O2
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
 COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
-COMPILE_wide_sanitized = clang $(STANDARD) -O2 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
+COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
 # What runs where: natively all of it, with random scenes, the same three hundred each time (`make fuzz` for others);
 # under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
 TESTS_native    = $(TESTS) fuzz
-TESTS_sanitized = test_extremes test_plan test_polygons test_sampling test_transmittance
-TESTS_wide_sanitized = test_engineering test_particles test_tmaps
-TESTS_plain     = test_transport test_simd test_tmaps
-TESTS_cpp       = test_plan test_sampling
+TESTS_sanitized = test_extremes test_plan test_transmittance
+TESTS_wide_sanitized = test_engineering test_particles test_polygons test_tmaps
+TESTS_plain     = test_tmaps
+TESTS_cpp       = test_plan
 TESTS_baseline  = test_simd
 ifdef SPLATSHADOW_LONG
 $(foreach configuration,$(CONFIGURATIONS),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))

@@ -1007,13 +1007,13 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CROWD,     /* which chunks each particle touches, >>sweep */
     SPSI_BUFFER_EYE_BALLS, /* the particles of one chunk as the eye sees them, by tile */
     SPSI_BUFFER_LIGHT_BALLS,
-    SPSI_BUFFER_TILES,   /* what is known of each tile */
-    SPSI_BUFFER_RUN,     /* what the tasks of a sweep share */
-    SPSI_BUFFER_MAP_RUN, /* the same of a map's volumes, >>occluders */
-    SPSI_BUFFER_MAP,     /* a light's transmittance map */
-    SPSI_BUFFER_TOTAL,   /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,     /* directions and colours of one row of background */
-    SPSI_BUFFER_MARCHER, /* >>reference */
+    SPSI_BUFFER_TILES,      /* what is known of each tile */
+    SPSI_BUFFER_RUN,        /* what the tasks of a sweep share */
+    SPSI_BUFFER_TMAP_RUN,   /* the same of a map's volumes, >>occluders */
+    SPSI_BUFFER_LIGHT_TMAP, /* a light's transmittance map */
+    SPSI_BUFFER_TOTAL,      /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,        /* directions and colours of one row of background */
+    SPSI_BUFFER_MARCHER,    /* >>reference */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_FACES,
     SPSI_BUFFER_REFERENCE_NODES,
@@ -1554,12 +1554,13 @@ typedef struct spsi_stretches {
     int soft;
 } spsi_stretches;
 
-/* One node of the curve of optical depth along a texel's ray; straight lines between nodes, 0 before the first, the
-   last's after it. Two nodes may share one u: a jump (a sheet without thickness, an opaque surface whose depth is
-   SPSI_DEPTH_MAX), to which that u itself belongs already. */
+/* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map keeps that. Straight lines
+   between nodes; before the first 0, or all light, and after the last its own value. Two nodes may share one u: a jump
+   (a sheet without thickness, an opaque surface whose depth is SPSI_DEPTH_MAX), to which that u itself belongs
+   already. */
 typedef struct spsi_node {
     float u;
-    float depth;
+    float value;
 } spsi_node;
 
 typedef struct spsi_technique {
@@ -1740,10 +1741,10 @@ static inline void spsi_sum_add(spsi_sum *sum, double x) {
 static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
     const float capped = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
     const int same = count > 0 && !(nodes[count - 1].u < u);
-    if (same && !(nodes[count - 1].depth < capped)) return count;
+    if (same && !(nodes[count - 1].value < capped)) return count;
     if (same && count > 1 && !(nodes[count - 2].u < u)) --count;
     nodes[count].u = u;
-    nodes[count].depth = capped;
+    nodes[count].value = capped;
     return count + 1;
 }
 
@@ -2014,9 +2015,9 @@ typedef struct spsi_piece {
 static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
     spsi_piece piece;
     piece.u1 = (double)curve[i].u;
-    piece.t1 = fmin((double)curve[i].depth, (double)SPSI_DEPTH_MAX);
+    piece.t1 = fmin((double)curve[i].value, (double)SPSI_DEPTH_MAX);
     piece.u0 = i > 0 ? (double)curve[i - 1].u : piece.u1;
-    piece.t0 = i > 0 ? fmin((double)curve[i - 1].depth, piece.t1) : 0;
+    piece.t0 = i > 0 ? fmin((double)curve[i - 1].value, piece.t1) : 0;
     return piece;
 }
 
@@ -2039,9 +2040,9 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
             high = middle;
     }
     if (low == 0) return 1;
-    if (low == count) return (double)nodes[count - 1].depth;
+    if (low == count) return (double)nodes[count - 1].value;
     t = ((double)u - (double)nodes[low - 1].u) / ((double)nodes[low].u - (double)nodes[low - 1].u);
-    return (double)nodes[low - 1].depth + t * ((double)nodes[low].depth - (double)nodes[low - 1].depth);
+    return (double)nodes[low - 1].value + t * ((double)nodes[low].value - (double)nodes[low - 1].value);
 }
 
 /* ---- depth maps ---- */
@@ -2091,7 +2092,7 @@ static void spsi_cosine_add(double *sums, int components, const spsi_piece *piec
    jump there, as extinction repeated would. */
 static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
     const int n = settings->components;
-    const double end = count > 0 ? fmin((double)curve[count - 1].depth, (double)SPSI_DEPTH_MAX) : 0;
+    const double end = count > 0 ? fmin((double)curve[count - 1].value, (double)SPSI_DEPTH_MAX) : 0;
     spsi_piece piece = {0, count > 0 ? (double)curve[0].u : 1, 0, 0};
     double sums[SPSI_TMAP_COMPONENTS];
     memset(sums, 0, sizeof sums);
@@ -2151,8 +2152,8 @@ typedef struct spsi_adaptive {
 static void spsi_adaptive_price(spsi_adaptive *map, int i) {
     const spsi_node *a = map->nodes + spsi_most(i - 1, 0), *b = a + 1, *c = a + 2;
     if (i < 1 || i >= map->count - 1) return; /* ends stay */
-    map->cost[i] = fabs(((double)b->u - (double)a->u) * ((double)c->depth - (double)a->depth) -
-                        ((double)c->u - (double)a->u) * ((double)b->depth - (double)a->depth));
+    map->cost[i] = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
+                        ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
 }
 
 /* Appends a node; if that is one too many, the inner one goes that changes the area least. [Salvi et al. 2010] */
@@ -2160,9 +2161,9 @@ static void spsi_adaptive_append(spsi_adaptive *map, float u, double through) {
     const float rounded = (float)through;
     const spsi_node *last = &map->nodes[spsi_most(map->count - 1, 0)];
     int least = 1;
-    if (map->count > 0 && !(last->u < u) && !(rounded < last->depth)) return;
+    if (map->count > 0 && !(last->u < u) && !(rounded < last->value)) return;
     map->nodes[map->count].u = u;
-    map->nodes[map->count].depth = rounded;
+    map->nodes[map->count].value = rounded;
     map->cost[map->count] = 0;
     map->count += 1;
     spsi_adaptive_price(map, map->count - 2);
@@ -2192,7 +2193,7 @@ static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node
     for (int i = 0; i < map.most; ++i) {
         const spsi_node *node = &map.nodes[spsi_least(i, map.count - 1)];
         texel[2 * i] = node->u;
-        texel[2 * i + 1] = node->depth;
+        texel[2 * i + 1] = node->value;
     }
 }
 
@@ -2214,7 +2215,7 @@ typedef struct spsi_compressor {
 static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
     spsi_node *node = &c->out[c->count++];
     node->u = (float)u;
-    node->depth = (float)through;
+    node->value = (float)through;
     c->low = -(double)SPSI_INFINITY;
     c->high = 0; /* T never rises */
 }
@@ -2222,7 +2223,7 @@ static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
 /* Ends the line at the last cut, as near to the truth as its slopes allow. */
 static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
-    const double length = c->last_u - (double)from->u, start = (double)from->depth;
+    const double length = c->last_u - (double)from->u, start = (double)from->value;
     double slope;
     if (!(length > 0)) return;
     slope = fmin(fmax((c->last_through - start) / length, c->low), c->high);
@@ -2232,7 +2233,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
 /* Narrows the slopes to those that pass a cut; gives 0, and leaves them, if there are none. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
-    const double length = u - (double)from->u, start = (double)from->depth;
+    const double length = u - (double)from->u, start = (double)from->value;
     const double bottom = fmax(through - c->below, 0) - start, top = through + c->above - start;
     if (!(length > 0)) return bottom <= 0 && top >= 0;
     if (fmax(c->low, bottom / length) > fmin(c->high, top / length)) return 0;
@@ -2245,7 +2246,7 @@ static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
     if (!spsi_compressor_allows(c, u, through)) {
         spsi_compressor_end(c);
         if (!spsi_compressor_allows(c, u, through)) /* a jump */
-            spsi_compressor_node(c, u, fmin(through, (double)c->out[c->count - 1].depth));
+            spsi_compressor_node(c, u, fmin(through, (double)c->out[c->count - 1].value));
     }
     c->last_u = u;
     c->last_through = through;
@@ -2261,7 +2262,7 @@ static int spsi_compressed_most(int count, float epsilon) {
     return 2 + 2 * count + (int)(4 / spsi_compress_step(epsilon));
 }
 
-/* Deep shadow map: straight lines of T, in out[i].depth, from T = 1 at the curve's first node to its last; nowhere,
+/* Deep shadow map: straight lines of T, in out[i].value, from T = 1 at the curve's first node to its last; nowhere,
    also not between nodes, more than epsilon (1e-6 or more) off; never rising. Lines are as long as they can be without
    turning back [Lokovic & Veach 2000]. A quarter of epsilon is what cuts of the curve may be off between,
    always upwards, as lines lie above exponentials; 1.2e-7 is for rounding. `out` has room for
@@ -2580,12 +2581,12 @@ typedef struct spsi_medium { /* a volume that holds voxels */
     int light_channel; /* of a light's sheets: gases share number 0 */
 } spsi_medium;
 
-typedef struct spsi_swarm { /* a set of particles that is not empty */
+typedef struct spsi_particle_set { /* a set of particles that is not empty */
     const sps_particles *particles;
     int index;   /* in the scene's array */
     int channel; /* of the eye's sheets, and index of its material; all share the light's number 0 */
     int end;     /* of its particles in the list of those that are kept, in which it begins where the last set ends */
-} spsi_swarm;
+} spsi_particle_set;
 
 typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
@@ -2596,7 +2597,7 @@ typedef struct spsi_frame {
     sps_view view;        /* all fields resolved; region filled in */
     double threshold;     /* transmittance at which an eye ray ends */
     double shadow_texels; /* per voxel */
-    int map_texels;       /* on a side of a depth map, at least */
+    int depth_map_texels; /* on a side of a depth map, at least */
     double cut;           /* standard deviations at which the splatter's kernels end */
     spsi_rays eye;
     int medium_count, material_count, light_channel_count;
@@ -2605,7 +2606,7 @@ typedef struct spsi_frame {
     spsi_bounds volume_bounds, mesh_bounds; /* volume_bounds: particles are in it once they are read */
     size_t triangle_count;
     int set_count;
-    spsi_swarm sets[SPSI_SETS_MAX];
+    spsi_particle_set sets[SPSI_SETS_MAX];
     size_t particles_asked;        /* of all sets together */
     const sps_particle *particles; /* those of them that are something, >>gather; */
     int particle_count;            /* 0 until they are read */
@@ -2973,12 +2974,12 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const double texels[] = {1, 0.75, 1, 2, 4};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
-    static const int map_texels[] = {1024, 512, 1024, 2048, 4096};
+    static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
     frame->shadow_texels = texels[frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
     frame->cut = cut[frame->view.quality];
-    frame->map_texels = map_texels[frame->view.quality];
+    frame->depth_map_texels = depth_map_texels[frame->view.quality];
 }
 
 /* The rays of a checked view. */
@@ -3133,7 +3134,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
 static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->scene->particles_count; ++i) {
         const sps_particles *particles = &frame->scene->particles[i];
-        spsi_swarm *set = &frame->sets[frame->set_count];
+        spsi_particle_set *set = &frame->sets[frame->set_count];
         spsi_material material;
         if (particles->count == 0) continue;
         if (frame->set_count == SPSI_SETS_MAX)
@@ -3640,8 +3641,8 @@ static const char *spsi_particle_wrong(const sps_particle *particle, const char 
 }
 
 /* Fails on particles that are no balls of gas, or makes them nothing. */
-static sps_result spsi_particles_validate(sps_context *context, const spsi_swarm *set, sps_particle *list, size_t first,
-                                          size_t count, int replace) {
+static sps_result spsi_particles_validate(sps_context *context, const spsi_particle_set *set, sps_particle *list,
+                                          size_t first, size_t count, int replace) {
     for (size_t i = 0; i < count; ++i) {
         const char *rule;
         double value;
@@ -3667,7 +3668,7 @@ static int spsi_particles_keep(sps_particle *batch, size_t count) {
     return kept;
 }
 
-static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_swarm *set, size_t *asked,
+static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_particle_set *set, size_t *asked,
                                   sps_particle *list) {
     const sps_particles *particles = set->particles;
     for (size_t first = 0; first < particles->count; first += SPSI_PARTICLE_BATCH) {
@@ -3738,7 +3739,7 @@ static sps_result spsi_gather_particles(sps_context *context, spsi_frame *frame)
 }
 
 /* The set that a kept particle belongs to. */
-static const spsi_swarm *spsi_swarm_of(const spsi_frame *frame, int particle) {
+static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
     int low = 0, high = frame->set_count - 1;
     while (low < high) {
         const int middle = (low + high) / 2;
@@ -4642,7 +4643,7 @@ static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, doub
 
 /* The texels that a light's sheets may have on their longer side, where shadow_size does not say. */
 static int spsi_light_texels_most(const spsi_frame *frame) {
-    return frame->medium_count > 0 ? 4096 : frame->map_texels;
+    return frame->medium_count > 0 ? 4096 : frame->depth_map_texels;
 }
 
 /* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
@@ -4652,7 +4653,7 @@ static double spsi_light_texel(const spsi_frame *frame, const double right[3], c
     if (frame->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->particle_radius / frame->shadow_texels;
     spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
-    return fmin(size, fmax(own, spsi_length(across) / frame->map_texels));
+    return fmin(size, fmax(own, spsi_length(across) / frame->depth_map_texels));
 }
 
 /* Rays for the light's sheets. */
@@ -5570,7 +5571,7 @@ typedef struct spsi_shader {
     const spsi_faces *faces;
     const spsi_planes *planes;
     const sps_tmap *tmap; /* what the sweep's light shades gas by instead of planes; NULL: planes */
-    const spsi_depth_map *map;
+    const spsi_depth_map *depth_map;
     const spsi_hit *hits;      /* whole image */
     spsi_linear slab;          /* slab coordinate */
     spsi_linear light_rays[3]; /* ray coordinates of the light's planes */
@@ -5705,7 +5706,8 @@ static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_pix
 }
 
 /* The share of the way from d0 to d1 that one face of a depth map leaves in the light; 1 outside of its grid. */
-static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1) {
+static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
+                                          spsi_v d1) {
     const spsi_rays *rays = &map->rays[face];
     const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(d0, d1)), zero = spsi_set(0), one = spsi_set(1);
     spsi_v q[3], quad[4], share[4], t0, t1, ix, iy, rise;
@@ -5740,7 +5742,8 @@ static inline spsi_v spsi_map_share(const spsi_depth_map *map, int face, spsi_v 
 
 /* Whether a face of a depth map may hold something that shades any of the ways from d0 to d1: a look at one cell that
    spares most slabs the sixteen texels. Both ends lie within a cell of the middle's, or the answer is yes. */
-static inline int spsi_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1) {
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
+                                           spsi_v d1) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
@@ -6030,12 +6033,12 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_pixels *p, sps
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
     const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
     for (int i = 0; i < SPSI_PARTS; ++i) slab->lit[i] = spsi_set(1);
-    for (int face = 0; face < shader->map->face_count; ++face) {
-        if (!spsi_map_may_shade(shader->map, face, p->line.at, (float)p->line.y, from, to)) continue;
+    for (int face = 0; face < shader->depth_map->face_count; ++face) {
+        if (!spsi_depth_map_may_shade(shader->depth_map, face, p->line.at, (float)p->line.y, from, to)) continue;
         for (int i = 0; i < SPSI_PARTS; ++i) {
             const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-            slab->lit[i] =
-                spsi_min(slab->lit[i], spsi_map_share(shader->map, face, p->line.at, (float)p->line.y, d0, d1));
+            slab->lit[i] = spsi_min(
+                slab->lit[i], spsi_depth_map_share(shader->depth_map, face, p->line.at, (float)p->line.y, d0, d1));
         }
     }
     if (slab->part_count > 1) return;
@@ -6092,7 +6095,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* A point of a surface as a depth map sees it. The map's ray through (x + dx, y + dy) meets the surface's own tangent
    plane `unit` r / (facing + turning r) before t, r = dx rise[0] + dy rise[1]. */
-typedef struct spsi_map_point {
+typedef struct spsi_depth_map_point {
     double t; /* from the map's depth reference, as its texels are: floats far from the light would tell too little */
     double rise[2], facing, turning, unit;
     double least_facing; /* where the plane is turned away so far, no depth is asked of it */
@@ -6100,10 +6103,10 @@ typedef struct spsi_map_point {
     double curved;       /* what a curved surface may rise by, per length */
     double point[3];     /* in the world, */
     double ray[3];       /* and how that changes with t */
-} spsi_map_point;
+} spsi_depth_map_point;
 
-static void spsi_map_point_build(const spsi_rays *rays, const double point[3], const double q[3], const double plane[3],
-                                 double turn, spsi_map_point *at) {
+static void spsi_depth_map_point_build(const spsi_rays *rays, const double point[3], const double q[3],
+                                       const double plane[3], double turn, spsi_depth_map_point *at) {
     const double grazing = 1e-5, curved_grazing = 0.02;
     double length;
     memcpy(at->point, point, sizeof at->point);
@@ -6124,7 +6127,7 @@ static void spsi_map_point_build(const spsi_rays *rays, const double point[3], c
    surface's own tangent plane, so that a flat surface does not shade itself however grazing the light. On curved meshes
    neighbouring facets turn by about the angle between the facet and its shading normal; what they rise by over the
    distance to the texel is let pass. */
-static double spsi_texel_before(const spsi_map_point *at, double texel, double dx, double dy) {
+static double spsi_texel_before(const spsi_depth_map_point *at, double texel, double dx, double dy) {
     const double rise = dx * at->rise[0] + dy * at->rise[1], facing = at->facing + at->turning * rise;
     const double own = fabs(facing) > at->least_facing ? -at->unit * rise / facing : 0;
     const double apart = at->texel * sqrt(dx * dx + dy * dy);
@@ -6133,7 +6136,7 @@ static double spsi_texel_before(const spsi_map_point *at, double texel, double d
 }
 
 /* Whether a triangle's plane, or the triangle itself, passes before a surface's point on the map's ray through it. */
-static int spsi_face_before(const spsi_map_point *at, const spsi_face *face, int itself) {
+static int spsi_face_before(const spsi_depth_map_point *at, const spsi_face *face, int itself) {
     const double edge = 1e-6, rounding = edge * (fabs(at->t) + at->texel); /* triangles that touch do so as floats */
     double u[3], v[3], normal[3], offset[3], moment[3], facing, a, b;
     spsi_along(face->position[1], face->position[0], -1, u);
@@ -6153,20 +6156,20 @@ static int spsi_face_before(const spsi_map_point *at, const spsi_face *face, int
    then its plane, on the point's own ray, is behind the point. Close by there may be more than a crease between the
    two, such as a step finer than a texel; there, if another of the four texels shows the point's own triangle, the
    texel's triangle must be before the point itself. What does shade the point is before it by all of these tests. */
-static double spsi_map_visibility(const spsi_depth_map *map, const spsi_faces *faces, int number, const double point[3],
-                                  const double normal[3], const double plane[3]) {
+static double spsi_depth_map_visibility(const spsi_depth_map *map, const spsi_faces *faces, int number,
+                                        const double point[3], const double normal[3], const double plane[3]) {
     const double close_by = 4; /* texels */
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         double q[3], turn[3], sum = 0;
         size_t texels[4];
         int shown = 0;
-        spsi_map_point at;
+        spsi_depth_map_point at;
         spsi_project(rays, point, q);
         if (rays->perspective && !(q[2] > 0)) continue;
         if (!(q[0] >= 0 && q[1] >= 0 && q[0] <= rays->width - 1 && q[1] <= rays->height - 1)) continue;
         spsi_along(normal, plane, -1, turn);
-        spsi_map_point_build(rays, point, q, plane, spsi_length(turn), &at);
+        spsi_depth_map_point_build(rays, point, q, plane, spsi_length(turn), &at);
         for (int i = 0; i < 4; ++i) {
             const int x = spsi_least((int)q[0], rays->width - 2) + (i & 1);
             const int y = spsi_least((int)q[1], rays->height - 2) + (i >> 1);
@@ -6269,7 +6272,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         if (shadows ? light != shader->light : !shader->sweep->first) continue;
         arrives = spsi_surface_irradiance(light, point, normal) / SPSI_PI;
         if (shadows && arrives > 0)
-            arrives *= spsi_map_visibility(shader->map, shader->faces, hit->face, point, normal, plane);
+            arrives *= spsi_depth_map_visibility(shader->depth_map, shader->faces, hit->face, point, normal, plane);
         if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, point));
         for (int c = 0; c < 3; ++c)
             radiance[c] += (float)fmin(colour[c] * arrives * (double)light->color[c], (double)SPSI_RADIANCE_MAX);
@@ -6493,7 +6496,7 @@ typedef struct spsi_run {
     spsi_shader shader;
     spsi_light_shader light_shader;
     spsi_planes planes;
-    spsi_depth_map map;
+    spsi_depth_map depth_map;
     spsi_sample *samples; /* one per material, per worker */
     float *sheets;        /* sheet_floats per worker */
     size_t sheet_floats;
@@ -6853,9 +6856,9 @@ static void spsi_run_linears(spsi_run *run) {
         if (sweep->light < 0) continue;
         if (run->planes.width)
             spsi_linear_build(&frame->eye, sweep->rays.inverse[i], sweep->rays.origin, 0, &shader->light_rays[i]);
-        for (int face = 0; face < run->map.face_count; ++face)
-            spsi_linear_build(&frame->eye, run->map.rays[face].inverse[i], run->map.rays[face].origin,
-                              i == 2 ? -run->map.rays[face].depth_reference : 0, &run->map.along[face][i]);
+        for (int face = 0; face < run->depth_map.face_count; ++face)
+            spsi_linear_build(&frame->eye, run->depth_map.rays[face].inverse[i], run->depth_map.rays[face].origin,
+                              i == 2 ? -run->depth_map.rays[face].depth_reference : 0, &run->depth_map.along[face][i]);
     }
 }
 
@@ -6925,7 +6928,7 @@ static void spsi_crowd_task(void *data, int index, int worker) {
     const int last = spsi_least(frame->particle_count, (index + 1) * 256), chunks = spsi_chunk_count(run->sweep);
     (void)worker;
     for (int i = index * 256; i < last; ++i) {
-        const sps_particles *set = spsi_swarm_of(frame, i)->particles;
+        const sps_particles *set = spsi_set_of(frame, i)->particles;
         double slab, reach, other, room;
         spsi_particle_slabs(&run->bins[0].crossing, set, &frame->particles[i], &slab, &reach);
         if (run->bins[1].crossing.rays) {
@@ -7021,7 +7024,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->sweep = sweep;
     shader->faces = faces;
     shader->planes = &run->planes;
-    shader->map = &run->map;
+    shader->depth_map = &run->depth_map;
     shader->hits = faces->count > 0 ? hits : NULL;
     shader->light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
     shader->unshadowed = sweep->first && (frame->has_ambient || frame->emits || frame->lit_count > frame->shadow_count);
@@ -7069,7 +7072,7 @@ static void spsi_seen_task(void *data, int index, int worker) {
     (void)worker;
     for (int i = index * 256; i < last; ++i) {
         const int particle = run->crowd.present[i];
-        const spsi_swarm *set = spsi_swarm_of(run->frame, particle);
+        const spsi_particle_set *set = spsi_set_of(run->frame, particle);
         for (int n = 0; n < 2 && run->bins[n].seen; ++n) {
             spsi_seen *seen = &run->bins[n].seen[i];
             spsi_seen_build(&run->bins[n].crossing, set->particles, &run->frame->particles[particle],
@@ -7182,10 +7185,12 @@ static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
 /* --- a light's depth map --- */
 
 /* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
-static int spsi_map_size(const spsi_frame *frame) { return spsi_most(frame->view.shadow_size, frame->map_texels); }
+static int spsi_depth_map_size(const spsi_frame *frame) {
+    return spsi_most(frame->view.shadow_size, frame->depth_map_texels);
+}
 
 /* One face of a cube of depth maps about a point light; faces overlap by a texel. */
-static void spsi_map_cube_face(const sps_light *light, int face, int size, spsi_rays *rays) {
+static void spsi_depth_map_cube_face(const sps_light *light, int face, int size, spsi_rays *rays) {
     double forward[3] = {0, 0, 0}, right[3], down[3];
     forward[face / 2] = face % 2 ? -1 : 1;
     spsi_basis(forward, right, down);
@@ -7197,12 +7202,12 @@ static void spsi_map_cube_face(const sps_light *light, int face, int size, spsi_
 }
 
 /* Cells on a side of a map of `size` texels. */
-static int spsi_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
+static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
 /* Fills the cells of one face of a depth map. */
-static void spsi_map_cells_build(spsi_depth_map *map, int face) {
+static void spsi_depth_map_cells_build(spsi_depth_map *map, int face) {
     const int width = map->rays[face].width, height = map->rays[face].height;
-    const int columns = spsi_map_cells(width), rows = spsi_map_cells(height);
+    const int columns = spsi_depth_map_cells(width), rows = spsi_depth_map_cells(height);
     map->cells[face] = columns;
     for (int i = 0; i < columns * rows; ++i) map->nearest[face][i] = SPSI_INFINITY;
     for (int row = 0; row < rows; ++row)
@@ -7219,17 +7224,17 @@ static void spsi_map_cells_build(spsi_depth_map *map, int face) {
         }
 }
 
-static size_t spsi_map_texels(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
+static size_t spsi_depth_map_texels(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
 
 /* Lays out the memory of a depth map: floats first, then the triangles' numbers. */
-static sps_result spsi_map_reserve(sps_context *context, spsi_depth_map *map) {
+static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *map) {
     size_t texels = 0, cells = 0;
     float *memory;
     int *numbers;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        texels += spsi_map_texels(rays);
-        cells += (size_t)spsi_map_cells(rays->width) * (size_t)spsi_map_cells(rays->height);
+        texels += spsi_depth_map_texels(rays);
+        cells += (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS,
                                    (texels + cells) * sizeof(float) + texels * sizeof(int), 1);
@@ -7238,18 +7243,19 @@ static sps_result spsi_map_reserve(sps_context *context, spsi_depth_map *map) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         map->depths[face] = memory;
-        map->nearest[face] = memory + spsi_map_texels(rays);
+        map->nearest[face] = memory + spsi_depth_map_texels(rays);
         map->numbers[face] = numbers;
-        memory = map->nearest[face] + (size_t)spsi_map_cells(rays->width) * (size_t)spsi_map_cells(rays->height);
-        numbers += spsi_map_texels(rays);
+        memory =
+            map->nearest[face] + (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
+        numbers += spsi_depth_map_texels(rays);
     }
     return SPS_OK;
 }
 
 /* Rasterises the polygons as a light sees them: in one map, or in six where they lie all round a point light. */
-static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, int light,
-                                 spsi_depth_map *map) {
-    const int size = spsi_most(8, spsi_map_size(frame));
+static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                       int light, spsi_depth_map *map) {
+    const int size = spsi_most(8, spsi_depth_map_size(frame));
     map->face_count = 0;
     if (light < 0 || faces->count == 0) return SPS_OK;
     map->face_count = 1;
@@ -7264,12 +7270,12 @@ static sps_result spsi_map_build(sps_context *context, const spsi_frame *frame, 
         }
         map->face_count = 6;
         for (int face = 0; face < 6; ++face)
-            spsi_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
+            spsi_depth_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
     }
-    if (spsi_map_reserve(context, map)) return context->result;
+    if (spsi_depth_map_reserve(context, map)) return context->result;
     for (int face = 0; face < map->face_count; ++face) {
         spsi_rasterise(context, faces, &map->rays[face], NULL, map->depths[face], map->numbers[face]);
-        spsi_map_cells_build(map, face);
+        spsi_depth_map_cells_build(map, face);
     }
     return SPS_OK;
 }
@@ -7799,7 +7805,7 @@ static void spsi_balls_task(void *data, int index, int worker) {
     const int last = spsi_least(frame->particle_count, (index + 1) * 1024);
     (void)worker;
     for (int i = index * 1024; i < last; ++i)
-        spsi_ball_build(job->rays, spsi_swarm_of(frame, i)->particles, &frame->particles[i], &job->balls[i]);
+        spsi_ball_build(job->rays, spsi_set_of(frame, i)->particles, &frame->particles[i], &job->balls[i]);
 }
 
 #define SPSI_BALL_TILES                                                                                                \
@@ -7963,7 +7969,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     spsi_filling filling;
     int has_surfaces = 0;
     if (context->brick_count > 0 && occluders->frame->medium_count > 0 && occluders->frame->extinguishes) {
-        occluders->run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_MAP_RUN, 1, sizeof(spsi_run));
+        occluders->run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_TMAP_RUN, 1, sizeof(spsi_run));
         if (!occluders->run) return context->result;
     }
     for (int i = 0; i < occluders->faces.count; ++i)
@@ -8252,7 +8258,7 @@ static sps_tmap *spsi_light_tmap_build(sps_context *context, const spsi_frame *f
     spsi_occluders occluders;
     sps_tmap *map;
     if (!light || sweep->sheets || spsi_bounds_empty(&frame->volume_bounds)) return NULL;
-    map = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_MAP, 1, sizeof *map);
+    map = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAP, 1, sizeof *map);
     if (!map) return NULL;
     memset(map, 0, sizeof *map);
     memset(&occluders, 0, sizeof occluders);
@@ -8389,7 +8395,7 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *fram
     double built;
     memset(run, 0, sizeof *run);
     if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
-    if (spsi_map_build(context, frame, faces, sweep.light, &run->map)) return context->result;
+    if (spsi_depth_map_build(context, frame, faces, sweep.light, &run->depth_map)) return context->result;
     built = spsi_clock(context);
     context->stats.seconds_polygons += built - start;
     tmap = spsi_light_tmap_build(context, frame, &sweep, progress, 0.3 * share);
@@ -8592,7 +8598,7 @@ static void spsi_plan_passes(const spsi_frame *frame, const spsi_reading *readin
 /* Bytes of everything that does not belong to a sweep. */
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
-    const size_t size = (size_t)spsi_most(8, spsi_map_size(frame));
+    const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
     size_t tables = 1, sum = sizeof *context + sizeof *frame;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
@@ -8612,7 +8618,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
 
 /* Bytes of a light's transmittance map and what filling it takes, but for lists of stretches and what is fitted to
    them, of which nobody knows the length. */
-static void spsi_plan_map_bytes(const spsi_frame *frame, const spsi_sweep *sweep, sps_plan_report *report) {
+static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_sweep *sweep, sps_plan_report *report) {
     const sps_light *light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
     const int asked = light && light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
     const size_t side = (size_t)(asked > 0 ? asked : spsi_light_texels_most(frame));
@@ -8638,7 +8644,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
             const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
             if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
             spsi_plan_sweep_bytes(context, frame, &sweep, bricks, report);
-            spsi_plan_map_bytes(frame, &sweep, report);
+            spsi_plan_tmap_bytes(frame, &sweep, report);
         }
     for (int i = 0; i < frame->scene->mesh_count; ++i)
         report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
@@ -8913,7 +8919,7 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
         if (!spsi_ray_meets_node(ray, node)) continue;
         for (int i = 0; i < node->count; ++i) {
             const int particle = tree->order[node->first + i];
-            const spsi_swarm *set = spsi_swarm_of(frame, particle);
+            const spsi_particle_set *set = spsi_set_of(frame, particle);
             depths[set - frame->sets] += spsi_ray_depth_in_ball(ray, &frame->particles[particle], set->particles);
         }
         if (node->count > 0) continue;

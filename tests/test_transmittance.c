@@ -3,17 +3,6 @@
  */
 
 #include "check.h"
-#undef spsi_node /* as long as older maps have types of the same names */
-#undef spsi_stretch
-#undef spsi_stretch_before
-#undef spsi_stretches_sort
-#undef spsi_opacity_insert
-#undef spsi_opacity_depth
-#undef spsi_fourier_insert
-#undef spsi_fourier_depth
-#undef spsi_beer_insert
-#undef spsi_beer_finish
-#undef spsi_beer_depth
 
 enum { MOST = 200, COLUMNS = 12, STRIDE = SPSI_LANES + 3, SAMPLES = 500 };
 
@@ -104,8 +93,8 @@ static double curve_at(const spsi_node *nodes, int count, double u) {
     int i = 0;
     while (i < count && (double)nodes[i].u <= u) ++i;
     if (i == 0) return 0;
-    if (i == count) return (double)nodes[count - 1].depth;
-    return (double)nodes[i - 1].depth + ((double)nodes[i].depth - (double)nodes[i - 1].depth) *
+    if (i == count) return (double)nodes[count - 1].value;
+    return (double)nodes[i - 1].value + ((double)nodes[i].value - (double)nodes[i - 1].value) *
                                             (u - (double)nodes[i - 1].u) /
                                             ((double)nodes[i].u - (double)nodes[i - 1].u);
 }
@@ -288,10 +277,10 @@ static void test_curve(void) {
         const column *c = &columns[n];
         const int count = curve_build(c);
         int good = 1;
-        CHECK(c->count == 0 ? count == 0 : count > 0 && !(curve[0].depth > 0));
+        CHECK(c->count == 0 ? count == 0 : count > 0 && !(curve[0].value > 0));
         for (int i = 1; i < count; ++i) {
-            good &= curve[i].u >= curve[i - 1].u && curve[i].depth >= curve[i - 1].depth;
-            good &= curve[i].u > curve[i - 1].u || curve[i].depth > curve[i - 1].depth; /* none twice */
+            good &= curve[i].u >= curve[i - 1].u && curve[i].value >= curve[i - 1].value;
+            good &= curve[i].u > curve[i - 1].u || curve[i].value > curve[i - 1].value; /* none twice */
             good &= i < 2 || curve[i].u > curve[i - 2].u;
         }
         if (!CHECK(good)) printf("    %s\n", c->name);
@@ -310,7 +299,7 @@ static void test_curve_soft(void) {
     const int count = curve_build(&columns[8]);
     CHECK(count == 9);
     for (int i = 0; i < count; ++i) /* its share, the sum of so many pieces, and its own rounding */
-        CHECK_NEAR((double)curve[i].depth, exact_depth(&columns[8], (double)curve[i].u), 1.2 * 12 * half_ulp);
+        CHECK_NEAR((double)curve[i].value, exact_depth(&columns[8], (double)curve[i].u), 1.2 * 12 * half_ulp);
 }
 
 /* Two slabs one within the other, 1e12 times as dense for a length of 1e-12: what the slope loses must not be lost. */
@@ -322,7 +311,7 @@ static void test_curve_contrast(void) {
     column_add(&c, 1e-13, 1.1e-12, 1, 0);
     column_add(&c, 0, 1e-30, 1, 0);
     count = curve_build(&c);
-    CHECK_NEAR((double)curve[count - 1].depth, 3, 6 * half_ulp);
+    CHECK_NEAR((double)curve[count - 1].value, 3, 6 * half_ulp);
     CHECK_NEAR(curve_at(curve, count, 0.5), 2.5, 6 * half_ulp);
 }
 
@@ -335,8 +324,8 @@ static void test_curve_merging(void) {
     column_add(&c, 0.5, 0.75, 1, 0);
     column_add(&c, 0.6, 0.7, 0, 0);
     CHECK(curve_build(&c) == 4);
-    CHECK_NEAR((double)curve[1].depth, 1, 2 * half_ulp);
-    CHECK_NEAR((double)curve[2].depth, 5, 10 * half_ulp);
+    CHECK_NEAR((double)curve[1].value, 1, 2 * half_ulp);
+    CHECK_NEAR((double)curve[2].value, 5, 10 * half_ulp);
     CHECK(!(curve[1].u < curve[2].u) && curve[2].u < curve[3].u);
 }
 
@@ -378,10 +367,10 @@ static void check_compressed(const column *c, float epsilon) {
     double worst = 0;
     int good = 1;
     CHECK(nodes <= spsi_compressed_most(count, epsilon));
-    CHECK(count == 0 ? nodes == 0 : nodes > 0 && compressed[0].depth >= 1);
+    CHECK(count == 0 ? nodes == 0 : nodes > 0 && compressed[0].value >= 1);
     for (int i = 1; i < nodes; ++i) {
-        good &= compressed[i].u >= compressed[i - 1].u && compressed[i].depth <= compressed[i - 1].depth;
-        good &= compressed[i].depth >= 0 && (i < 2 || compressed[i].u > compressed[i - 2].u);
+        good &= compressed[i].u >= compressed[i - 1].u && compressed[i].value <= compressed[i - 1].value;
+        good &= compressed[i].value >= 0 && (i < 2 || compressed[i].u > compressed[i - 2].u);
     }
     if (!CHECK(good)) printf("    %s\n", c->name);
     for (int i = 0; i <= 4 * SAMPLES; ++i) {
@@ -669,7 +658,7 @@ static double cosine_integral(int count, int k) {
     double sum = 0;
     for (int i = 0; i <= count; ++i) {
         const double u0 = i ? (double)curve[i - 1].u : 0, u1 = i < count ? (double)curve[i].u : 1;
-        const double t0 = i ? (double)curve[i - 1].depth : 0, t1 = i && i < count ? (double)curve[i].depth : t0;
+        const double t0 = i ? (double)curve[i - 1].value : 0, t1 = i && i < count ? (double)curve[i].value : t0;
         const double fall = fmin(t1 - t0, 1e4), length = u1 - u0;
         const int steps = 2 * (1 + (int)((fall + pi * k * length) / 0.1));
         double part = 0;

@@ -258,8 +258,8 @@ typedef struct sps_particle {
 
 /* A set of particles that look alike. Those smaller than a pixel or texel are spread over one, their mass kept. Optical
    depth along a pixel's ray is exact however thick slabs are; light within a ball follows slabs (sps_view.slab) and the
-   texels of the light's sheets, 0.35 radii of the quality's texels each. A particle that overlaps a polygon ends at it.
- */
+   texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that overlaps a polygon ends
+   at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
@@ -278,9 +278,9 @@ typedef struct sps_particles {
 
 /* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
    near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
-   needs them in order has them sorted. Deep, compressed, depth, cosine
-   and adaptive maps are made from lists that they sort, which takes 10 to 50 times as long as the sums of the others.
-   n stands for `components`; docs/shadow_maps.md says which to take. */
+   needs them in order has them sorted. Deep, compressed, depth, cosine and adaptive maps are made from lists that they
+   sort, which takes 10 to 50 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
+   says which to take. */
 typedef enum sps_tmap_technique {
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
        a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
@@ -487,8 +487,7 @@ typedef struct sps_stats_report {
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t particles;          /* that have a radius and an optical depth */
     uint64_t slabs, slabs_empty; /* over all sweeps */
-    /* voxels and particles written to a tile's chunk of slabs; their pixels times slabs, for a particle those of its
-     * box */
+    /* voxels and particles written to a tile's chunk of slabs; their pixels times slabs (a particle's: of its box) */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
@@ -575,8 +574,8 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                             float *transmittances);
 
-/* Optical depths between which the truth lies for certain, as far as the rays of the texels tell: for deep, compressed,
-   opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know nothing for certain. */
+/* Optical depths between which the truth lies for certain but for rounding, as far as the rays of the texels tell: for
+   deep, compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know no bounds. */
 SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least, float *most);
 
 /* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
@@ -1160,6 +1159,20 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     for (int i = 0; i < count; ++i) task(data, i, 0);
 }
 
+/* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its light's map. */
+#define SPSI_PROGRESS_GATHER 0.2
+#define SPSI_PROGRESS_TMAP   0.3
+
+#define SPSI_BATCH 256 /* items to a task where they are many and small: enough to hide what a task costs */
+
+/* Runs the tasks of so many items in batches. */
+static void spsi_parallel_batches(sps_context *context, int count, sps_task_fn task, void *data) {
+    spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), task, data);
+}
+
+/* Where the batch of a task ends, which begins at index * SPSI_BATCH. */
+static int spsi_batch_end(int index, int count) { return spsi_least(count, (index + 1) * SPSI_BATCH); }
+
 static double spsi_clock(const sps_context *context) {
     return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
 }
@@ -1231,6 +1244,12 @@ typedef struct spsi_rays {
     double depth_reference, near_depth;
 } spsi_rays;
 
+static size_t spsi_ray_count(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
+
+/* Tiles that the rays fill, the last ones perhaps in part. */
+static int spsi_tile_columns(const spsi_rays *rays) { return (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH; }
+static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT; }
+
 /* Gives 0 where the rays do not span space, or a singular matrix has sent them too far away. */
 static int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
@@ -1301,6 +1320,29 @@ static int spsi_rays_from_camera(spsi_rays *rays, const sps_view *view) {
     pitch = rays->perspective ? 2 * tan(0.5 * view->field_of_view) : view->ortho_height > 0 ? view->ortho_height : 1;
     pitch /= view->height;
     spsi_rays_aim(rays, view->position, right, down, forward, pitch, pitch);
+    return spsi_rays_complete(rays);
+}
+
+#define SPSI_CUBE_FACES 6 /* +x -x +y -y +z -z */
+
+/* The face of a cube that a direction goes through: the axis of its largest component. */
+static int spsi_cube_face_of(const double offset[3]) {
+    const double x = fabs(offset[0]), y = fabs(offset[1]), z = fabs(offset[2]);
+    const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    return 2 * axis + (offset[axis] < 0);
+}
+
+/* Rays through one face of a cube about a point. The middles of the outermost texels lie on the cube's edges, or so
+   many texels beyond them as `border` says. */
+static int spsi_rays_of_cube_face(const double position[3], int face, int size, int border, spsi_rays *rays) {
+    static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    const double pitch = 2.0 / spsi_most(size - 1 - 2 * border, 1);
+    double forward[3] = {0, 0, 0};
+    memset(rays, 0, sizeof *rays);
+    rays->perspective = 1;
+    rays->width = rays->height = size;
+    forward[face / 2] = face % 2 ? -1 : 1;
+    spsi_rays_aim(rays, position, axes[(face / 2 + 1) % 3], axes[(face / 2 + 2) % 3], forward, pitch, pitch);
     return spsi_rays_complete(rays);
 }
 
@@ -1695,8 +1737,7 @@ static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) 
     return (int)fmin(2 + ceil(sqrt(3 * fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
-/* Where piece i of so many of a stretch ends. A deep one's lie where its light goes, share >= 2 s^2, but for the last.
- */
+/* Where piece i of so many of a stretch ends. A deep one's lie where its light goes, share >= 2 s^2, but the last. */
 static float spsi_soft_cut(const spsi_stretch *stretch, int i, int pieces) {
     const float length = stretch->u1 - stretch->u0;
     if (i == pieces) return stretch->u1;
@@ -1748,10 +1789,9 @@ static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth)
     return count + 1;
 }
 
-/* The sum of stretches sorted by u0 as a curve, its ends and bends exact to rounding. `scratch` has room for
-   SPSI_CURVE_SCRATCH(count, pieces) stretches, `nodes` for SPSI_CURVE_NODES(count, pieces), pieces of each soft
-   stretch, 2 at least; gives how many there are, of which the
-   first has depth 0. Cost: n log n. */
+/* The sum of stretches sorted by u0 as a curve, its ends and bends exact to rounding. `pieces`, 2 at least, is into how
+   many soft stretches are cut. `scratch` has room for SPSI_CURVE_SCRATCH(count, pieces) stretches, `nodes` for
+   SPSI_CURVE_NODES(count, pieces); gives how many nodes there are, of which the first has depth 0. Cost: n log n. */
 static int spsi_curve_build(const spsi_stretch *sorted, int count, int pieces, spsi_stretch *scratch,
                             spsi_node *nodes) {
     int bends = 0, nodes_made = 0, open = 0;
@@ -2567,6 +2607,25 @@ static const spsi_technique spsi_techniques[] = {
      NULL},
 };
 
+/* 1: texels begin with the u of their first and their last occluder. */
+static int spsi_settings_have_range(const sps_tmap_settings *settings) {
+    const int range = spsi_techniques[settings->technique].range;
+    return range > 0 || (range < 0 && settings->texel_range);
+}
+
+/* The fewest components that settings allow, range included. */
+static int spsi_components_least(const sps_tmap_settings *settings) {
+    const spsi_technique *technique = &spsi_techniques[settings->technique];
+    return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
+}
+
+/* Components as settings say, or the technique if they do not. */
+static int spsi_components_of(const sps_tmap_settings *settings) {
+    const spsi_technique *technique = &spsi_techniques[settings->technique];
+    if (settings->components > 0) return settings->components;
+    return spsi_components_least(settings) + technique->usual - technique->least;
+}
+
 /* ================================================================================================ >>scene
    9  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
    zero. */
@@ -2798,8 +2857,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
 /* Checks a technique's number of components, range included, where it is not left to the technique. */
 static sps_result spsi_check_components(sps_context *context, const char *name, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
-    const int more = technique->range < 0 && settings->texel_range ? 2 : 0, n = settings->components;
-    const int least = technique->least + more;
+    const int least = spsi_components_least(settings), n = settings->components;
     char rule[96];
     if (n == 0) return SPS_OK;
     if (technique->lists) {
@@ -3228,9 +3286,8 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
 /* =============================================================================================== >>gather
    10 Relevant voxels. Providers are read block by block; voxels that matter go into bricks of 8^3, 16 bytes each, in
    segments that never move. For a gas a voxel matters if it is not 0. For a transfer function, it matters within two
-   voxels of a place where the values of 3^3 neighbours span something that has extinction: two voxels hold 99.6 % of
-   a kernel's weight, so that what shows is made of all that adds to it. Cost: one visit per voxel of the blocks read.
- */
+   voxels of a place where the values of 3^3 neighbours span something that has extinction: two voxels hold 99.6 % of a
+   kernel's weight, so that what shows is made of all that adds to it. Cost: a visit of each voxel that is read. */
 
 #define SPSI_SEGMENT 16384 /* voxels; a brick lies in one segment */
 
@@ -3537,7 +3594,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
     for (int64_t i = 0; i < count; ++i) {
         int empty;
         spsi_block_place(&block, &frame->media[medium], &frame->materials[frame->media[medium].channel], i);
-        if (spsi_progress(context, 0.2 * (medium + (double)i / (double)count) / frame->medium_count))
+        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (medium + (double)i / (double)count) / frame->medium_count))
             return context->result;
         if (spsi_block_range(context, &block, &empty)) return context->result;
         context->stats.blocks_skipped += (uint64_t)empty;
@@ -3675,7 +3732,8 @@ static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_
         const size_t left = particles->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->particle_count; /* there is room: what was asked before is at least that */
         int returned;
-        if (spsi_progress(context, 0.2 * (double)*asked / (double)frame->particles_asked)) return context->result;
+        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles_asked))
+            return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
         returned = particles->read_fn(particles->user, first, count, batch);
@@ -3838,8 +3896,7 @@ static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *pl
     return 1;
 }
 
-/* Depths at a vector of pixels that may lie outside of the image, whose edge is repeated there; infinity without hits.
- */
+/* Depths at a vector of pixels. Outside of the image its edge is repeated; infinity without hits. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_least(spsi_most(y, 0), height - 1);
     float depth[SPSI_LANES];
@@ -3984,9 +4041,9 @@ typedef struct spsi_raster {
 
 static void spsi_raster_box_task(void *data, int index, int worker) {
     const spsi_raster *raster = (const spsi_raster *)data;
-    const int last = spsi_least(raster->faces->count, (index + 1) * 1024);
+    const int end = spsi_batch_end(index, raster->faces->count);
     (void)worker;
-    for (int i = index * 1024; i < last; ++i) spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
+    for (int i = index * SPSI_BATCH; i < end; ++i) spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
@@ -4041,8 +4098,8 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
     raster.depths = depths;
     raster.numbers = numbers;
     raster.pitch = rays->width;
-    spsi_parallel(context, (faces->count + 1023) / 1024, spsi_raster_box_task, &raster);
-    spsi_parallel(context, (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT, spsi_raster_band_task, &raster);
+    spsi_parallel_batches(context, faces->count, spsi_raster_box_task, &raster);
+    spsi_parallel(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
 /* ================================================================================================ >>balls
@@ -4051,7 +4108,9 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
    in pixels and in t, where these are short polynomials with no difference of large numbers: floats do. Balls that the
    rays' origin is in, or close to, are met one ray at a time. Cost: 15 operations for a vector of pixels. */
 
-#define SPSI_BALL_NEAR  4.0  /* radii from the origin within which a ball is near */
+#define SPSI_BALL_NEAR 4.0 /* radii from the origin's plane within which a ball is near; and so it is */
+#define SPSI_BALL_ASIDE                                                                                                \
+    0.05 /* where its rays' cosine with the axis is less: their pixels are hundreds of times wider */
 #define SPSI_BALL_LEAST 0.75 /* pixels: the least radius; less could fall between rays */
 
 typedef struct spsi_ball {
@@ -4160,7 +4219,8 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     ball->x1 = ball->y1 = -1;
     ahead = q[2] / spsi_length(rays->inverse[2]); /* from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return;
-    ball->near_by = rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > 0.05 * spsi_length(offset));
+    ball->near_by =
+        rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > SPSI_BALL_ASIDE * spsi_length(offset));
     ball->t = (float)(q[2] - rays->depth_reference);
     if (ball->near_by) {
         spsi_ball_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
@@ -4237,8 +4297,7 @@ static inline spsi_v spsi_chord_depth(const spsi_ball *ball, const spsi_chord *c
 static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!ball->soft) return spsi_fma(half, s, half);
-    return spsi_fma(spsi_mul(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s)))), spsi_set(1),
-                    half);
+    return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
 /* =============================================================================================== >>tmaps
@@ -4247,8 +4306,8 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
    largest coordinate from the light, the same seen from either side: so nothing changes suddenly from face to face.
    What is opaque is kept apart, as a depth per texel: no technique could hold it without harm to all else. */
 
-#define SPSI_FACES      6
 #define SPSI_NO_SURFACE 1e30f /* u of none: no point is so far behind far_depth */
+#define SPSI_GUARD_BAND 0.05  /* of all depth, free at either end of a Fourier series, whose ends are neighbours */
 
 struct sps_tmap {
     sps_context *context;
@@ -4262,7 +4321,7 @@ struct sps_tmap {
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
     int face_count, replace_invalid;
     int finished, failed;
-    spsi_rays rays[SPSI_FACES];
+    spsi_rays rays[SPSI_CUBE_FACES];
     double per_depth;        /* 1 / (far - near) */
     double bias, bias_per_t; /* of surfaces, in t */
     spsi_buffer planes;
@@ -4274,30 +4333,10 @@ struct sps_tmap {
 };
 
 static size_t spsi_tmap_texel_count(const sps_tmap *map) {
-    return (size_t)map->rays[0].width * (size_t)map->rays[0].height * (size_t)map->face_count;
+    return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
-/* One of six faces about a point; the middles of the outermost texels lie on the cube's edges. */
-static int spsi_rays_of_face(const double position[3], int face, int size, spsi_rays *rays) {
-    static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    const double pitch = 2.0 / spsi_most(size - 1, 1);
-    double forward[3] = {0, 0, 0};
-    memset(rays, 0, sizeof *rays);
-    rays->perspective = 1;
-    rays->width = rays->height = size;
-    forward[face / 2] = face % 2 ? -1 : 1;
-    spsi_rays_aim(rays, position, axes[(face / 2 + 1) % 3], axes[(face / 2 + 2) % 3], forward, pitch, pitch);
-    return spsi_rays_complete(rays);
-}
-
-/* The face that a direction goes through: the axis of its largest component. */
-static int spsi_face_of(const double offset[3]) {
-    const double x = fabs(offset[0]), y = fabs(offset[1]), z = fabs(offset[2]);
-    const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
-    return 2 * axis + (offset[axis] < 0);
-}
-
-/* The settings of one texel's own u, and its floats. */
+/* What a technique is asked by in one texel: its floats, the range apart, and u within that. */
 typedef struct spsi_texel {
     const float *floats;
     float u; /* below 0: before everything */
@@ -4362,7 +4401,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
     int x, y, face = 0;
     if (map->face_count > 1) {
         spsi_along(point, map->rays[0].origin, -1, offset);
-        face = spsi_face_of(offset);
+        face = spsi_cube_face_of(offset);
     }
     spsi_project(&map->rays[face], point, q);
     place->t = q[2];
@@ -4451,6 +4490,8 @@ typedef struct spsi_sweep {
     spsi_rays rays; /* of the light's sheets */
 } spsi_sweep;
 
+static int spsi_chunk_count(const spsi_sweep *sweep) { return (sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
+
 /* The way light travels at a point. */
 static void spsi_light_direction(const sps_light *light, const double point[3], double direction[3]) {
     if (light->kind == SPS_LIGHT_DIRECTIONAL)
@@ -4458,6 +4499,18 @@ static void spsi_light_direction(const sps_light *light, const double point[3], 
     else
         spsi_along(point, light->position, -1, direction);
     spsi_normalise(direction);
+}
+
+/* The least cosine between s and the rays through a grid's corners. */
+static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
+    double least = 1;
+    for (int corner = 0; corner < 4; ++corner) {
+        double ray[3];
+        spsi_ray_direction(rays, corner & 1 ? rays->width - 1 : 0, corner & 2 ? rays->height - 1 : 0, ray);
+        spsi_normalise(ray);
+        least = fmin(least, spsi_dot(s, ray));
+    }
+    return least;
 }
 
 /* The least cosine between s and rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
@@ -4479,15 +4532,8 @@ static double spsi_cosine_to_bounds(const double s[3], const double from[3], con
    the milder of the two conditions is enough. */
 static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
     const spsi_rays *eye = &frame->eye;
-    double least = 1;
-    for (int corner = 0; corner < 4; ++corner) {
-        double ray[3];
-        spsi_ray_direction(eye, corner & 1 ? eye->width - 1 : 0, corner & 2 ? eye->height - 1 : 0, ray);
-        spsi_normalise(ray);
-        least = fmin(least, spsi_dot(s, ray));
-    }
-    if (eye->perspective) least = fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->volume_bounds));
-    return least;
+    const double least = spsi_cosine_to_corners(s, eye);
+    return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->volume_bounds)) : least;
 }
 
 /* The middle of the eye's rays: towards the volumes from outside, along the camera's axis from within. */
@@ -4648,8 +4694,12 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 
 /* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
    divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
-static double spsi_light_texel(const spsi_frame *frame, const double right[3], const double down[3]) {
-    double size = spsi_voxel_across(frame, right, down) / frame->shadow_texels, own, across[3];
+static double spsi_light_texel(const spsi_frame *frame, const sps_light *light) {
+    double centre[3], forward[3], right[3], down[3], across[3], size, own;
+    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_light_direction(light, centre, forward);
+    spsi_basis(forward, right, down);
+    size = spsi_voxel_across(frame, right, down) / frame->shadow_texels;
     if (frame->particle_count == 0) return size;
     own = 0.5 * SPSI_PARTICLE_EDGE * frame->particle_radius / frame->shadow_texels;
     spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
@@ -4659,12 +4709,8 @@ static double spsi_light_texel(const spsi_frame *frame, const double right[3], c
 /* Rays for the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const sps_light *light = &frame->scene->lights[sweep->light];
-    double centre[3], forward[3], right[3], down[3];
     char sentence[256];
-    spsi_bounds_centre(&frame->volume_bounds, centre);
-    spsi_light_direction(light, centre, forward);
-    spsi_basis(forward, right, down);
-    if (spsi_rays_fit(light, &frame->volume_bounds, spsi_light_texel(frame, right, down), frame->view.shadow_size,
+    if (spsi_rays_fit(light, &frame->volume_bounds, spsi_light_texel(frame, light), frame->view.shadow_size,
                       spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
     SPS_SNPRINTF(sentence, sizeof sentence,
@@ -5557,12 +5603,13 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
 
 typedef struct spsi_depth_map {
     int face_count; /* 0: no polygons; 1; 6 for a point light among them */
-    spsi_rays rays[6];
-    float *depths[6];
-    int *numbers[6];         /* of the triangles that these are depths of; -1: none */
-    float *nearest[6];       /* per cell: the least depth in it and in the cells around it */
-    int cells[6];            /* in a row of these */
-    spsi_linear along[6][3]; /* ray coordinates of the map, along the eye's rays; t from its depth reference */
+    spsi_rays rays[SPSI_CUBE_FACES];
+    float *depths[SPSI_CUBE_FACES];
+    int *numbers[SPSI_CUBE_FACES];   /* of the triangles that these are depths of; -1: none */
+    float *nearest[SPSI_CUBE_FACES]; /* per cell: the least depth in it and in the cells around it */
+    int cells[SPSI_CUBE_FACES];      /* in a row of these */
+    spsi_linear along[SPSI_CUBE_FACES]
+                     [3]; /* ray coordinates of the map, along the eye's rays; t from its depth reference */
 } spsi_depth_map;
 
 typedef struct spsi_shader {
@@ -6567,9 +6614,9 @@ static void spsi_span_task(void *data, int index, int worker) {
     const spsi_span_job *job = (const spsi_span_job *)data;
     const spsi_run *run = job->run;
     const spsi_sweep *sweep = run->sweep;
-    const int last = spsi_least(job->count, (index + 1) * 256);
+    const int end = spsi_batch_end(index, job->count);
     (void)worker;
-    for (int i = index * 256; i < last; ++i) {
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
         const spsi_brick *brick = &run->bricks[i];
         const spsi_medium *medium = &run->frame->media[brick->medium];
         const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->slab_margin + 1e-3;
@@ -6595,8 +6642,7 @@ static int spsi_span_meets(const short tiles[4], int x, int y) {
     return tiles[0] <= x && x <= tiles[2] && tiles[1] <= y && y <= tiles[3];
 }
 
-/* Splats the particles of one list that also reach `beyond` its tile as told; `touched`: whether the sheets are in use.
- */
+/* Splats the particles of one list that reach `beyond` its tile as told. `touched`: whether the sheets are in use. */
 static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int list, int beyond, spsi_tile *tile,
                                 size_t floats, int touched) {
     const int first = bins->starts[list], end = bins->starts[list + 1], ahead = 8;
@@ -6642,8 +6688,7 @@ static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int c
     return spsi_tile_splat_wide(run, bins, tile, column, row, floats, touched);
 }
 
-/* Splats the chunk's bricks and particles that meet a tile; gives 0, with the sheets not even cleared, where there are
- * none. */
+/* Splats the chunk's bricks and particles that meet a tile; gives 0, the sheets not even cleared, where none do. */
 static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
     const spsi_sweep *sweep = run->sweep;
     const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
@@ -6796,13 +6841,13 @@ static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
 static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     const spsi_sweep *sweep = run->sweep;
     spsi_planes *planes = &run->planes;
-    const size_t texels = (size_t)sweep->rays.width * (size_t)sweep->rays.height;
+    const size_t texels = spsi_ray_count(&sweep->rays);
     float *memory;
     size_t tiles;
     planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
     if (!sweep->sheets || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
-    planes->tiles_x = (sweep->rays.width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    planes->tiles_y = (sweep->rays.height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
+    planes->tiles_x = spsi_tile_columns(&sweep->rays);
+    planes->tiles_y = spsi_tile_rows(&sweep->rays);
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
     /* a tile's number and flag take less than one more texel */
     planes->open =
@@ -6906,15 +6951,13 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
         (uint64_t(*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
     memset(run->counts, 0, workers * sizeof *run->counts);
     run->spans = job.spans;
-    spsi_parallel(context, (job.count + 255) / 256, spsi_span_task, &job);
+    spsi_parallel_batches(context, job.count, spsi_span_task, &job);
     return SPS_OK;
 }
 
-static int spsi_chunk_count(const spsi_sweep *sweep) { return (sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
-
 /* Lists of particles: one per tile, one for the wide ones, and one more to end them. */
 static size_t spsi_bin_lists(const spsi_rays *rays) {
-    return (size_t)(rays->width / SPSI_TILE_WIDTH + 1) * (size_t)(rays->height / SPSI_TILE_HEIGHT + 1) + 2;
+    return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
 
 static size_t spsi_crowd_bytes(size_t particles, size_t chunks) {
@@ -6925,9 +6968,9 @@ static size_t spsi_crowd_bytes(size_t particles, size_t chunks) {
 static void spsi_crowd_task(void *data, int index, int worker) {
     const spsi_run *run = (const spsi_run *)data;
     const spsi_frame *frame = run->frame;
-    const int last = spsi_least(frame->particle_count, (index + 1) * 256), chunks = spsi_chunk_count(run->sweep);
+    const int end = spsi_batch_end(index, frame->particle_count), chunks = spsi_chunk_count(run->sweep);
     (void)worker;
-    for (int i = index * 256; i < last; ++i) {
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
         const sps_particles *set = spsi_set_of(frame, i)->particles;
         double slab, reach, other, room;
         spsi_particle_slabs(&run->bins[0].crossing, set, &frame->particles[i], &slab, &reach);
@@ -6968,8 +7011,8 @@ static sps_result spsi_bins_reserve(sps_context *context, spsi_buffer_id id, int
     if (!bins->seen) return context->result;
     bins->members = (int *)(void *)(bins->seen + most);
     bins->starts = bins->members + most;
-    bins->columns = (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    bins->rows = (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
+    bins->columns = spsi_tile_columns(rays);
+    bins->rows = spsi_tile_rows(rays);
     return SPS_OK;
 }
 
@@ -6988,7 +7031,7 @@ static sps_result spsi_run_crowd(sps_context *context, spsi_run *run) {
     crowd->chunks = (uint16_t(*)[2])(void *)(passing + chunks + 1);
     spsi_crossing_build(&run->frame->eye, sweep, sweep->back_to_front, &run->bins[0].crossing);
     if (run->planes.width) spsi_crossing_build(&sweep->rays, sweep, 0, &run->bins[1].crossing);
-    spsi_parallel(context, (count + 255) / 256, spsi_crowd_task, run);
+    spsi_parallel_batches(context, count, spsi_crowd_task, run);
     most = spsi_crowd_sort(run->frame, chunks, crowd, passing);
     if (spsi_bins_reserve(context, SPSI_BUFFER_EYE_BALLS, most, &run->bins[0])) return context->result;
     return run->planes.width ? spsi_bins_reserve(context, SPSI_BUFFER_LIGHT_BALLS, most, &run->bins[1]) : SPS_OK;
@@ -7068,9 +7111,9 @@ static int spsi_bins_list(const spsi_bins *bins, const spsi_ball *ball) {
 
 static void spsi_seen_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
-    const int last = spsi_least(run->crowd.current, (index + 1) * 256);
+    const int end = spsi_batch_end(index, run->crowd.current);
     (void)worker;
-    for (int i = index * 256; i < last; ++i) {
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = run->crowd.present[i];
         const spsi_particle_set *set = spsi_set_of(run->frame, particle);
         for (int n = 0; n < 2 && run->bins[n].seen; ++n) {
@@ -7105,7 +7148,7 @@ static void spsi_bins_task(void *data, int index, int worker) {
 static void spsi_run_particles(spsi_run *run) {
     const double start = spsi_clock(run->context);
     if (run->crowd.current == 0) return;
-    spsi_parallel(run->context, (run->crowd.current + 255) / 256, spsi_seen_task, run);
+    spsi_parallel_batches(run->context, run->crowd.current, spsi_seen_task, run);
     spsi_parallel(run->context, run->bins[1].seen ? 2 : 1, spsi_bins_task, run);
     run->context->stats.seconds_bin += spsi_clock(run->context) - start;
 }
@@ -7156,8 +7199,8 @@ static void spsi_run_count(spsi_run *run) {
 
 static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
     sps_context *context = run->context;
-    const int slabs = spsi_holds_gas(context, run->frame) ? run->sweep->slab_count : 0;
-    const int chunks = (slabs + SPSI_CHUNK - 1) / SPSI_CHUNK;
+    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slab_count : 0;
+    const int chunks = held ? spsi_chunk_count(run->sweep) : 0;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
@@ -7189,18 +7232,6 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_most(frame->view.shadow_size, frame->depth_map_texels);
 }
 
-/* One face of a cube of depth maps about a point light; faces overlap by a texel. */
-static void spsi_depth_map_cube_face(const sps_light *light, int face, int size, spsi_rays *rays) {
-    double forward[3] = {0, 0, 0}, right[3], down[3];
-    forward[face / 2] = face % 2 ? -1 : 1;
-    spsi_basis(forward, right, down);
-    memset(rays, 0, sizeof *rays);
-    rays->perspective = 1;
-    rays->width = rays->height = size;
-    spsi_rays_aim(rays, light->position, right, down, forward, 2.0 / (size - 3), 2.0 / (size - 3));
-    spsi_rays_complete(rays);
-}
-
 /* Cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
@@ -7224,8 +7255,6 @@ static void spsi_depth_map_cells_build(spsi_depth_map *map, int face) {
         }
 }
 
-static size_t spsi_depth_map_texels(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
-
 /* Lays out the memory of a depth map: floats first, then the triangles' numbers. */
 static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *map) {
     size_t texels = 0, cells = 0;
@@ -7233,7 +7262,7 @@ static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *m
     int *numbers;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
-        texels += spsi_depth_map_texels(rays);
+        texels += spsi_ray_count(rays);
         cells += (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS,
@@ -7243,11 +7272,11 @@ static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *m
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         map->depths[face] = memory;
-        map->nearest[face] = memory + spsi_depth_map_texels(rays);
+        map->nearest[face] = memory + spsi_ray_count(rays);
         map->numbers[face] = numbers;
         memory =
             map->nearest[face] + (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-        numbers += spsi_depth_map_texels(rays);
+        numbers += spsi_ray_count(rays);
     }
     return SPS_OK;
 }
@@ -7268,9 +7297,10 @@ static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *f
                          light, frame->mesh_bounds.high[0] - frame->mesh_bounds.low[0]);
             return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
         }
-        map->face_count = 6;
-        for (int face = 0; face < 6; ++face)
-            spsi_depth_map_cube_face(&frame->scene->lights[light], face, spsi_most(8, size / 2), &map->rays[face]);
+        map->face_count = SPSI_CUBE_FACES;
+        for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
+            spsi_rays_of_cube_face(frame->scene->lights[light].position, face, spsi_most(8, size / 2), 1,
+                                   &map->rays[face]);
     }
     if (spsi_depth_map_reserve(context, map)) return context->result;
     for (int face = 0; face < map->face_count; ++face) {
@@ -7337,7 +7367,7 @@ static int spsi_filling_height(const spsi_filling *filling) {
 
 /* Floats of a band with so many components. */
 static size_t spsi_band_floats(const sps_tmap *map, int components) {
-    const size_t tiles = (size_t)(map->rays[0].width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]);
     const size_t height = (size_t)spsi_least(SPSI_TILE_HEIGHT, map->rays[0].height);
     return (size_t)components * ((size_t)map->rays[0].width * height + tiles * SPSI_LANES);
 }
@@ -7436,17 +7466,18 @@ static void spsi_insert_piece(const spsi_bin *bin, int x, int y, double u0, doub
     }
 }
 
-/* A chord that is cut: in even pieces, of which a soft one takes eight, whose ends are exact. */
+/* A chord that is cut: in even pieces, several of a soft one, whose ends are exact. */
 static void spsi_insert_cut(const spsi_bin *bin, const spsi_ball *ball, int x, int y, const float chord[3]) {
     const sps_tmap *map = bin->filling->map;
-    const int count = ball->soft ? 8 : 1;
+    const int count = ball->soft ? SPSI_SOFT_PIECES : 1;
+    const spsi_stretch unit = {0, 1, 1, (float)ball->soft};
     const double per_t = map->per_depth, length = 2 * (double)chord[1] * per_t / count;
     const double start = ((double)chord[0] - (double)chord[1]) * per_t;
     const double light = map->rays[0].perspective ? -map->settings.near_depth * per_t : -HUGE_VAL;
     for (int i = 0; i < count; ++i) {
-        const double s0 = (double)i / count, s1 = (double)(i + 1) / count;
-        const double share = ball->soft ? s1 * s1 * (3 - 2 * s1) - s0 * s0 * (3 - 2 * s0) : 1;
-        spsi_insert_piece(bin, x, y, start + i * length, start + (i + 1) * length, share * (double)chord[2], light);
+        const float share = spsi_stretch_before(&unit, (float)(i + 1) / (float)count) -
+                            spsi_stretch_before(&unit, (float)i / (float)count);
+        spsi_insert_piece(bin, x, y, start + i * length, start + (i + 1) * length, (double)(share * chord[2]), light);
     }
 }
 
@@ -7592,7 +7623,7 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
 
 static sps_result spsi_fill_volumes(spsi_filling *filling) {
     spsi_run *run = filling->occluders->run;
-    const int chunks = run ? (run->sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK : 0;
+    const int chunks = run ? spsi_chunk_count(run->sweep) : 0;
     for (int chunk = 0; chunk < chunks; ++chunk) {
         spsi_run_find_bricks(run, chunk);
         if (run->chunk_brick_count == 0) continue;
@@ -7802,14 +7833,14 @@ static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_occluders *occluders = job->occluders;
     const spsi_frame *frame = occluders->frame;
-    const int last = spsi_least(frame->particle_count, (index + 1) * 1024);
+    const int end = spsi_batch_end(index, frame->particle_count);
     (void)worker;
-    for (int i = index * 1024; i < last; ++i)
+    for (int i = index * SPSI_BATCH; i < end; ++i)
         spsi_ball_build(job->rays, spsi_set_of(frame, i)->particles, &frame->particles[i], &job->balls[i]);
 }
 
-#define SPSI_BALL_TILES                                                                                                \
-    8 /* tiles per ball, on the mean, from which on no lists are made: their balls cover much anyway */
+/* Tiles that a ball meets, on the mean, from which on no lists are made: such balls cover much of a map anyway. */
+#define SPSI_BALL_TILES 8
 
 /* Counts the balls of each tile in starts, or, where there is a list, enters them at starts, which move on. */
 static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts, uint32_t *list) {
@@ -7827,8 +7858,8 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
 
 /* Sees the particles as a face's rays do, and lists each tile's in their order. */
 static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays, spsi_occluders *occluders) {
-    const int tiles_x = (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t tiles = (size_t)tiles_x * (size_t)((rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT);
+    const int tiles_x = spsi_tile_columns(rays);
+    const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->particle_count;
     uint32_t *starts, *list;
     uint64_t sum = 0;
@@ -7839,7 +7870,7 @@ static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
     starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
-    spsi_parallel(context, (int)((count + 1023) / 1024), spsi_balls_task, &job);
+    spsi_parallel_batches(context, occluders->frame->particle_count, spsi_balls_task, &job);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
     for (size_t i = 0; i <= tiles; ++i) {
@@ -7864,19 +7895,14 @@ static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays
 /* Slabs square to a face's axis, for the volumes of a frame. */
 static sps_result spsi_tmap_sweep(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                   spsi_sweep *sweep) {
-    double least = 1;
+    double least;
     memset(sweep, 0, sizeof *sweep);
     sweep->light = -1;
     sweep->sheets = 1;
     memcpy(sweep->normal, rays->inverse[2], sizeof sweep->normal);
     spsi_normalise(sweep->normal);
     sweep->rays = *rays;
-    for (int corner = 0; corner < 4; ++corner) {
-        double ray[3];
-        spsi_ray_direction(rays, corner & 1 ? rays->width - 1 : 0, corner & 2 ? rays->height - 1 : 0, ray);
-        spsi_normalise(ray);
-        least = fmin(least, spsi_dot(sweep->normal, ray));
-    }
+    least = spsi_cosine_to_corners(sweep->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "least cosine of a ray with the axis", least,
                                "volumes need 0.1; narrow the light's field_of_view, or make the map omnidirectional");
@@ -7899,7 +7925,7 @@ static sps_result spsi_tmap_run(sps_context *context, const spsi_frame *frame, c
 static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->face];
-    const int rows = (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT;
+    const int rows = spsi_tile_rows(rays);
     spsi_sweep sweep;
     if (spsi_occluders_bin(filling->context, rays, occluders)) return filling->context->result;
     for (int i = 0; i < occluders->faces.count; ++i)
@@ -7985,7 +8011,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     filling.occluders = occluders;
     for (int i = 0; i < occluders->frame->scene->particles_count; ++i)
         filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
-    filling.tiles_x = (map->rays[0].width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    filling.tiles_x = spsi_tile_columns(&map->rays[0]);
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.face = 0; filling.face < map->face_count; ++filling.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;
@@ -8024,14 +8050,11 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     sps_tmap_settings *settings = &map->settings;
     const size_t budget = settings->byte_budget, surfaces = spsi_tmap_texel_count(map) * sizeof(float);
     map->has_components = settings->components > 0;
-    map->has_range = technique->range > 0 || (technique->range < 0 && settings->texel_range);
-    if (settings->components == 0) {
-        const int more = technique->range < 0 ? 2 * map->has_range : 0;
-        settings->components = technique->usual + more;
-        while (budget && spsi_tmap_bytes(map) + surfaces > budget &&
-               settings->components - technique->step >= technique->least + more && technique->step > 0)
-            settings->components -= technique->step;
-    }
+    map->has_range = spsi_settings_have_range(settings);
+    settings->components = spsi_components_of(settings);
+    while (!map->has_components && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
+           settings->components - technique->step >= spsi_components_least(settings))
+        settings->components -= technique->step;
     if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
@@ -8067,11 +8090,11 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
 
 /* The rays of a map's faces. */
 static sps_result spsi_tmap_aim(sps_tmap *map) {
-    map->face_count = map->settings.omnidirectional ? SPSI_FACES : 1;
+    map->face_count = map->settings.omnidirectional ? SPSI_CUBE_FACES : 1;
     if (map->face_count == 1 && spsi_rays_build(map->context, &map->view, &map->rays[0])) return map->context->result;
     for (int face = 0; face < map->face_count; ++face) {
         spsi_rays *rays = &map->rays[face];
-        if (map->face_count > 1 && !spsi_rays_of_face(map->view.position, face, map->view.width, rays))
+        if (map->face_count > 1 && !spsi_rays_of_cube_face(map->view.position, face, map->view.width, 0, rays))
             return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "view", -1, "position", map->view.position[0],
                                    "texels cannot be told apart there");
         rays->depth_reference = map->settings.near_depth;
@@ -8185,8 +8208,8 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
     occluders.frame = frame;
-    occluders.progress = 0.2;
-    occluders.progress_share = 0.8;
+    occluders.progress = SPSI_PROGRESS_GATHER;
+    occluders.progress_share = 1 - SPSI_PROGRESS_GATHER;
     return spsi_tmap_fill(map, &occluders);
 }
 
@@ -8210,8 +8233,7 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     }
     /* gas that its distance does not tell from a point still lies between two depths */
     high = fmax(high, low + fmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
-    /* the ends of a Fourier series are neighbours */
-    room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? 0.05 * (high - low) : 0;
+    room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? SPSI_GUARD_BAND * (high - low) : 0;
     settings->near_depth = map->rays[0].perspective ? fmax(low - room, 0) : low - room;
     settings->far_depth = high + room;
     map->per_depth = 1 / (settings->far_depth - settings->near_depth);
@@ -8227,9 +8249,9 @@ static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, co
                                        light->position[i] - frame->volume_bounds.low[i]));
     if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
     map->settings.omnidirectional = 1;
-    map->face_count = SPSI_FACES;
-    for (int face = 0; face < SPSI_FACES; ++face)
-        if (!spsi_rays_of_face(light->position, face, size, &map->rays[face]))
+    map->face_count = SPSI_CUBE_FACES;
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face)
+        if (!spsi_rays_of_cube_face(light->position, face, size, 0, &map->rays[face]))
             return spsi_fail(map->context, SPS_ERROR_UNSUPPORTED,
                              "a light's shadow_map cannot tell its texels apart so far from the world's origin");
     return SPS_OK;
@@ -8239,11 +8261,7 @@ static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, co
 static sps_result spsi_tmap_aim_light(sps_tmap *map, const spsi_frame *frame, const sps_light *light) {
     const int size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
     const int most = spsi_light_texels_most(frame);
-    double centre[3], forward[3], right[3], down[3], texel;
-    spsi_bounds_centre(&frame->volume_bounds, centre);
-    spsi_light_direction(light, centre, forward);
-    spsi_basis(forward, right, down);
-    texel = spsi_light_texel(frame, right, down);
+    const double texel = spsi_light_texel(frame, light);
     map->face_count = 1;
     if (!map->settings.omnidirectional && spsi_rays_fit(light, &frame->volume_bounds, texel, size, most, &map->rays[0]))
         return SPS_OK;
@@ -8361,7 +8379,7 @@ static void spsi_eye_reference(spsi_frame *frame) {
 
 static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                     spsi_hit **hits) {
-    const size_t pixels = (size_t)frame->eye.width * (size_t)frame->eye.height;
+    const size_t pixels = spsi_ray_count(&frame->eye);
     *hits = NULL;
     if (faces->count == 0) return SPS_OK;
     *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
@@ -8389,21 +8407,22 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_frame *frame,
 
 static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                     const spsi_hit *hits, spsi_run *run, int n, float *total) {
-    const double share = 0.8 / spsi_sweep_count(frame), progress = 0.2 + n * share, start = spsi_clock(context);
+    const double share = (1 - SPSI_PROGRESS_GATHER) / spsi_sweep_count(frame), start = spsi_clock(context);
+    const double progress = SPSI_PROGRESS_GATHER + n * share;
     spsi_sweep sweep;
     sps_tmap *tmap;
-    double built;
+    double built, mapped;
     memset(run, 0, sizeof *run);
     if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
     if (spsi_depth_map_build(context, frame, faces, sweep.light, &run->depth_map)) return context->result;
     built = spsi_clock(context);
     context->stats.seconds_polygons += built - start;
-    tmap = spsi_light_tmap_build(context, frame, &sweep, progress, 0.3 * share);
+    tmap = spsi_light_tmap_build(context, frame, &sweep, progress, SPSI_PROGRESS_TMAP * share);
+    mapped = tmap ? SPSI_PROGRESS_TMAP * share : 0;
     context->stats.seconds_light += spsi_clock(context) - built;
     run->shader.tmap = tmap;
     if (!context->result)
-        spsi_sweep_once(context, frame, faces, hits, &sweep, run, progress + (tmap ? 0.3 * share : 0),
-                        tmap ? 0.7 * share : share, total);
+        spsi_sweep_once(context, frame, faces, hits, &sweep, run, progress + mapped, share - mapped, total);
     if (tmap) spsi_tmap_release(tmap);
     return context->result;
 }
@@ -8622,11 +8641,11 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_sweep *swee
     const sps_light *light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
     const int asked = light && light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
     const size_t side = (size_t)(asked > 0 ? asked : spsi_light_texels_most(frame));
-    const size_t faces = light && light->kind == SPS_LIGHT_POINT ? SPSI_FACES : 1;
+    const size_t faces = light && light->kind == SPS_LIGHT_POINT ? SPSI_CUBE_FACES : 1;
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     size_t bytes, components;
     if (!light || sweep->sheets) return;
-    components = (size_t)(light->shadow_map->components > 0 ? light->shadow_map->components : 16);
+    components = (size_t)spsi_components_of(light->shadow_map);
     bytes = sizeof(sps_tmap) + sizeof(spsi_run) + side * side * faces * (components + 1) * sizeof(float);
     bytes += (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     bytes += (components + 2) * tiles * SPSI_LANES * sizeof(float);
@@ -8669,7 +8688,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 
 #define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the mass is beyond */
 #define SPSI_REFERENCE_TAPS  8
-#define SPSI_LEAF            4 /* triangles in a leaf of the hierarchy */
+#define SPSI_LEAF            4 /* triangles or particles in a leaf of a hierarchy */
 
 typedef struct spsi_grid {
     const float *values;

@@ -1018,6 +1018,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_NODES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
+    SPSI_BUFFER_BALL_ORDER,  /* by depth, and */
     SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>occluders; */
     SPSI_BUFFER_BALL_STARTS, /* where each tile's begin in */
     SPSI_BUFFER_BALL_LIST,   /* the list of all tiles' */
@@ -1655,39 +1656,40 @@ static inline int spsi_stretch_less(const spsi_stretch *a, const spsi_stretch *b
     return a->soft < b->soft;
 }
 
-static void spsi_stretches_sink(spsi_stretch *heap, size_t count, size_t hole, spsi_stretch taken) {
-    for (;;) {
-        size_t child = 2 * hole + 1;
-        if (child + 1 < count && spsi_stretch_less(&heap[child], &heap[child + 1])) ++child;
-        if (child >= count || !spsi_stretch_less(&taken, &heap[child])) break;
-        heap[hole] = heap[child];
-        hole = child;
-    }
-    heap[hole] = taken;
+/* Merges the sorted first `half` of a list with the sorted rest. Of the first half, what comes before all of the rest
+   stays where it is, so that a list that is nearly in order costs next to nothing. */
+static void spsi_stretches_merge(spsi_stretch *list, size_t half, size_t count, spsi_stretch *scratch) {
+    size_t to = half, left = 0, right = half, moved;
+    while (to > 0 && spsi_stretch_less(&list[half], &list[to - 1])) --to;
+    moved = half - to;
+    memcpy(scratch, list + to, moved * sizeof *list);
+    while (left < moved && right < count)
+        list[to++] = spsi_stretch_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
+    memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
 }
 
-/* For short lists, and for those that are nearly sorted. */
-static void spsi_stretches_insert(spsi_stretch *list, uint32_t count) {
-    for (uint32_t i = 1; i < count; ++i) {
+static void spsi_stretches_insert(spsi_stretch *list, size_t count) {
+    for (size_t i = 1; i < count; ++i) {
         const spsi_stretch taken = list[i];
-        uint32_t k = i;
+        size_t k = i;
         for (; k > 0 && spsi_stretch_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
         list[k] = taken;
     }
 }
 
-/* Sorts stretches by where they begin. Heap sort: n log n at worst, and in place. [Williams 1964, Floyd 1964] */
-static void spsi_stretches_sort(spsi_stretch *list, uint32_t count) {
-    if (count <= 48) {
+#define SPSI_SORT_SHORT 16 /* stretches up to which insertion is quicker than merging */
+
+/* Sorts stretches by where they begin; `scratch` has room for half of them. Merge sort: n log n at worst, n where they
+   are nearly in order. */
+static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *scratch) {
+    const size_t half = count / 2;
+    if (count <= SPSI_SORT_SHORT) {
         spsi_stretches_insert(list, count);
         return;
     }
-    for (size_t i = count / 2; i-- > 0;) spsi_stretches_sink(list, count, i, list[i]);
-    for (size_t last = count; last-- > 1;) {
-        const spsi_stretch taken = list[last];
-        list[last] = list[0];
-        spsi_stretches_sink(list, last, 0, taken);
-    }
+    spsi_stretches_sort(list, half, scratch);
+    spsi_stretches_sort(list + half, count - half, scratch);
+    spsi_stretches_merge(list, half, count, scratch);
 }
 
 /* The shares of a vector of stretches that lie before u, as spsi_stretch_before. */
@@ -1720,9 +1722,10 @@ static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, 
 
 /* ---- curves ---- */
 
-/* Nodes that a curve of `count` stretches may have: a soft one bends it at both ends of its pieces. */
+/* Nodes that a curve of `count` stretches may have, a soft one bending it at both ends of its pieces; and stretches
+   that building it takes: two for each piece, and half as many to sort these. */
 #define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count))
-#define SPSI_CURVE_SCRATCH(count, pieces) (2 * (pieces) * (count)) /* stretches that building it needs */
+#define SPSI_CURVE_SCRATCH(count, pieces) (3 * (pieces) * (count))
 
 /* Optical depth of a soft stretch behind which what is left of it is no longer cut finely. */
 #define SPSI_SOFT_DEPTH 8
@@ -1780,7 +1783,7 @@ static inline void spsi_sum_add(spsi_sum *sum, double x) {
 
 /* Appends a node, if it says something new: of more than two at one u only the outer ones do. */
 static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
-    const float capped = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
+    const float capped = spsi_lower((float)depth, SPSI_DEPTH_MAX);
     const int same = count > 0 && !(nodes[count - 1].u < u);
     if (same && !(nodes[count - 1].value < capped)) return count;
     if (same && count > 1 && !(nodes[count - 2].u < u)) --count;
@@ -1798,7 +1801,7 @@ static int spsi_curve_build(const spsi_stretch *sorted, int count, int pieces, s
     double depth = 0;
     spsi_sum slope = {0, 0};
     for (int i = 0; i < count; ++i) bends += spsi_curve_bends(&sorted[i], pieces, scratch + bends);
-    spsi_stretches_sort(scratch, (uint32_t)bends);
+    spsi_stretches_sort(scratch, (size_t)bends, scratch + bends);
     for (int i = 0; i < bends; ++i) {
         const double length = (double)scratch[i].u1 - (double)scratch[i].u0, more = (double)scratch[i].depth;
         if (i > 0) depth += fmax(slope.high + slope.low, 0) * ((double)scratch[i].u0 - (double)scratch[i - 1].u0);
@@ -2055,9 +2058,9 @@ typedef struct spsi_piece {
 static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
     spsi_piece piece;
     piece.u1 = (double)curve[i].u;
-    piece.t1 = fmin((double)curve[i].value, (double)SPSI_DEPTH_MAX);
+    piece.t1 = (double)spsi_lower(curve[i].value, SPSI_DEPTH_MAX);
     piece.u0 = i > 0 ? (double)curve[i - 1].u : piece.u1;
-    piece.t0 = i > 0 ? fmin((double)curve[i - 1].value, piece.t1) : 0;
+    piece.t0 = i > 0 ? (double)spsi_lower(curve[i - 1].value, (float)piece.t1) : 0;
     return piece;
 }
 
@@ -2107,24 +2110,31 @@ static float spsi_depth_depth(const sps_tmap_settings *settings, const float *te
 
 /* ---- cosine series ---- */
 
-/* sums[k] += integral of T cos(pi k u) over a piece. T = e^-t0 e^-s(u - u0), so that the integral of T e^(i w u) is
-   that function divided by i w - s, at both ends: no limit is needed but for k = 0 and s = 0. Since w is pi or more,
-   neither is there more rounding than that of T itself. */
-static void spsi_cosine_add(double *sums, int components, const spsi_piece *piece) {
-    const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0;
-    const double through0 = exp(-piece->t0), through1 = exp(-piece->t1);
-    const double by0[2] = {cos(SPSI_PI * piece->u0), sin(SPSI_PI * piece->u0)};
-    const double by1[2] = {cos(SPSI_PI * piece->u1), sin(SPSI_PI * piece->u1)};
-    double z0[2] = {by0[0], by0[1]}, z1[2] = {by1[0], by1[1]}, slope;
-    if (!(length > 0) || !(through0 > 0)) return;
+/* A place on a curve: what the integrals of the pieces at either side of it have in common. */
+typedef struct spsi_cosine_end {
+    double u, depth, through, turn[2]; /* turn: cosine and sine of pi u */
+} spsi_cosine_end;
+
+static spsi_cosine_end spsi_cosine_end_at(double u, double depth) {
+    const spsi_cosine_end end = {u, depth, exp(-depth), {cos(SPSI_PI * u), sin(SPSI_PI * u)}};
+    return end;
+}
+
+/* sums[k] += integral of T cos(pi k u) over a piece from a to b. T = e^-t0 e^-s(u - u0), so that the integral of T
+   e^(i w u) is that function divided by i w - s, at both ends: no limit is needed but for k = 0 and s = 0. Since w is
+   pi or more, neither is there more rounding than that of T itself. */
+static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end *a, const spsi_cosine_end *b) {
+    const double length = b->u - a->u, more = b->depth - a->depth;
+    double z0[2] = {a->turn[0], a->turn[1]}, z1[2] = {b->turn[0], b->turn[1]}, slope;
+    if (!(length > 0) || !(a->through > 0)) return;
     slope = more / length;
-    sums[0] += length * through0 * (more > 1e-12 ? -expm1(-more) / more : 1);
+    sums[0] += length * a->through * (more > 1e-12 ? -expm1(-more) / more : 1);
     for (int k = 1; k < components; ++k) {
-        const double w = SPSI_PI * k, cosine = through0 * z0[0] - through1 * z1[0];
-        const double sine = through1 * z1[1] - through0 * z0[1];
+        const double w = SPSI_PI * k, cosine = a->through * z0[0] - b->through * z1[0];
+        const double sine = b->through * z1[1] - a->through * z0[1];
         sums[k] += (slope * cosine + w * sine) / (slope * slope + w * w);
-        spsi_turn_double(z0, by0);
-        spsi_turn_double(z1, by1);
+        spsi_turn_double(z0, a->turn);
+        spsi_turn_double(z1, b->turn);
     }
 }
 
@@ -2132,17 +2142,16 @@ static void spsi_cosine_add(double *sums, int components, const spsi_piece *piec
    jump there, as extinction repeated would. */
 static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
     const int n = settings->components;
-    const double end = count > 0 ? fmin((double)curve[count - 1].value, (double)SPSI_DEPTH_MAX) : 0;
-    spsi_piece piece = {0, count > 0 ? (double)curve[0].u : 1, 0, 0};
+    spsi_cosine_end from = spsi_cosine_end_at(0, 0), to;
     double sums[SPSI_TMAP_COMPONENTS];
     memset(sums, 0, sizeof sums);
-    spsi_cosine_add(sums, n, &piece);
-    for (int i = 0; i < count; ++i) {
-        piece = spsi_curve_piece(curve, i);
-        spsi_cosine_add(sums, n, &piece);
+    for (int i = -1; i < count && count > 0; ++i, from = to) { /* first to where the curve begins, at nothing */
+        const spsi_piece piece = spsi_curve_piece(curve, spsi_most(i, 0));
+        to = spsi_cosine_end_at(piece.u1, i < 0 ? 0 : piece.t1);
+        spsi_cosine_add(sums, n, &from, &to);
     }
-    piece.u0 = piece.u1, piece.u1 = 1, piece.t0 = piece.t1 = end;
-    spsi_cosine_add(sums, n, &piece);
+    to = spsi_cosine_end_at(1, from.depth);
+    spsi_cosine_add(sums, n, &from, &to);
     texel[0] = (float)sums[0];
     for (int k = 1; k < n; ++k) texel[k] = (float)(2 * sums[k] * spsi_window(settings->window, k, n - 1));
 }
@@ -2161,25 +2170,42 @@ static float spsi_cosine_depth(const sps_tmap_settings *settings, const float *t
 
 /* ---- transmittance in straight lines ---- */
 
-/* The next place at which to cut a piece, so that straight lines of T between the cuts stay within step^2 of the
-   exponential: even steps of the root of T. Over a fall of T from a^2 to b^2 the line is at most (a - b)^2 above it,
-   half of that for small steps and all of it where b is 0. Cuts are floats, no later than asked for; where floats lie
-   too far apart there is nothing between them to be wrong. Gives u1 where nothing more is to be cut. */
-static float spsi_piece_cut(const spsi_piece *piece, float u, double step) {
-    const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, end = exp(-0.5 * piece->t1);
-    const double root = exp(-0.5 * (piece->t0 + more * (((double)u - piece->u0) / fmax(length, 1e-300)))) - step;
-    float cut;
-    if (!(length > 0) || root <= end) return (float)piece->u1;
-    cut = (float)(piece->u0 + length * ((-2 * log(root) - piece->t0) / more));
-    if ((double)cut > piece->u0 + length * ((-2 * log(root) - piece->t0) / more)) cut = nextafterf(cut, -1);
-    return spsi_lower(cut > u ? cut : nextafterf(u, 2), (float)piece->u1);
+/* A piece as it is cut, so that straight lines of T between the cuts stay within step^2 of the exponential: in even
+   steps of the root of T. Over a fall of T from a^2 to b^2 the line is at most (a - b)^2 above it, half of that for
+   small steps and all of it where b is 0. */
+typedef struct spsi_cuts {
+    spsi_piece piece;
+    float u;             /* of the last cut, */
+    double through, end; /* T there, and at the piece's end */
+} spsi_cuts;
+
+/* Before the first piece of a curve. */
+static void spsi_cuts_begin(spsi_cuts *cuts) { cuts->end = 1; }
+
+/* The piece that ends at node i of a curve, after that before it: T goes on from where it was. */
+static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
+    cuts->piece = spsi_curve_piece(curve, i);
+    cuts->u = (float)cuts->piece.u0;
+    cuts->through = cuts->end;
+    cuts->end = exp(-cuts->piece.t1);
 }
 
-/* T at a cut of a piece, of which u1 is the last. */
-static double spsi_piece_through(const spsi_piece *piece, float u) {
-    const double length = piece->u1 - piece->u0;
-    if (!((double)u < piece->u1)) return exp(-piece->t1);
-    return exp(-(piece->t0 + (piece->t1 - piece->t0) * (((double)u - piece->u0) / length)));
+/* Goes to the next cut; gives 0 behind the last, which is the piece's end. Cuts are floats, no later than asked for;
+   where floats lie too far apart there is nothing between them to be wrong. */
+static int spsi_cuts_next(spsi_cuts *cuts, double step) {
+    const spsi_piece *piece = &cuts->piece;
+    const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, root = sqrt(cuts->through) - step;
+    const float end = (float)piece->u1;
+    float cut = end;
+    if (length > 0 && root > 0 && root * root > cuts->end) {
+        const double exact = piece->u0 + length * ((-2 * log(root) - piece->t0) / more);
+        cut = (float)exact;
+        if ((double)cut > exact) cut = nextafterf(cut, -1);
+        if (!(cut > cuts->u)) cut = nextafterf(cuts->u, 2);
+    }
+    cuts->u = spsi_lower(cut, end);
+    cuts->through = cut < end ? exp(-(piece->t0 + more * (((double)cut - piece->u0) / length))) : cuts->end;
+    return cut < end;
 }
 
 /* Nodes (u, T) of an adaptive map while it is made: `cost` is what leaving a node out changes of the area below. */
@@ -2219,16 +2245,17 @@ static void spsi_adaptive_append(spsi_adaptive *map, float u, double through) {
 /* Curves are cut before, as T is no straight line between their nodes: into what is good to 1/4096 of all light. */
 static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
     spsi_adaptive map;
+    spsi_cuts cuts;
     map.count = 0;
     map.most = settings->components / 2;
     spsi_adaptive_append(&map, count > 0 ? curve[0].u : 0, 1);
+    spsi_cuts_begin(&cuts);
     for (int i = 0; i < count; ++i) {
-        const spsi_piece piece = spsi_curve_piece(curve, i);
-        float u = (float)piece.u0;
-        do {
-            u = spsi_piece_cut(&piece, u, 1.0 / 64);
-            spsi_adaptive_append(&map, u, spsi_piece_through(&piece, u));
-        } while ((double)u < piece.u1);
+        int more = 1;
+        for (spsi_cuts_piece(&cuts, curve, i); more;) {
+            more = spsi_cuts_next(&cuts, 1.0 / 64);
+            spsi_adaptive_append(&map, cuts.u, cuts.through);
+        }
     }
     for (int i = 0; i < map.most; ++i) {
         const spsi_node *node = &map.nodes[spsi_least(i, map.count - 1)];
@@ -2310,16 +2337,17 @@ static int spsi_compressed_most(int count, float epsilon) {
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
     const double error = (double)spsi_higher(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
     spsi_compressor c = {out, 0, 0, 0, error - 1.2e-7, error - step * step - 1.2e-7, 0, 1};
+    spsi_cuts cuts;
     if (count <= 0) return 0;
     c.last_u = (double)curve[0].u;
     spsi_compressor_node(&c, c.last_u, 1);
+    spsi_cuts_begin(&cuts);
     for (int i = 0; i < count; ++i) {
-        const spsi_piece piece = spsi_curve_piece(curve, i);
-        float u = (float)piece.u0;
-        do {
-            u = spsi_piece_cut(&piece, u, step);
-            spsi_compressor_take(&c, (double)u, spsi_piece_through(&piece, u));
-        } while ((double)u < piece.u1);
+        int more = 1;
+        for (spsi_cuts_piece(&cuts, curve, i); more;) {
+            more = spsi_cuts_next(&cuts, step);
+            spsi_compressor_take(&c, (double)cuts.u, cuts.through);
+        }
     }
     spsi_compressor_end(&c);
     return c.count;
@@ -7345,7 +7373,8 @@ typedef struct spsi_filling {
     uint32_t most;             /* stretches of a texel */
     int has_soft, pieces;      /* whether particles are soft, and into how many pieces they may be cut */
     float epsilon;             /* of a compressed map, but for what soft pieces take */
-    int has_sizes;             /* 1: it is known how many nodes each texel of a compressed map takes */
+    int has_sizes;             /* 1: it is known how many nodes each texel of a compressed map takes; and they are where
+                                  its stretches were, if they found room there */
     char *scratch;             /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
     double slab_u, u_per_slab; /* u of the plane between slabs: slab_u + k u_per_slab */
@@ -7719,41 +7748,98 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* Sorts the lists of a tile, and makes of each what the technique keeps: floats, or, where that is a list too, the
-   number of its items, in `places`. */
+/* Memory of a worker that fits: stretches, a curve, and compressed nodes. */
+typedef struct spsi_fitting {
+    const spsi_filling *filling;
+    spsi_stretch *stretches;
+    spsi_node *curve, *nodes;
+} spsi_fitting;
+
+static size_t spsi_fitting_stretches(const spsi_filling *filling) {
+    const size_t most = filling->most;
+    if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are sorted, and kept as they are */
+    return SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces);
+}
+
+static size_t spsi_fitting_curve(const spsi_filling *filling) {
+    const int curve = filling->map->settings.technique != SPS_TMAP_DEEP;
+    return curve ? SPSI_CURVE_NODES((size_t)filling->most, (size_t)filling->pieces) : 0;
+}
+
+static size_t spsi_fitting_bytes(const spsi_filling *filling) {
+    size_t nodes = spsi_fitting_curve(filling);
+    if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
+        nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
+    return (spsi_fitting_stretches(filling) + 1) * sizeof(spsi_stretch) + nodes * sizeof(spsi_node);
+}
+
+static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
+    fitting->filling = filling;
+    fitting->stretches = (spsi_stretch *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
+    fitting->curve = (spsi_node *)(void *)(fitting->stretches + spsi_fitting_stretches(filling));
+    fitting->nodes = fitting->curve + spsi_fitting_curve(filling);
+}
+
+/* The nodes of a compressed map's texel, whose list is sorted; gives how many there are. */
+static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_stretch *list, uint32_t count) {
+    const spsi_filling *filling = fitting->filling;
+    const int pieces = spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
+    const int bends = spsi_curve_build(list, (int)count, pieces, fitting->stretches, fitting->curve);
+    return (uint32_t)spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
+}
+
+/* Nodes that find room where a texel's stretches were. */
+static uint32_t spsi_nodes_in_place(uint32_t stretches) {
+    return stretches * (uint32_t)(sizeof(spsi_stretch) / sizeof(spsi_node));
+}
+
+/* Sorts a texel's list, and makes of it what the technique keeps: floats, or, where that is a list too, the number of
+   its items, in `places`. */
+static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
+    const spsi_filling *filling = fitting->filling;
+    const sps_tmap *map = filling->map;
+    const size_t place = texel - filling->first_texel;
+    const uint32_t count = filling->starts[place + 1] - filling->starts[place];
+    spsi_stretch *list = filling->stretches + filling->starts[place];
+    spsi_stretches_sort(list, count, fitting->stretches);
+    if (map->technique->fit) {
+        const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->stretches, fitting->curve);
+        map->technique->fit(&map->inner, fitting->curve, nodes,
+                            (float *)map->texels.data + texel * (size_t)map->settings.components);
+    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+        const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
+        if (nodes <= spsi_nodes_in_place(count)) memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
+        filling->places[place] = nodes;
+    } else {
+        filling->places[place] = count;
+    }
+}
+
+/* Writes the nodes of a compressed map's texel to where they are kept. */
+static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
+    const spsi_filling *filling = fitting->filling;
+    const size_t place = texel - filling->first_texel;
+    const uint32_t *starts = (const uint32_t *)filling->map->starts.data + texel;
+    const uint32_t count = filling->starts[place + 1] - filling->starts[place], nodes = starts[1] - starts[0];
+    const spsi_stretch *list = filling->stretches + filling->starts[place];
+    const int in_place = nodes <= spsi_nodes_in_place(count);
+    if (!in_place) spsi_fit_compressed(fitting, list, count);
+    memcpy((spsi_node *)filling->map->texels.data + starts[0], in_place ? (const void *)list : fitting->nodes,
+           nodes * sizeof(spsi_node));
+}
+
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
-    const sps_tmap *map = filling->map;
-    const size_t most = filling->most;
-    spsi_stretch *scratch = (spsi_stretch *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    spsi_node *curve = (spsi_node *)(void *)(scratch + SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces));
-    spsi_node *nodes = curve + SPSI_CURVE_NODES(most, (size_t)filling->pieces);
+    spsi_fitting fitting;
     spsi_bin bin;
     spsi_bin_place(filling, index, &bin);
+    spsi_fitting_place(filling, worker, &fitting);
     for (int i = 0; i < bin.width * bin.height; ++i) {
         const size_t texel = spsi_bin_texel(&bin, bin.x0 + i % bin.width, bin.y0 + i / bin.width);
-        const size_t place = texel - filling->first_texel;
-        const uint32_t count = filling->starts[place + 1] - filling->starts[place];
-        spsi_stretch *list = filling->stretches + filling->starts[place];
-        int node_count, pieces = SPSI_SOFT_PIECES;
-        if (!filling->has_sizes) spsi_stretches_sort(list, count);
-        if (map->settings.technique == SPS_TMAP_DEEP) {
-            filling->places[place] = count;
-            continue;
-        }
-        if (!map->technique->fit) pieces = spsi_soft_pieces(list, (int)count, map->settings.epsilon);
-        node_count = spsi_curve_build(list, (int)count, pieces, scratch, curve);
-        if (map->technique->fit) {
-            map->technique->fit(&map->inner, curve, node_count,
-                                (float *)map->texels.data + texel * (size_t)map->settings.components);
-            continue;
-        }
-        node_count = spsi_curve_compress(curve, node_count, filling->epsilon, nodes);
         if (filling->has_sizes)
-            memcpy((spsi_node *)map->texels.data + ((const uint32_t *)map->starts.data)[texel], nodes,
-                   (size_t)node_count * sizeof *nodes);
+            spsi_fit_again(&fitting, texel);
         else
-            filling->places[place] = (uint32_t)node_count;
+            spsi_fit_texel(&fitting, texel);
     }
 }
 
@@ -7792,22 +7878,16 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
     const spsi_technique *technique = map->technique;
-    size_t most, nodes;
     if (spsi_fill_lists(filling)) return context->result;
-    most = filling->most;
     filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* what brackets can be sure of */
     filling->map->inner.epsilon =
         spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
-    if (map->settings.technique == SPS_TMAP_DEEP) most = 0; /* its lists are sorted and kept as they are */
-    if (most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)))
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in a texel", (double)most,
+    if (filling->most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in a texel", (double)filling->most,
                                "2 million can be fitted");
-    nodes = SPSI_CURVE_NODES(most, (size_t)filling->pieces);
-    if (!technique->fit) nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
-    filling->scratch_size =
-        (SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces) + 1) * sizeof(spsi_stretch) + nodes * sizeof(spsi_node);
+    filling->scratch_size = spsi_fitting_bytes(filling);
     filling->scratch =
         (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
     if (!filling->scratch) return context->result;
@@ -7823,20 +7903,63 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 
 /* --- particles into tiles --- */
 
+#define SPSI_DEPTH_STEPS                                                                                               \
+    4096 /* by which particles are put in order: finer ones would not shorten what is left to do                       \
+          */
+
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
-    const spsi_occluders *occluders;
+    const spsi_frame *frame;
+    double near_depth, steps_per_depth;
+    uint32_t *order; /* of particles; NULL: as they come */
+    uint16_t *steps; /* of depth, from near_depth on, at which each begins */
     spsi_ball *balls;
 } spsi_ball_job;
 
+static void spsi_ball_steps_task(void *data, int index, int worker) {
+    const spsi_ball_job *job = (const spsi_ball_job *)data;
+    const double *axis = job->rays->inverse[2], reach = spsi_length(axis);
+    const int end = spsi_batch_end(index, job->frame->particle_count);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
+        const sps_particle *particle = &job->frame->particles[i];
+        double offset[3], front;
+        for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
+        front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
+        job->steps[i] = (uint16_t)fmin(fmax(front * job->steps_per_depth, 0), SPSI_DEPTH_STEPS - 1);
+    }
+}
+
+/* Puts particles in the order in which light meets them, so that the lists of all texels come nearly sorted. */
+static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
+    const int count = job->frame->particle_count;
+    uint32_t starts[SPSI_DEPTH_STEPS], sum = 0;
+    job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, (size_t)count,
+                                          sizeof *job->order + sizeof *job->steps);
+    if (!job->order) return context->result;
+    job->steps = (uint16_t *)(void *)(job->order + count);
+    spsi_parallel_batches(context, count, spsi_ball_steps_task, job);
+    memset(starts, 0, sizeof starts);
+    for (int i = 0; i < count; ++i) starts[job->steps[i]] += 1;
+    for (int step = 0; step < SPSI_DEPTH_STEPS; ++step) {
+        const uint32_t here = starts[step];
+        starts[step] = sum;
+        sum += here;
+    }
+    for (int i = 0; i < count; ++i) job->order[starts[job->steps[i]]++] = (uint32_t)i;
+    return SPS_OK;
+}
+
 static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
-    const spsi_occluders *occluders = job->occluders;
-    const spsi_frame *frame = occluders->frame;
+    const spsi_frame *frame = job->frame;
     const int end = spsi_batch_end(index, frame->particle_count);
     (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i)
-        spsi_ball_build(job->rays, spsi_set_of(frame, i)->particles, &frame->particles[i], &job->balls[i]);
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
+        const int particle = job->order ? (int)job->order[i] : i;
+        spsi_ball_build(job->rays, spsi_set_of(frame, particle)->particles, &frame->particles[particle],
+                        &job->balls[i]);
+    }
 }
 
 /* Tiles that a ball meets, on the mean, from which on no lists are made: such balls cover much of a map anyway. */
@@ -7856,8 +7979,9 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
     }
 }
 
-/* Sees the particles as a face's rays do, and lists each tile's in their order. */
-static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays, spsi_occluders *occluders) {
+/* Sees the particles as a face's rays do, in order of depth if lists are to be made of them, and lists each tile's. */
+static sps_result spsi_occluders_bin(const sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
+    sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
     const size_t count = (size_t)occluders->frame->particle_count;
@@ -7865,8 +7989,12 @@ static sps_result spsi_occluders_bin(sps_context *context, const spsi_rays *rays
     uint64_t sum = 0;
     spsi_ball_job job;
     if (count == 0) return SPS_OK;
+    memset(&job, 0, sizeof job);
     job.rays = rays;
-    job.occluders = occluders;
+    job.frame = occluders->frame;
+    job.near_depth = map->settings.near_depth;
+    job.steps_per_depth = SPSI_DEPTH_STEPS * map->per_depth;
+    if (!map->technique->sums && spsi_balls_order(context, &job)) return context->result;
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
     starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
@@ -7927,7 +8055,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
     const spsi_rays *rays = &map->rays[filling->face];
     const int rows = spsi_tile_rows(rays);
     spsi_sweep sweep;
-    if (spsi_occluders_bin(filling->context, rays, occluders)) return filling->context->result;
+    if (spsi_occluders_bin(map, rays, occluders)) return filling->context->result;
     for (int i = 0; i < occluders->faces.count; ++i)
         spsi_face_box(&occluders->faces, i, rays, occluders->boxes + 4 * i);
     if (occluders->run) {

@@ -109,7 +109,7 @@ static spsi_stretch scratch[SPSI_CURVE_SCRATCH(MOST, SPSI_SOFT_MOST) + 1], sorte
 static int curve_build_of(const column *c, int pieces) {
     int count;
     memcpy(sorted, c->list, (size_t)c->count * sizeof *sorted);
-    spsi_stretches_sort(sorted, (uint32_t)c->count);
+    spsi_stretches_sort(sorted, (size_t)c->count, scratch);
     memset(&scratch[SPSI_CURVE_SCRATCH(c->count, pieces)], 0x5a, sizeof *scratch);
     memset(&curve[SPSI_CURVE_NODES(c->count, pieces)], 0x5a, sizeof *curve);
     count = spsi_curve_build(sorted, c->count, pieces, scratch, curve);
@@ -221,7 +221,7 @@ static void test_before(void) {
 }
 
 static void test_sort(void) {
-    static spsi_stretch list[5000], other[5000];
+    static spsi_stretch list[5000], other[5000], room[2501];
     for (int n = 0; n < 30; ++n) {
         const uint32_t count = n < 6 ? (uint32_t)n : (uint32_t)between(2, 5000);
         double sum = 0, sum_sorted = 0;
@@ -233,8 +233,10 @@ static void test_sort(void) {
             other[count - 1 - i] = s;
             sum += floor((double)s.depth * 1024);
         }
-        spsi_stretches_sort(list, count);
-        spsi_stretches_sort(other, count);
+        memset(&room[count / 2], 0x5a, sizeof *room);
+        spsi_stretches_sort(list, count, room);
+        spsi_stretches_sort(other, count, room);
+        CHECK(((unsigned char *)&room[count / 2])[3] == 0x5a);
         for (uint32_t i = 0; i < count; ++i) {
             good &= i == 0 || list[i - 1].u0 <= list[i].u0;
             sum_sorted += floor((double)list[i].depth * 1024);
@@ -329,27 +331,38 @@ static void test_curve_merging(void) {
     CHECK(!(curve[1].u < curve[2].u) && curve[2].u < curve[3].u);
 }
 
+/* Optical depth at u on the straight line between two nodes. */
+static double depth_on(const spsi_node ends[2], float u) {
+    const double length = (double)ends[1].u - (double)ends[0].u, share = ((double)u - (double)ends[0].u) / length;
+    return (double)ends[0].value + ((double)ends[1].value - (double)ends[0].value) * share;
+}
+
 /* Between cuts next to each other the line of T is within step^2 of the exponential, if there is a float between. */
 static void test_cuts(void) {
     for (int n = 0; n < 400; ++n) {
         const double step = pow(10, between(-2, -0.3)), t0 = n % 3 ? 0 : between(0, 2);
         const float from = (float)between(0, 0.9), to = from + (float)pow(10, between(-6.5, -1.1));
-        const spsi_piece piece = {(double)from, (double)to, t0, t0 + pow(10, between(-2, 3))};
+        const spsi_node ends[2] = {{from, (float)t0}, {to, (float)(t0 + pow(10, between(-2, 3)))}};
         double worst = 0;
-        float u = from;
-        int cuts = 0;
-        while (u < to && ++cuts < 3000) {
-            const float next = spsi_piece_cut(&piece, u, step);
-            const double a = spsi_piece_through(&piece, u), b = spsi_piece_through(&piece, next);
-            if (!CHECK(next > u && next <= to)) break;
+        spsi_cuts cuts;
+        int count = 0, more = 1;
+        spsi_cuts_begin(&cuts);
+        spsi_cuts_piece(&cuts, ends, 0);
+        CHECK(!spsi_cuts_next(&cuts, step) && cuts.u >= from && cuts.u <= from);
+        spsi_cuts_piece(&cuts, ends, 1);
+        while (more && ++count < 3000) {
+            const float u = cuts.u;
+            const double a = cuts.through;
+            CHECK_NEAR(a, exp(-depth_on(ends, u)), 1e-15);
+            more = spsi_cuts_next(&cuts, step);
+            if (!CHECK(cuts.u > u && (more ? cuts.u < to : !(cuts.u < to)))) break;
             for (int i = 1; i < 16; ++i) {
-                const float at = u + (next - u) * (float)i / 16;
-                const double t = ((double)at - (double)u) / ((double)next - (double)u);
-                if (at > u && at < next) worst = fmax(worst, a + t * (b - a) - spsi_piece_through(&piece, at));
+                const float at = u + (cuts.u - u) * (float)i / 16;
+                const double t = ((double)at - (double)u) / ((double)cuts.u - (double)u);
+                if (at > u && at < cuts.u) worst = fmax(worst, a + t * (cuts.through - a) - exp(-depth_on(ends, at)));
             }
-            u = next;
         }
-        CHECK(cuts <= 1 + 2 / step);
+        CHECK(count <= 1 + 2 / step);
         if (!CHECK(worst <= step * step * (1 + 1e-9))) printf("    %g off, %g allowed\n", worst, step * step);
     }
 }
@@ -1061,7 +1074,7 @@ static void test_extremes(void) {
                 check_compressed(&c, 0.01f);
                 column_add(&c, 0.2, 0.7, depths[(d + 3) % 7], !soft);
                 column_add(&c, ends[(e + 1) % 7][0], ends[(e + 1) % 7][1], depths[(d + 1) % 7], 0);
-                spsi_stretches_sort(c.list, 3);
+                spsi_stretches_sort(c.list, 3, scratch);
                 check_all_techniques(&c, what);
                 check_compressed(&c, 0.01f);
                 CHECK((double)spsi_stretches_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));

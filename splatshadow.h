@@ -594,6 +594,12 @@ SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
    there is none in all of the map. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
+/* Where a world point is on a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y, z, 1). Its texel
+   is (X / W, Y / W), whole numbers being texels' centres; D is its distance from the light as near_depth counts it, and
+   where W is not above 0 it lies behind the light. A surface shades what is more than bias[0] + bias[1] * D behind it, in
+   the same units. All 0 where map is NULL or has no such face. matrix or bias may be NULL. */
+SPS_API void sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
+
 /* The settings as they were resolved: components above all. */
 SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *settings);
 
@@ -1322,6 +1328,16 @@ static int spsi_rays_from_camera(spsi_rays *rays, const sps_view *view) {
     pitch /= view->height;
     spsi_rays_aim(rays, view->position, right, down, forward, pitch, pitch);
     return spsi_rays_complete(rays);
+}
+
+/* What takes world points to texels, as a row-major matrix: (X, Y, t, W), of which the texel is (X / W, Y / W). */
+static void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
+    for (int i = 0; i < 4; ++i) {
+        const double *row = rays->inverse[spsi_least(i, 2)];
+        const int flat = i == 3 && !rays->perspective;
+        for (int k = 0; k < 3; ++k) matrix[4 * i + k] = flat ? 0 : row[k];
+        matrix[4 * i + 3] = flat ? 1 : -spsi_dot(row, rays->origin);
+    }
 }
 
 #define SPSI_CUBE_FACES 6 /* +x -x +y -y +z -z */
@@ -9698,6 +9714,15 @@ SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map) {
 
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->surfaces.data : NULL;
+}
+
+SPS_API void sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
+    const int known = map && face >= 0 && face < map->face_count;
+    if (matrix) memset(matrix, 0, 16 * sizeof *matrix);
+    if (matrix && known) spsi_rays_matrix(&map->rays[face], matrix);
+    if (!bias) return;
+    bias[0] = known ? map->bias : 0;
+    bias[1] = known ? map->bias_per_t : 0;
 }
 
 SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *settings) {

@@ -26,9 +26,9 @@ static int map_running_maximum;                 /* settings */
 static int map_has_surfaces;                    /* surfaces is not NULL */
 static int map_width, map_height;               /* texels of a face */
 static float map_near, map_far;                 /* settings.near_depth, far_depth */
-static float map_bias, map_bias_per_distance;   /* of surfaces, in world units */
-static vec4 map_row_x, map_row_y, map_row_w;    /* of the light's matrix; six faces need none of these */
-static vec4 map_row_distance;                   /* from the light, along its axis */
+static float map_bias, map_bias_per_distance;   /* of surfaces: sps_tmap_get_projection's bias */
+static vec4 map_row_x, map_row_y;               /* sps_tmap_get_projection's matrix, row by row; six faces need */
+static vec4 map_row_distance, map_row_w;        /* none of these */
 
 static float mix(float a, float b, float t) { return a + t * (b - a); }
 
@@ -337,8 +337,8 @@ static place place_of(vec3 position) {
     place p;
     float w = row_times(map_row_w, position);
     p.face = 0;
-    p.x = (0.5f + 0.5f * row_times(map_row_x, position) / w) * (float)map_width - 0.5f;
-    p.y = (0.5f - 0.5f * row_times(map_row_y, position) / w) * (float)map_height - 0.5f;
+    p.x = row_times(map_row_x, position) / w;
+    p.y = row_times(map_row_y, position) / w;
     p.distance = row_times(map_row_distance, position);
     p.u = w > 0.0f ? (p.distance - map_near) / (map_far - map_near) : -1.0f;
     return p;
@@ -489,67 +489,28 @@ static sps_tmap *fixture_build(const fixture *f, sps_context *context) {
 /* ------------------------------------------------------------------------------------- what a program hands a shader
  */
 
-static vec4 row_of(const double axis[3], const double position[3], double scale) {
-    vec4 row;
-    row.x = (float)(scale * axis[0]), row.y = (float)(scale * axis[1]), row.z = (float)(scale * axis[2]);
-    row.w = (float)(-scale * (axis[0] * position[0] + axis[1] * position[1] + axis[2] * position[2]));
-    return row;
+static vec4 row_of(const double matrix[16], int row) {
+    vec4 out;
+    out.x = (float)matrix[4 * row], out.y = (float)matrix[4 * row + 1], out.z = (float)matrix[4 * row + 2];
+    out.w = (float)matrix[4 * row + 3];
+    return out;
 }
 
-static void cross(const double a[3], const double b[3], double out[3]) {
-    for (int i = 0; i < 3; ++i) out[i] = a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3];
-}
-
-static void normalise(double a[3]) {
-    const double length = sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-    for (int i = 0; i < 3; ++i) a[i] /= length;
-}
-
-/* The rows of a look-at matrix times a projection, without what they say of depth, and the axis for that. Gives the
-   width of a texel in world units, at distance 1 where rays part. */
-static double set_rows(const sps_view *light) {
-    const double half = light->field_of_view > 0 ? tan(0.5 * light->field_of_view) : 0.5 * light->ortho_height;
-    const double nothing[3] = {0, 0, 0};
-    double axis[3], right[3], up[3];
-    for (int i = 0; i < 3; ++i) axis[i] = light->target[i] - light->position[i];
-    normalise(axis);
-    cross(axis, light->up, right);
-    normalise(right);
-    cross(right, axis, up);
-    map_row_x = row_of(right, light->position, light->height / (half * light->width));
-    map_row_y = row_of(up, light->position, 1 / half);
-    map_row_distance = map_row_w = row_of(axis, light->position, 1);
-    if (!(light->field_of_view > 0)) map_row_w = row_of(nothing, nothing, 0), map_row_w.w = 1;
-    return 2 * half / light->height;
-}
-
-/* The rows of an engine's matrix are what they are; one that is orthographic counts from where clip depth is -1. */
-static double take_rows(const sps_view *light) {
-    const double *m = light->world_to_clip, *z = m + 8;
-    const double nothing[3] = {0, 0, 0}, length = sqrt(z[0] * z[0] + z[1] * z[1] + z[2] * z[2]);
-    const int perspective = fabs(m[14]) > 0;
-    map_row_x = row_of(m, nothing, 1), map_row_x.w = (float)m[3];
-    map_row_y = row_of(m + 4, nothing, 1), map_row_y.w = (float)m[7];
-    map_row_w = row_of(m + 12, nothing, 1), map_row_w.w = (float)m[15];
-    map_row_distance = map_row_w;
-    if (!perspective)
-        map_row_distance = row_of(z, nothing, 1 / length), map_row_distance.w = (float)((m[11] + 1) / length);
-    return fmax(2 / (light->width * sqrt(m[0] * m[0] + m[1] * m[1])),
-                2 / (light->height * sqrt(m[4] * m[4] + m[5] * m[5])));
-}
-
-static void set_bias(const fixture *f, const sps_tmap_settings *settings, double texel) {
-    map_bias = map_bias_per_distance = 0;
-    if (settings->surface_bias > 0)
-        map_bias = (float)settings->surface_bias;
-    else if (f->kind == SUN || f->kind == SUN_BY_MATRIX)
-        map_bias = (float)(2 * texel);
-    else
-        map_bias_per_distance = (float)(2 * texel);
+/* An engine that has drawn the map itself, with a clip matrix of its own, hands over the same. */
+static void check_own_matrix(const fixture *f, const double matrix[16]) {
+    const double *m = f->light.world_to_clip, *w = m + 12;
+    for (int i = 0; i < 4; ++i) {
+        const double own[3] = {((m[i] + w[i]) * f->light.width - w[i]) / 2,
+                               ((w[i] - m[4 + i]) * f->light.height - w[i]) / 2, w[i]};
+        CHECK_NEAR(matrix[i], own[0], 1e-12 * WIDTH);
+        CHECK_NEAR(matrix[4 + i], own[1], 1e-12 * WIDTH);
+        CHECK_NEAR(matrix[12 + i], own[2], 1e-12);
+    }
 }
 
 static void hand_over(const sps_tmap *map, const fixture *f) {
     sps_tmap_settings s;
+    double matrix[16], bias[2];
     sps_tmap_get_settings(map, &s);
     texels = sps_tmap_texels(map), starts = sps_tmap_starts(map), surfaces = sps_tmap_surfaces(map);
     planes = s.planes;
@@ -560,10 +521,11 @@ static void hand_over(const sps_tmap *map, const fixture *f) {
     map_has_surfaces = surfaces != NULL;
     map_width = f->light.width, map_height = f->light.height;
     map_near = (float)s.near_depth, map_far = (float)s.far_depth;
-    set_bias(f, &s,
-             f->kind == SIX_FACES             ? 2.0 / (f->light.width - 1)
-             : f->light.world_to_clip != NULL ? take_rows(&f->light)
-                                              : set_rows(&f->light));
+    sps_tmap_get_projection(map, 0, matrix, bias);
+    map_row_x = row_of(matrix, 0), map_row_y = row_of(matrix, 1);
+    map_row_distance = row_of(matrix, 2), map_row_w = row_of(matrix, 3);
+    map_bias = (float)bias[0], map_bias_per_distance = (float)bias[1];
+    if (f->light.world_to_clip) check_own_matrix(f, matrix);
 }
 
 /* A point given in world space. */

@@ -1499,6 +1499,80 @@ static void test_replaced(void) {
     sps_destroy(context);
 }
 
+/* X / W, Y / W, D and W of a world point. */
+static void project(const double m[16], const double point[3], double out[4]) {
+    for (int i = 0; i < 4; ++i)
+        out[i] = m[4 * i] * point[0] + m[4 * i + 1] * point[1] + m[4 * i + 2] * point[2] + m[4 * i + 3];
+    out[0] /= out[3], out[1] /= out[3];
+}
+
+/* Texels of size 1 at z = 0, ten from the light, whose middle is texel (4, 4); rounding alone is allowed for. */
+static void test_projection(void) {
+    const double at[2][3] = {{2.5, -1, 0}, {2.5, -1, 5}}, rounding = 1e-12;
+    sps_context *context = sps_create(NULL);
+    sps_tmap *map;
+    fixture f;
+    double m[16], bias[2] = {7, 7}, q[4];
+    for (int way = ORTHO; way <= SPOT_MATRIX; ++way)
+        for (int own_bias = 0; own_bias < 2; ++own_bias) {
+            const int spot = way == SPOT || way == SPOT_MATRIX;
+            begin(&f, SPS_TMAP_BEER);
+            see(&f, way, SIDE);
+            f.settings.surface_bias = own_bias * 0.3;
+            map = must_build(&f, context);
+            if (!map) continue;
+            sps_tmap_get_projection(map, 0, m, bias);
+            for (int i = 0; i < 2; ++i) {
+                const double size = spot && i ? 0.5 : 1; /* of a texel there */
+                project(m, at[i], q);
+                CHECK_NEAR(q[0], 4 + 2.5 / size, rounding);
+                CHECK_NEAR(q[1], 4 + 1 / size, rounding);
+                CHECK_NEAR(q[2], i ? 5 : 10, rounding);
+                CHECK_NEAR(q[3], spot ? q[2] : 1, rounding);
+            }
+            CHECK_NEAR(bias[0], own_bias ? 0.3 : spot ? 0 : 2, rounding);
+            CHECK_NEAR(bias[1], own_bias || !spot ? 0 : 0.2, rounding);
+            sps_tmap_get_projection(map, 1, m, NULL);
+            sps_tmap_get_projection(map, -1, NULL, bias);
+            CHECK(!(fabs(m[0]) > 0) && !(fabs(m[15]) > 0) && !(bias[0] > 0) && !(bias[1] > 0));
+            sps_tmap_destroy(map);
+        }
+    sps_tmap_get_projection(NULL, 0, m, bias);
+    CHECK(!(fabs(m[0]) > 0) && !(bias[0] > 0));
+    sps_destroy(context);
+}
+
+/* Six faces: the middles of the outermost texels lie on the cube's edges. */
+static void test_projection_round(void) {
+    sps_context *context = sps_create(NULL);
+    sps_tmap *map;
+    fixture f;
+    double m[16], bias[2], q[4];
+    begin(&f, SPS_TMAP_BEER);
+    see(&f, ROUND, SIDE);
+    map = must_build(&f, context);
+    for (int face = 0; face < 6 && map; ++face) {
+        const int axis = face / 2;
+        double at[3];
+        memcpy(at, f.light.position, sizeof at);
+        at[axis] += face % 2 ? -2 : 2;
+        at[(axis + 1) % 3] += 2;
+        at[(axis + 2) % 3] -= 1;
+        sps_tmap_get_projection(map, face, m, bias);
+        project(m, at, q);
+        CHECK_NEAR(q[0], SIDE - 1, 1e-12);
+        CHECK_NEAR(q[1], 0.25 * (SIDE - 1), 1e-12);
+        CHECK_NEAR(q[2], 2, 1e-12);
+        sps_tmap_get_projection(map, face ^ 1, m, NULL);
+        project(m, at, q);
+        CHECK_NEAR(q[3], -2, 1e-12);
+        CHECK_NEAR(bias[0], 0, 0);
+        CHECK_NEAR(bias[1], 4.0 / (SIDE - 1), 1e-12);
+    }
+    sps_tmap_destroy(map);
+    sps_destroy(context);
+}
+
 /* What a map answers to when it is not its turn. */
 static void test_states(void) {
     const double points[6] = {0, 0, -5, 1, 1, -5};
@@ -2304,6 +2378,8 @@ int main(void) {
     RUN(test_planes);
     RUN(test_scenes);
     RUN(test_replaced);
+    RUN(test_projection);
+    RUN(test_projection_round);
     RUN(test_states);
     RUN(test_progress);
     RUN(test_callbacks);

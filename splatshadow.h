@@ -279,7 +279,7 @@ typedef struct sps_particles {
 /* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
    near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
    needs them in order has them sorted. Deep, compressed, depth, cosine and adaptive maps are made from lists that they
-   sort, which takes 10 to 50 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
+   sort, which takes 4 to 25 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
    says which to take. */
 typedef enum sps_tmap_technique {
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
@@ -306,8 +306,8 @@ typedef enum sps_tmap_technique {
        texel_range; insertion and query cost n. */
     SPS_TMAP_FOURIER,
     /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings, but
-       nothing is exact either. n 2..64, by default 8; made from lists, so that it takes 10 times as long as sums do; a
-       query costs n. */
+       nothing is exact either. n 2..64, by default 8; made from lists, the slowest of all to build; a query costs
+       n. */
     SPS_TMAP_COSINE,
     /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
        z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
@@ -562,8 +562,8 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
    kernel cut at slabs square to the light's axis, every triangle where it is. Time is about occluders * texels under
    them * components; memory, on top of the map's, 130 bytes a particle and 4 bytes a component of 64 rows of texels, or
    16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made from lists
-   take per worker what the fullest texel's stretches need, 60 bytes each, or, where particles are soft, 0.4 KB, and 14
-   KB for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
+   take per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5 KB, and 18 KB
+   for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
    (finished already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
@@ -596,8 +596,8 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* Where a world point is on a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y, z, 1). Its texel
    is (X / W, Y / W), whole numbers being texels' centres; D is its distance from the light as near_depth counts it, and
-   where W is not above 0 it lies behind the light. A surface shades what is more than bias[0] + bias[1] * D behind it, in
-   the same units. All 0 where map is NULL or has no such face. matrix or bias may be NULL. */
+   where W is not above 0 it lies behind the light. A surface shades what is more than bias[0] + bias[1] * D behind it,
+   in the same units. All 0 where map is NULL or has no such face. matrix or bias may be NULL. */
 SPS_API void sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
 /* The settings as they were resolved: components above all. */
@@ -2463,33 +2463,41 @@ static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *val
     return squares;
 }
 
-/* A polynomial's value, and its slope, of the derivative of order `order`. */
-static double spsi_polynomial(const double *c, int degree, int order, double x, double *slope) {
-    double value = 0;
-    *slope = 0;
-    for (int i = degree; i >= order; --i) {
-        double factor = 1;
-        for (int k = 0; k < order; ++k) factor *= i - k;
-        *slope = *slope * x + value;
-        value = value * x + factor * c[i];
+/* A polynomial's value, slope and half its second derivative. */
+static inline void spsi_polynomial(const double *c, int degree, double x, double out[3]) {
+    out[0] = c[degree];
+    out[1] = out[2] = 0;
+    for (int i = degree - 1; i >= 0; --i) {
+        out[2] = out[2] * x + out[1];
+        out[1] = out[1] * x + out[0];
+        out[0] = out[0] * x + c[i];
     }
-    return value;
 }
 
-/* The root between a and b, at which the values' signs differ: Newton's steps, or halves where they lead astray. */
-static double spsi_polynomial_root(const double *c, int degree, int order, double a, double b, int rising) {
+static int spsi_polynomial_positive(const double *c, int degree, double x) {
+    double at[3];
+    spsi_polynomial(c, degree, x, at);
+    return at[0] > 0;
+}
+
+/* The root between a and b, at which the values' signs differ: Laguerre's steps, which where all roots are real lead to
+   the next one on the side that is asked for, in three or four; or halves where rounding leads them astray. */
+static double spsi_polynomial_root(const double *c, int degree, double a, double b, int rising) {
+    const double n = degree;
     double x = 0.5 * (a + b);
     for (int i = 0; i < 100; ++i) {
-        double slope, step;
-        const double value = spsi_polynomial(c, degree, order, x, &slope);
-        if ((value > 0) == rising)
+        double at[3], spread, slope, step;
+        spsi_polynomial(c, degree, x, at);
+        if ((at[0] > 0) == rising)
             b = x;
         else
             a = x;
-        step = fabs(slope) > 0 ? x - value / slope : a;
-        if (!(step > a && step < b)) step = 0.5 * (a + b);
-        if (fabs(step - x) <= 1e-13 * fmax(fabs(x), 1)) return step;
-        x = step;
+        spread = (n - 1) * ((n - 1) * at[1] * at[1] - 2 * n * at[0] * at[2]);
+        spread = spread > 0 ? sqrt(spread) : 0;
+        slope = rising ? at[1] + spread : at[1] - spread;
+        step = slope < 0 || slope > 0 ? n * at[0] / slope : b - a;
+        if (fabs(step) <= 1e-13 * (fabs(x) > 1 ? fabs(x) : 1)) return x;
+        x = x - step > a && x - step < b ? x - step : 0.5 * (a + b);
     }
     return x;
 }
@@ -2516,29 +2524,33 @@ static void spsi_polynomial_within(const double *c, int degree, double reach, do
     within[1] = known ? fmin(middle + radius + room, reach) : reach;
 }
 
-/* The roots of odd order within -reach .. reach, in order: those of each derivative part those of the one before it. */
+/* The roots of odd order within two bounds, in order: they lie between those of the derivative. `roots` holds `count`
+   of these; gives how many of the polynomial itself take their place. */
+static int spsi_polynomial_between(const double *c, int degree, const double within[2], double *roots, int count) {
+    double a = within[0];
+    int low = spsi_polynomial_positive(c, degree, a), found = 0;
+    for (int i = 0; i <= count; ++i) {
+        const double b = i < count ? roots[i] : within[1];
+        const int high = spsi_polynomial_positive(c, degree, b);
+        if (low != high) roots[found++] = spsi_polynomial_root(c, degree, a, b, high);
+        a = b;
+        low = high;
+    }
+    return found;
+}
+
+/* The roots of odd order within -reach .. reach, in order: from those of the derivative of second degree upwards. */
 static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
-    double ends[SPSI_MOMENTS_MAX / 2 + 1], parabola[3], within[2];
+    double derivatives[SPSI_MOMENTS_MAX / 2 - 1][SPSI_MOMENTS_MAX / 2 + 1], within[2];
+    const double *parabola = derivatives[degree - 2];
     int count;
+    memcpy(derivatives[0], c, (size_t)(degree + 1) * sizeof *c);
+    for (int order = 1; order <= degree - 2; ++order)
+        for (int i = 0; i <= degree - order; ++i) derivatives[order][i] = (i + 1) * derivatives[order - 1][i + 1];
     spsi_polynomial_within(c, degree, reach, within);
-    for (int i = 0; i < 3; ++i) { /* the derivative of order degree - 2 */
-        parabola[i] = c[i + degree - 2];
-        for (int k = 0; k < degree - 2; ++k) parabola[i] *= i + degree - 2 - k;
-    }
     count = spsi_parabola_roots(parabola[2], parabola[1], parabola[0], reach, roots);
-    for (int order = degree - 3; order >= 0; --order) {
-        const int parts = count + 1;
-        double unused;
-        memcpy(ends, roots, (size_t)count * sizeof *roots);
-        ends[count] = within[1];
-        count = 0;
-        for (int i = 0; i < parts; ++i) {
-            const double a = i > 0 ? ends[i - 1] : within[0];
-            const int low = spsi_polynomial(c, degree, order, a, &unused) > 0;
-            const int high = spsi_polynomial(c, degree, order, ends[i], &unused) > 0;
-            if (low != high) roots[count++] = spsi_polynomial_root(c, degree, order, a, ends[i], high);
-        }
-    }
+    for (int order = degree - 3; order >= 0; --order)
+        count = spsi_polynomial_between(derivatives[order], degree - order, within, roots, count);
     return count;
 }
 

@@ -1622,6 +1622,13 @@ typedef struct spsi_node {
     float value;
 } spsi_node;
 
+/* A vector of texels of a map, as many floats each: those of the one at (x, y) begin at floats + y * stride + x. */
+typedef struct spsi_texels {
+    const float *floats;
+    int stride;
+    spsi_v x, y;
+} spsi_texels;
+
 typedef struct spsi_technique {
     const char *name;             /* as in error sentences, with its article */
     int least, most, step, usual; /* components: range, step from least, default; all 0 for lists */
@@ -1638,7 +1645,9 @@ typedef struct spsi_technique {
     void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel);
     /* Writes what the sums of `count` texels are before anything is inserted, where that is not 0. NULL: 0. */
     void (*clear)(float *sums, size_t stride, size_t count, int components);
-    /* Optical depth before u in 0..1. */
+    /* Optical depth before u in 0..1: of a vector of texels, or, where that takes a search or more digits than floats
+       have, of one. The other is NULL. */
+    spsi_v (*depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
     float (*depth)(const sps_tmap_settings *settings, const float *texel, float u);
     /* Bounds of it that hold for certain. NULL: none known, 0 .. SPSI_DEPTH_MAX is the answer. */
     void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
@@ -1722,6 +1731,11 @@ static inline spsi_v spsi_stretches_capped(const spsi_stretches *stretches) {
 }
 
 static inline void spsi_accumulate(float *sums, spsi_v more) { spsi_store(sums, spsi_add(spsi_load(sums), more)); }
+
+/* Component k of each of a vector's texels. */
+static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
+    return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
+}
 
 /* Where the first of a vector's stretches begins and the last ends; gives 0 if there are none. */
 static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
@@ -1925,59 +1939,92 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
     }
 }
 
-/* The points that a curve through planes takes; 0 at u = 0 comes before the first plane. */
-static inline void spsi_opacity_knot(const sps_tmap_settings *settings, const float *texel, int i, double knot[2]) {
-    knot[0] = i < 0 ? 0 : (double)spsi_plane(settings, i);
-    knot[1] = i < 0 ? 0 : (double)texel[i];
+/* The points that curves through planes take, u and optical depth; plane -1 is 0 at u = 0. */
+typedef struct spsi_knots {
+    spsi_v u, depth;
+} spsi_knots;
+
+static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, const spsi_texels *texels,
+                                            spsi_v plane) {
+    const spsi_v zero = spsi_set(0), at = spsi_clamp(plane, zero, spsi_set((float)(settings->components - 1)));
+    const spsi_m before = spsi_less(plane, zero);
+    spsi_knots knots;
+    knots.u = settings->planes ? spsi_lookup(settings->planes, 0, at, zero)
+                               : spsi_div(spsi_add(at, spsi_set(1)), spsi_set((float)settings->components));
+    knots.u = spsi_select(before, zero, knots.u);
+    knots.depth = spsi_select(before, zero, spsi_texels_at(texels, at));
+    return knots;
 }
 
-static double spsi_secant(const double a[2], const double b[2]) {
-    return fabs(b[0] - a[0]) > 0 ? (b[1] - a[1]) / (b[0] - a[0]) : 0;
+/* The first plane that does not lie before u, of even ones but for rounding; the last if all do. */
+static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v u) {
+    const int last = settings->components - 1;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_v plane = zero;
+    if (!settings->planes) {
+        plane = spsi_sub(zero, spsi_floor(spsi_mul(u, spsi_set((float)-settings->components))));
+        return spsi_clamp(spsi_sub(plane, one), zero, spsi_set((float)last));
+    }
+    for (int i = 0; i < last; ++i)
+        plane = spsi_select(spsi_less(spsi_set(settings->planes[i]), u), spsi_set((float)(i + 1)), plane);
+    return plane;
+}
+
+/* a / b, or 0 where b is 0. */
+static inline spsi_v spsi_ratio(spsi_v a, spsi_v b) {
+    const spsi_m some = spsi_less(spsi_set(0), spsi_abs(b));
+    return spsi_select(some, spsi_div(a, spsi_select(some, b, spsi_set(1))), spsi_set(0));
+}
+
+static inline spsi_v spsi_secant(const spsi_knots *a, const spsi_knots *b) {
+    return spsi_ratio(spsi_sub(b->depth, a->depth), spsi_sub(b->u, a->u));
 }
 
 /* The slope at b of the cubic through rising points a, b, c: that of their parabola, but so low that nothing
    overshoots. [Steffen 1990] */
-static double spsi_steffen_inner(const double a[2], const double b[2], const double c[2]) {
-    const double before = spsi_secant(a, b), after = spsi_secant(b, c);
-    const double parabola = (before * (c[0] - b[0]) + after * (b[0] - a[0])) / fmax(c[0] - a[0], 1e-30);
-    return 2 * fmin(fmin(before, after), 0.5 * parabola);
+static inline spsi_v spsi_steffen_inner(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
+    const spsi_v before = spsi_secant(a, b), after = spsi_secant(b, c);
+    const spsi_v sum = spsi_fma(before, spsi_sub(c->u, b->u), spsi_mul(after, spsi_sub(b->u, a->u)));
+    const spsi_v parabola = spsi_ratio(sum, spsi_sub(c->u, a->u));
+    return spsi_mul(spsi_set(2), spsi_min(spsi_min(before, after), spsi_mul(spsi_set(0.5f), parabola)));
 }
 
 /* The slope at the end a of a curve whose next points are b and c. [Steffen 1990] */
-static double spsi_steffen_end(const double a[2], const double b[2], const double c[2]) {
-    const double secant = spsi_secant(a, b), part = (b[0] - a[0]) / (c[0] - a[0]);
-    return fmin(fmax(secant * (1 + part) - spsi_secant(b, c) * part, 0), 2 * secant);
+static inline spsi_v spsi_steffen_end(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
+    const spsi_v secant = spsi_secant(a, b), part = spsi_ratio(spsi_sub(b->u, a->u), spsi_sub(c->u, a->u));
+    const spsi_v slope = spsi_fma(part, spsi_sub(secant, spsi_secant(b, c)), secant);
+    return spsi_clamp(slope, spsi_set(0), spsi_add(secant, secant));
 }
 
-/* A monotone cubic between planes i - 1 and i. */
-static double spsi_opacity_cubic(const sps_tmap_settings *settings, const float *texel, int i, double u) {
-    const int last = settings->components - 1;
-    double a[2], b[2], c[2], d[2], slope0, slope1, secant, t, length;
-    spsi_opacity_knot(settings, texel, i - 1, b);
-    spsi_opacity_knot(settings, texel, i, c);
-    if (i > 0) spsi_opacity_knot(settings, texel, i - 2, a);
-    if (i < last) spsi_opacity_knot(settings, texel, i + 1, d);
-    secant = spsi_secant(b, c);
-    slope0 = i > 0 ? spsi_steffen_inner(a, b, c) : i < last ? spsi_steffen_end(b, c, d) : secant;
-    slope1 = i < last ? spsi_steffen_inner(b, c, d) : i > 0 ? spsi_steffen_end(c, b, a) : secant;
-    length = c[0] - b[0];
-    t = length > 0 ? (u - b[0]) / length : 1;
-    /* Hermite's form about the straight line: exact for one, and at both ends */
-    t = b[1] + t * (c[1] - b[1]) + t * (1 - t) * length * ((1 - t) * (slope0 - secant) - t * (slope1 - secant));
-    return fmin(fmax(t, b[1]), c[1]);
+/* A monotone cubic between planes i - 1 and i, which are b and c: Hermite's form about the straight line, exact for
+   one, and at both ends. */
+static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v i,
+                                        const spsi_knots *b, const spsi_knots *c, spsi_v t) {
+    const spsi_v one = spsi_set(1), even = spsi_secant(b, c), rest = spsi_sub(one, t),
+                 rise = spsi_sub(c->depth, b->depth);
+    const spsi_knots a = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(2)));
+    const spsi_knots d = spsi_opacity_knots(settings, texels, spsi_add(i, one));
+    const spsi_m first = spsi_less(i, spsi_set(0.5f));
+    const spsi_m last = spsi_less(spsi_set((float)settings->components - 1.5f), i);
+    const spsi_v first_slope = spsi_select(last, even, spsi_steffen_end(b, c, &d));
+    const spsi_v last_slope = spsi_select(first, even, spsi_steffen_end(c, b, &a));
+    const spsi_v slope0 = spsi_select(first, first_slope, spsi_steffen_inner(&a, b, c));
+    const spsi_v slope1 = spsi_select(last, last_slope, spsi_steffen_inner(b, c, &d));
+    spsi_v bend = spsi_sub(spsi_mul(rest, spsi_sub(slope0, even)), spsi_mul(t, spsi_sub(slope1, even)));
+    bend = spsi_mul(spsi_mul(spsi_mul(t, rest), spsi_sub(c->u, b->u)), bend);
+    return spsi_clamp(spsi_add(spsi_fma(t, rise, b->depth), bend), b->depth, c->depth);
 }
 
-/* Cost: two look-ups, or four if cubic; a search if the planes are given. */
-static float spsi_opacity_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const int i = spsi_plane_from(settings, u);
-    double before[2], after[2], t;
-    if (!(u > 0)) return 0;
-    spsi_opacity_knot(settings, texel, i - 1, before);
-    spsi_opacity_knot(settings, texel, i, after);
-    if ((double)u >= after[0]) return texel[i];
-    if (settings->cubic) return (float)spsi_opacity_cubic(settings, texel, i, (double)u);
-    t = ((double)u - before[0]) / (after[0] - before[0]);
-    return (float)(before[1] + t * (after[1] - before[1]));
+/* Cost: two look-ups, or four if cubic; a look at every plane if they are given. */
+static spsi_v spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+    const spsi_v zero = spsi_set(0), i = spsi_planes_from(settings, u);
+    const spsi_knots before = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(1)));
+    const spsi_knots after = spsi_opacity_knots(settings, texels, i);
+    const spsi_v share = spsi_ratio(spsi_sub(u, before.u), spsi_sub(after.u, before.u));
+    const spsi_v t = spsi_clamp(share, zero, spsi_set(1));
+    const spsi_v depth = settings->cubic ? spsi_opacity_cubic(settings, texels, i, &before, &after, t)
+                                         : spsi_mix(before.depth, after.depth, t);
+    return spsi_select(spsi_less(zero, u), spsi_select(spsi_less(u, after.u), depth, after.depth), zero);
 }
 
 /* Optical depth never falls, so the planes about u bound it. */
@@ -2036,31 +2083,33 @@ static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel)
 
 /* a0 u / 2 + sum of (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k), at the angle whose cosine and sine are
    given. [Jansen & Bavoil 2010] */
-static double spsi_fourier_series(const float *texel, int components, double u, const double at[2]) {
-    double z[2] = {at[0], at[1]}, sum = 0;
+static inline spsi_v spsi_fourier_series(const spsi_v *texel, int components, spsi_v u, spsi_v cosine, spsi_v sine) {
+    spsi_v c = cosine, s = sine, sum = spsi_mul(spsi_mul(spsi_set(0.5f), texel[0]), u);
     for (int k = 1; 2 * k < components; ++k) {
-        sum += ((double)texel[2 * k - 1] * z[1] + (double)texel[2 * k] * (1 - z[0])) / k;
-        spsi_turn_double(z, at);
+        const spsi_v both = spsi_fma(texel[2 * k - 1], s, spsi_mul(texel[2 * k], spsi_sub(spsi_set(1), c)));
+        sum = spsi_fma(both, spsi_set((float)(1 / (2 * SPSI_PI * k))), sum);
+        spsi_turn_by(&c, &s, cosine, sine);
     }
-    return 0.5 * (double)texel[0] * u + sum / (2 * SPSI_PI);
+    return sum;
 }
 
 /* Never more than all there is, nor less than nothing. The running maximum is over u and what lies before it of 4 n
    even samples, n harmonics: the highest is then seen four times in each of its periods. */
-static float spsi_fourier_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const int n = settings->components, samples = 2 * (n - 1);
-    const double angle = 2 * SPSI_PI * (double)u, at[2] = {cos(angle), sin(angle)};
-    const double whole = fmin(0.5 * (double)texel[0], (double)SPSI_DEPTH_MAX);
-    double most = spsi_fourier_series(texel, n, (double)u, at);
-    if (settings->running_maximum) {
-        const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
-        double z[2] = {by[0], by[1]};
-        for (int i = 1; i < (double)u * samples; ++i) {
-            most = fmax(most, spsi_fourier_series(texel, n, (double)i / samples, z));
-            spsi_turn_double(z, by);
-        }
+static spsi_v spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+    const int n = settings->components, samples = settings->running_maximum ? 2 * (n - 1) : 0;
+    spsi_v texel[SPSI_TMAP_COMPONENTS], cosine, sine, most, whole;
+    for (int k = 0; k < n; ++k) texel[k] = spsi_texels_at(texels, spsi_set((float)k));
+    whole = spsi_min(spsi_mul(spsi_set(0.5f), texel[0]), spsi_set(SPSI_DEPTH_MAX));
+    spsi_turn(u, &cosine, &sine);
+    most = spsi_fourier_series(texel, n, u, cosine, sine);
+    for (int i = 1; i < samples; ++i) {
+        const spsi_v at = spsi_set((float)i / (float)samples);
+        const spsi_m before = spsi_less(at, u);
+        if (!spsi_bits(before)) break;
+        spsi_turn(at, &cosine, &sine);
+        most = spsi_select(before, spsi_max(most, spsi_fourier_series(texel, n, at, cosine, sine)), most);
     }
-    return (float)fmin(fmax(most, 0), whole);
+    return spsi_clamp(most, spsi_set(0), whole);
 }
 
 /* ---- fits: what a curve gives to those who take it piece by piece ---- */
@@ -2119,9 +2168,9 @@ static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *c
     }
 }
 
-static float spsi_depth_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+static spsi_v spsi_depth_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     (void)settings;
-    return u < texel[0] ? 0 : SPSI_DEPTH_MAX;
+    return spsi_select(spsi_less(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* ---- cosine series ---- */
@@ -2174,14 +2223,19 @@ static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *
 
 /* T is taken as no less than e^-SPSI_LIGHT_END, 1e-7: that is what rounding leaves of coefficients up to 1, and a
    series that rings below 0 would be opaque otherwise. */
-static float spsi_cosine_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const double by[2] = {cos(SPSI_PI * (double)u), sin(SPSI_PI * (double)u)};
-    double z[2] = {by[0], by[1]}, sum = (double)texel[0];
+static spsi_v spsi_cosine_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+    const float least = expf(-SPSI_LIGHT_END);
+    float lanes[SPSI_LANES];
+    spsi_v cosine, sine, c, s, sum = spsi_texels_at(texels, spsi_set(0));
+    spsi_turn(spsi_mul(spsi_set(0.5f), u), &cosine, &sine);
+    c = cosine, s = sine;
     for (int k = 1; k < settings->components; ++k) {
-        sum += (double)texel[k] * z[0];
-        spsi_turn_double(z, by);
+        sum = spsi_fma(spsi_texels_at(texels, spsi_set((float)k)), c, sum);
+        spsi_turn_by(&c, &s, cosine, sine);
     }
-    return spsi_depth_of(fmax(sum, exp(-(double)SPSI_LIGHT_END)));
+    spsi_store(lanes, spsi_clamp(sum, spsi_set(least), spsi_set(1)));
+    for (int i = 0; i < SPSI_LANES; ++i) lanes[i] = -logf(lanes[i]);
+    return spsi_load(lanes);
 }
 
 /* ---- transmittance in straight lines ---- */
@@ -2639,29 +2693,40 @@ static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
     texel[1] = texel[2] / spsi_higher(last - texel[0], SPSI_BEER_LENGTH);
 }
 
-static float spsi_beer_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+    const spsi_v behind = spsi_max(spsi_sub(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0));
     (void)settings;
-    return spsi_lower(spsi_higher(u - texel[0], 0) * texel[1], texel[2]);
+    return spsi_min(spsi_mul(behind, spsi_texels_at(texels, spsi_set(1))), spsi_texels_at(texels, spsi_set(2)));
 }
 
 /* By sps_tmap_technique. */
 static const spsi_technique spsi_techniques[] = {
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depth, NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, spsi_opacity_depth,
-     spsi_opacity_bracket},
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a depth map", 1, 1, 1, 1, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depths, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, spsi_opacity_depths,
+     NULL, spsi_opacity_bracket},
     {"a deep opacity map", 3, 65, 1, 8, 0, 1, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
-     spsi_opacity_depth, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, spsi_fourier_depth,
-     NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depth, NULL},
-    {"a moment map", 5, 9, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, spsi_moment_depth,
+     spsi_opacity_depths, NULL, spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, spsi_fourier_depths,
+     NULL, NULL},
+    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depths, NULL, NULL},
+    {"a moment map", 5, 9, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, spsi_moment_depth,
      spsi_moment_bracket},
-    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, spsi_adaptive_depth, NULL},
-    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depth,
-     NULL},
+    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, NULL, spsi_adaptive_depth, NULL},
+    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depths,
+     NULL, NULL},
 };
+
+/* Optical depth before u in one texel, by whichever function a technique has. */
+static float spsi_texel_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    const spsi_technique *technique = &spsi_techniques[settings->technique];
+    const spsi_texels texels = {texel, 0, spsi_set(0), spsi_set(0)};
+    float lanes[SPSI_LANES];
+    if (technique->depth) return technique->depth(settings, texel, u);
+    spsi_store(lanes, technique->depths(settings, &texels, spsi_set(u)));
+    return lanes[0];
+}
 
 /* 1: texels begin with the u of their first and their last occluder. */
 static int spsi_settings_have_range(const sps_tmap_settings *settings) {
@@ -4375,6 +4440,7 @@ struct sps_tmap {
     double matrix[16];          /* its world_to_clip */
     int has_components;         /* 1: the caller has said how many, 0: the technique */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
+    int has_vectors;            /* 1: vectors of texels are asked at once */
     int face_count, replace_invalid;
     int finished, failed;
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -4422,7 +4488,7 @@ static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
     }
     {
         const spsi_texel texel = spsi_tmap_texel(map, index, u);
-        return texel.u < 0 ? 0 : map->technique->depth(&map->inner, texel.floats, texel.u);
+        return texel.u < 0 ? 0 : spsi_texel_depth(&map->inner, texel.floats, texel.u);
     }
 }
 
@@ -4445,10 +4511,14 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
 
 /* The four texels about a point. */
 typedef struct spsi_place_in_map {
-    size_t texel[4];
+    int column[2], row[2]; /* rows of all faces, one below the other */
     double weight[4], t;
     float u;
 } spsi_place_in_map;
+
+static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *place, int i) {
+    return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
+}
 
 /* Gives 0 outside of the map and before near_depth. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
@@ -4468,12 +4538,11 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
     if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
     x = (int)floor(q[0]);
     y = (int)floor(q[1]);
-    for (int i = 0; i < 4; ++i) {
-        const int tx = spsi_least(spsi_most(x + (i & 1), 0), width - 1);
-        const int ty = spsi_least(spsi_most(y + (i >> 1), 0), height - 1);
-        place->texel[i] = ((size_t)face * (size_t)height + (size_t)ty) * (size_t)width + (size_t)tx;
-        place->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
+    for (int i = 0; i < 2; ++i) {
+        place->column[i] = spsi_least(spsi_most(x + i, 0), width - 1);
+        place->row[i] = face * height + spsi_least(spsi_most(y + i, 0), height - 1);
     }
+    for (int i = 0; i < 4; ++i) place->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
     return 1;
 }
 
@@ -4486,22 +4555,158 @@ static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place)
     if (!surfaces) return 1;
     for (int i = 0; i < 4; ++i) {
         sum += place->weight[i];
-        if (!((double)surfaces[place->texel[i]] + bias < u)) lit += place->weight[i];
+        if (!((double)surfaces[spsi_place_texel(map, place, i)] + bias < u)) lit += place->weight[i];
     }
     return lit < sum ? lit / sum : 1;
 }
 
-/* Optical depth of gas at a world point: of four texels at the point's own u, not of what lies between their depths.
-   `lit`: the share that surfaces leave. */
-static double spsi_tmap_at(const sps_tmap *map, const double point[3], double *lit) {
-    spsi_place_in_map place;
-    double sum = 0;
-    *lit = 1;
-    if (!spsi_tmap_locate(map, point, &place)) return 0;
+/* The same of a vector of points, of which those outside of the map have no weights. */
+typedef struct spsi_places {
+    spsi_v column[2], row[2], weight[4], u;
+} spsi_places;
+
+/* Optical depth of gas before u in a vector of texels. */
+static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_texels texels;
+    spsi_v first, length, within;
+    texels.floats = (const float *)map->texels.data;
+    texels.stride = map->rays[0].width * map->settings.components;
+    texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
+    texels.y = row;
+    if (!map->has_range) return map->technique->depths(&map->inner, &texels, u);
+    first = spsi_texels_at(&texels, zero);
+    length = spsi_sub(spsi_texels_at(&texels, one), first);
+    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
+    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
+    texels.x = spsi_add(texels.x, spsi_set(2));
+    return spsi_select(spsi_less(u, first), zero, map->technique->depths(&map->inner, &texels, within));
+}
+
+/* The same, one texel after the other. */
+static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+    float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
+    spsi_store(columns, column);
+    spsi_store(rows, row);
+    spsi_store(us, u);
+    spsi_store(weights, weight);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const size_t texel = (size_t)rows[i] * (size_t)map->rays[0].width + (size_t)columns[i];
+        us[i] = weights[i] > 0 ? spsi_tmap_depth(map, texel, us[i]) : 0;
+    }
+    return spsi_load(us);
+}
+
+/* Optical depth of gas at a vector of points: of four texels at the point's own u, not of what lies between their
+   depths. */
+static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 4; ++i) {
+        const spsi_v column = places->column[i & 1], row = places->row[i >> 1], weight = places->weight[i];
+        sum = spsi_fma(weight,
+                       map->has_vectors ? spsi_tmap_texel_depths(map, column, row, places->u)
+                                        : spsi_tmap_each_depth(map, column, row, places->u, weight),
+                       sum);
+    }
+    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
+}
+
+/* Optical depth of gas at up to SPSI_LANES world points (packed triples), placed in double precision, and the shares of
+   light that surfaces leave. */
+static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
+    float lanes[9][SPSI_LANES] = {{0}};
+    spsi_places places;
+    for (int lane = 0; lane < count; ++lane) {
+        spsi_place_in_map place;
+        lit[lane] = 1;
+        if (!spsi_tmap_locate(map, points + 3 * lane, &place)) continue;
+        for (int i = 0; i < 2; ++i) {
+            lanes[i][lane] = (float)place.column[i];
+            lanes[2 + i][lane] = (float)place.row[i];
+        }
+        for (int i = 0; i < 4; ++i) lanes[4 + i][lane] = (float)place.weight[i];
+        lanes[8][lane] = place.u;
+        lit[lane] = spsi_tmap_lit(map, &place);
+    }
+    for (int i = 0; i < 2; ++i) places.column[i] = spsi_load(lanes[i]), places.row[i] = spsi_load(lanes[2 + i]);
+    for (int i = 0; i < 4; ++i) places.weight[i] = spsi_load(lanes[4 + i]);
+    places.u = spsi_load(lanes[8]);
+    spsi_store(lanes[0], spsi_tmap_depths(map, &places));
+    memcpy(depths, lanes[0], (size_t)count * sizeof(float));
+}
+
+/* A vector of points as the rays of the faces that they lie in see them: x and y in texels, and t. */
+typedef struct spsi_seen_by_map {
+    spsi_v face, x, y, t;
+    spsi_m before; /* not behind the light, nor nearer than near_depth */
+} spsi_seen_by_map;
+
+static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_places *places) {
+    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
+    const spsi_v x = spsi_clamp(seen->x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
+    const spsi_v y = spsi_clamp(seen->y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
+    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
+    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
+    const spsi_m inside = spsi_and(seen->before, spsi_and(across, down));
+    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
+    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
+    const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
+    for (int i = 0; i < 2; ++i) {
+        const spsi_v next = spsi_set((float)i);
+        places->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
+        places->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+    }
     for (int i = 0; i < 4; ++i)
-        if (place.weight[i] > 0) sum += place.weight[i] * (double)spsi_tmap_depth(map, place.texel[i], place.u);
-    *lit = spsi_tmap_lit(map, &place);
-    return fmin(sum, (double)SPSI_DEPTH_MAX);
+        places->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
+}
+
+/* Points given in the coordinates of the map's only rays before any division, t counted from near_depth. */
+static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
+    const spsi_v per_depth = spsi_set((float)map->per_depth), tiny = spsi_set(FLT_MIN * 16);
+    const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
+    spsi_v scale = spsi_set(1);
+    seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], per_depth)); /* room for rounding */
+    if (map->rays[0].perspective) {
+        seen->before = spsi_and(seen->before, spsi_less(tiny, distance));
+        scale = spsi_div(scale, spsi_max(distance, tiny));
+    }
+    seen->face = spsi_set(0);
+    seen->x = spsi_mul(q[0], scale);
+    seen->y = spsi_mul(q[1], scale);
+    seen->t = q[2];
+}
+
+/* Points given as world offsets from the light, seen through the one of six faces that each lies in. */
+static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
+    const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
+    const spsi_m is_x = spsi_less(y, x), is_z = spsi_less(spsi_max(x, y), z);
+    spsi_v axes[3], per_distance, distance; /* along the face's axis, and the two after it */
+    for (int i = 0; i < 3; ++i)
+        axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_x, offset[i], offset[(i + 1) % 3]));
+    distance = spsi_abs(axes[0]);
+    per_distance = spsi_div(half, spsi_max(distance, spsi_set(FLT_MIN * 16)));
+    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_x, zero, spsi_set(2)));
+    seen->face = spsi_add(seen->face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
+    seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
+    seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
+    seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
+    seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
+}
+
+/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see, or of six faces
+   spsi_tmap_see_round, takes. Floats do within a picture. */
+static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+    spsi_seen_by_map seen;
+    spsi_places places;
+    if (map->face_count > 1)
+        spsi_tmap_see_round(map, q, &seen);
+    else
+        spsi_tmap_see(map, q, &seen);
+    spsi_places_build(map, &seen, &places);
+    places.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
+    return spsi_tmap_depths(map, &places);
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces leave. */
@@ -4518,7 +4723,7 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
     for (int i = 0; i < 4; ++i) {
         float bounds[2];
         if (!(place.weight[i] > 0)) continue;
-        spsi_tmap_bounds(map, place.texel[i], place.u, bounds);
+        spsi_tmap_bounds(map, spsi_place_texel(map, &place, i), place.u, bounds);
         for (int k = 0; k < 2; ++k) bracket[k] += place.weight[i] * (double)bounds[k];
     }
     lit = spsi_tmap_lit(map, &place);
@@ -5677,7 +5882,7 @@ typedef struct spsi_shader {
     const spsi_depth_map *depth_map;
     const spsi_hit *hits;      /* whole image */
     spsi_linear slab;          /* slab coordinate */
-    spsi_linear light_rays[3]; /* ray coordinates of the light's planes */
+    spsi_linear light_rays[3]; /* what the light's planes, or its map by spsi_tmap_lookup, are asked by */
     spsi_linear position[3];   /* relative to `position_origin` */
     double position_origin[3];
     const sps_light *light;                /* of the sweep, or NULL */
@@ -5783,16 +5988,9 @@ static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y
 }
 
 static spsi_v spsi_lookup_tmap(const spsi_shader *shader, const spsi_pixels *p, spsi_v d) {
-    float lanes[3][SPSI_LANES], depths[SPSI_LANES];
-    spsi_v position[3];
-    spsi_position_at(shader, p->line.at, (float)p->line.y, d, position);
-    for (int i = 0; i < 3; ++i) spsi_store(lanes[i], position[i]);
-    for (int lane = 0; lane < SPSI_LANES; ++lane) {
-        double point[3], lit;
-        for (int i = 0; i < 3; ++i) point[i] = shader->position_origin[i] + (double)lanes[i][lane];
-        depths[lane] = (float)spsi_tmap_at(shader->tmap, point, &lit);
-    }
-    return spsi_load(depths);
+    spsi_v q[3];
+    for (int i = 0; i < 3; ++i) q[i] = spsi_fma(d, p->light_slope[i], p->light_base[i]);
+    return spsi_tmap_lookup(shader->tmap, q);
 }
 
 /* Optical depth between the sweep's light and the rays' points at depth d, on plane k. */
@@ -6308,8 +6506,12 @@ static double spsi_light_depth(const spsi_shader *shader, const double point[3])
     const spsi_sweep *sweep = shader->sweep;
     const spsi_planes *planes = shader->planes;
     double q[3], slab, before, after, lit;
+    float depth;
     int k;
-    if (shader->tmap) return spsi_tmap_at(shader->tmap, point, &lit);
+    if (shader->tmap) {
+        spsi_tmap_at(shader->tmap, 1, point, &depth, &lit);
+        return (double)depth;
+    }
     if (!planes->width) return 0;
     spsi_project(&sweep->rays, point, q);
     if (sweep->rays.perspective && !(q[2] > 0)) return 0;
@@ -6957,6 +7159,12 @@ static void spsi_run_linears(spsi_run *run) {
         if (sweep->light < 0) continue;
         if (run->planes.width)
             spsi_linear_build(&frame->eye, sweep->rays.inverse[i], sweep->rays.origin, 0, &shader->light_rays[i]);
+        if (shader->tmap) {
+            const spsi_rays *rays = &shader->tmap->rays[0];
+            const int whole = shader->tmap->face_count > 1;
+            spsi_linear_build(&frame->eye, whole ? axis : rays->inverse[i], rays->origin,
+                              i == 2 && !whole ? -rays->depth_reference : 0, &shader->light_rays[i]);
+        }
         for (int face = 0; face < run->depth_map.face_count; ++face)
             spsi_linear_build(&frame->eye, run->depth_map.rays[face].inverse[i], run->depth_map.rays[face].origin,
                               i == 2 ? -run->depth_map.rays[face].depth_reference : 0, &run->depth_map.along[face][i]);
@@ -8214,6 +8422,8 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
+    /* look-ups count in ints */
+    map->has_vectors = technique->depths && spsi_tmap_texel_count(map) <= INT32_MAX / (size_t)settings->components;
     return budget && spsi_tmap_bytes(map) > budget ? spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map))
                                                    : SPS_OK;
 }
@@ -9700,10 +9910,17 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
 
 SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                             float *transmittances) {
-    for (size_t i = 0; i < count; ++i) {
-        double lit = 1, depth = map && map->finished ? spsi_tmap_at(map, positions + 3 * i, &lit) : 0;
-        if (transmittances) transmittances[i] = (float)(depth < 86 ? lit * exp(-depth) : 0);
-        if (optical_depths) optical_depths[i] = (float)spsi_depth_with_surfaces(depth, lit);
+    for (size_t first = 0; first < count; first += SPSI_LANES) {
+        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
+        float depths[SPSI_LANES] = {0};
+        double lit[SPSI_LANES];
+        for (int i = 0; i < some; ++i) lit[i] = 1;
+        if (map && map->finished) spsi_tmap_at(map, some, positions + 3 * first, depths, lit);
+        for (int i = 0; i < some; ++i) {
+            const double depth = (double)depths[i];
+            if (transmittances) transmittances[first + (size_t)i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
+            if (optical_depths) optical_depths[first + (size_t)i] = (float)spsi_depth_with_surfaces(depth, lit[i]);
+        }
     }
 }
 

@@ -367,125 +367,139 @@ static sps_particle *puff_build(size_t count) {
     return list;
 }
 
-enum { MAP_QUERIES = 400000, MAP_QUERY_TASKS = 64 };
+enum { MAP_QUERIES = 400000, MAP_QUERY_TASKS = 64, MAP_SIZE = 512 };
 
-/* Queries, shared out among a session's threads. */
-typedef struct map_queries {
-    const sps_tmap *map;
+/* What all maps of the table are made of, and where they are asked. Stays where it is: the scene points into it. */
+typedef struct map_trial {
+    sps_particles particles;
+    sps_scene scene;
+    sps_view light;
+    double inserts; /* stretches of particles that meet the texels' rays: what every technique has to take in */
     double *positions;
     float *depths;
-} map_queries;
+    const sps_tmap *map; /* the one that is asked */
+} map_trial;
 
-static void map_query_task(void *data, int index, int worker) {
-    const map_queries *queries = (const map_queries *)data;
-    const size_t count = MAP_QUERIES / MAP_QUERY_TASKS, first = (size_t)index * count;
-    (void)worker;
-    sps_tmap_query(queries->map, count, queries->positions + 3 * first, queries->depths + first, NULL);
-}
-
-/* Seconds to build a map and to query it, each the least of three. */
-static void map_seconds(ex_session *session, const sps_tmap_settings *settings, const sps_scene *scene,
-                        map_queries *queries, double seconds[2], double *megabytes) {
-    sps_view light;
-    memset(&light, 0, sizeof light);
-    light.width = light.height = 512;
-    light.position[2] = 5, light.up[1] = 1, light.field_of_view = 0.5;
-    seconds[0] = seconds[1] = HUGE_VAL;
-    for (int run = 0; run < 3; ++run) {
-        sps_tmap *map;
-        const double start = ex_now(NULL);
-        stop_if(sps_tmap_create(session->context, &light, settings, &map), session);
-        stop_if(sps_tmap_add(map, scene), session);
-        stop_if(sps_tmap_finish(map), session);
-        const double built = ex_now(NULL);
-        queries->map = map;
-        ex_parallel_for(&session->pool, MAP_QUERY_TASKS, map_query_task, queries);
-        seconds[0] = fmin(seconds[0], built - start);
-        seconds[1] = fmin(seconds[1], ex_now(NULL) - built);
-        *megabytes = 1e-6 * (double)sps_tmap_bytes(map);
-        sps_tmap_destroy(map);
-    }
-}
-
-/* How many stretches of particles meet the texels' rays: what every technique has to take in. */
-static double map_insert_count(ex_session *session, const sps_scene *scene) {
-    sps_tmap_settings settings;
-    sps_view light;
+static sps_tmap *map_build(const ex_session *session, const map_trial *trial, const sps_tmap_settings *settings) {
     sps_tmap *map;
-    memset(&light, 0, sizeof light);
-    memset(&settings, 0, sizeof settings);
-    light.width = light.height = 512;
-    light.position[2] = 5, light.up[1] = 1, light.field_of_view = 0.5;
-    settings.far_depth = 10;
-    stop_if(sps_tmap_create(session->context, &light, &settings, &map), session);
-    stop_if(sps_tmap_add(map, scene), session);
+    stop_if(sps_tmap_create(session->context, &trial->light, settings, &map), session);
+    stop_if(sps_tmap_add(map, &trial->scene), session);
     stop_if(sps_tmap_finish(map), session);
-    const double count = sps_tmap_starts(map)[512 * 512];
+    return map;
+}
+
+static double map_insert_count(const ex_session *session, const map_trial *trial) {
+    sps_tmap_settings settings; /* an exact map has them all in its lists */
+    memset(&settings, 0, sizeof settings);
+    settings.far_depth = 10;
+    sps_tmap *map = map_build(session, trial, &settings);
+    const double count = sps_tmap_starts(map)[MAP_SIZE * MAP_SIZE];
     sps_tmap_destroy(map);
     return count;
 }
 
+static void map_trial_begin(map_trial *trial, const ex_session *session) {
+    const size_t particle_count = 100000;
+    memset(trial, 0, sizeof *trial);
+    trial->particles.count = particle_count, trial->particles.read_fn = ex_particles_read;
+    trial->particles.user = puff_build(particle_count);
+    trial->scene.particles = &trial->particles, trial->scene.particles_count = 1;
+    trial->light.width = trial->light.height = MAP_SIZE;
+    trial->light.position[2] = 5, trial->light.up[1] = 1, trial->light.field_of_view = 0.5;
+    trial->positions = (double *)ex_allocate(MAP_QUERIES, 3 * sizeof(double));
+    trial->depths = (float *)ex_allocate(MAP_QUERIES, sizeof(float));
+    for (int i = 0; i < 3 * MAP_QUERIES; ++i) trial->positions[i] = (double)(i * 7919LL % 20011) / 10006 - 1;
+    trial->inserts = map_insert_count(session, trial);
+}
+
+static void map_trial_end(map_trial *trial) {
+    free(trial->particles.user);
+    free(trial->positions);
+    free(trial->depths);
+}
+
+/* Queries, shared out among a session's threads. */
+static void map_query_task(void *data, int index, int worker) {
+    const map_trial *trial = (const map_trial *)data;
+    const size_t count = MAP_QUERIES / MAP_QUERY_TASKS, first = (size_t)index * count;
+    (void)worker;
+    sps_tmap_query(trial->map, count, trial->positions + 3 * first, trial->depths + first, NULL);
+}
+
+typedef struct map_figures {
+    double build, query; /* seconds, each the least of three */
+    double megabytes;
+} map_figures;
+
+static map_figures map_measure(ex_session *session, map_trial *trial, const sps_tmap_settings *settings) {
+    map_figures figures = {HUGE_VAL, HUGE_VAL, 0};
+    for (int run = 0; run < 3; ++run) {
+        const double start = ex_now(NULL);
+        sps_tmap *map = map_build(session, trial, settings);
+        const double built = ex_now(NULL);
+        trial->map = map;
+        ex_parallel_for(&session->pool, MAP_QUERY_TASKS, map_query_task, trial);
+        figures.build = fmin(figures.build, built - start);
+        figures.query = fmin(figures.query, ex_now(NULL) - built);
+        figures.megabytes = 1e-6 * (double)sps_tmap_bytes(map);
+        sps_tmap_destroy(map);
+    }
+    return figures;
+}
+
 typedef struct map_row {
     const char *name;
-    sps_tmap_settings settings;
+    sps_tmap_settings settings; /* but for the range of depths, which is the same for all */
+    double bound;               /* the target of seconds to build with WORKERS workers; 0: none */
 } map_row;
 
-static void bench_map(const map_row *row, const sps_scene *scene, double inserts, ex_session sessions[2],
-                      map_queries *queries) {
-    double seconds[2][2], megabytes;
+static const map_row map_rows[] = {
+    {"depth", .settings = {.technique = SPS_TMAP_DEPTH}},
+    {"opacity, 8 planes", .settings = {.technique = SPS_TMAP_OPACITY, .components = 8}},
+    {"the same, cubic", .settings = {.technique = SPS_TMAP_OPACITY, .components = 8, .cubic = 1}},
+    {"deep opacity, 8", .settings = {.technique = SPS_TMAP_DEEP_OPACITY, .components = 8}},
+    {"Fourier, 9", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9}, .bound = 0.25},
+    {"the same, texel_range", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9, .texel_range = 1}},
+    {"the same, running_maximum", .settings = {.technique = SPS_TMAP_FOURIER, .components = 9, .running_maximum = 1}},
+    {"cosine, 8", .settings = {.technique = SPS_TMAP_COSINE, .components = 8}},
+    {"4 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 5}},
+    {"6 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 7}},
+    {"8 moments", .settings = {.technique = SPS_TMAP_MOMENT, .components = 9}},
+    {"adaptive, 8 nodes", .settings = {.technique = SPS_TMAP_ADAPTIVE, .components = 16}},
+    {"Beer", .settings = {.technique = SPS_TMAP_BEER, .components = 3}},
+    {"compressed to 0.01", .settings = {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.01f}},
+    {"deep, exact", .settings = {.technique = SPS_TMAP_DEEP}},
+};
+
+static void bench_map(const map_row *row, map_trial *trial, ex_session sessions[2]) {
+    map_figures of[2]; /* with one worker and with WORKERS */
     sps_tmap_settings settings = row->settings;
     settings.near_depth = 3.5, settings.far_depth = 6.5;
-    for (int i = 0; i < 2; ++i) map_seconds(&sessions[i], &settings, scene, queries, seconds[i], &megabytes);
-    printf("    %-26s %7.1f %8.3f %7.3f %6.2f %8.1f %8.1f %8.2f %8.2f\n", row->name, megabytes, seconds[0][0],
-           seconds[1][0], seconds[0][0] / seconds[1][0], 1e-6 * inserts / seconds[0][0], 1e-6 * inserts / seconds[1][0],
-           1e-6 * MAP_QUERIES / seconds[0][1], 1e-6 * MAP_QUERIES / seconds[1][1]);
-    if (strcmp(row->name, "Fourier, 9") == 0) at_most("Fourier, 9 components, 2 workers", seconds[1][0], "s", 0.25);
+    for (int i = 0; i < 2; ++i) of[i] = map_measure(&sessions[i], trial, &settings);
+    printf("    %-26s %7.1f %8.3f %7.3f %6.2f %8.1f %8.1f %8.2f %8.2f\n", row->name, of[1].megabytes, of[0].build,
+           of[1].build, of[0].build / of[1].build, 1e-6 * trial->inserts / of[0].build,
+           1e-6 * trial->inserts / of[1].build, 1e-6 * MAP_QUERIES / of[0].query, 1e-6 * MAP_QUERIES / of[1].query);
+    if (row->bound > 0) {
+        char what[80];
+        snprintf(what, sizeof what, "%s components, %d workers", row->name, WORKERS);
+        at_most(what, of[1].build, "s", row->bound);
+    }
 }
 
 /* `make bench` prints this once with vectors and once in plain C. */
 static void bench_maps(void) {
-    static const map_row rows[] = {
-        {"depth", {0, SPS_TMAP_DEPTH, 0, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"opacity, 8 planes", {0, SPS_TMAP_OPACITY, 8, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"the same, cubic", {0, SPS_TMAP_OPACITY, 8, 0, 0, 0, 0, NULL, 1, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"deep opacity, 8", {0, SPS_TMAP_DEEP_OPACITY, 8, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"Fourier, 9", {0, SPS_TMAP_FOURIER, 9, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"the same, texel_range", {0, SPS_TMAP_FOURIER, 9, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 1, 0, 0, 0, 0}},
-        {"the same, running_maximum",
-         {0, SPS_TMAP_FOURIER, 9, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 1, 0, 0, 0}},
-        {"cosine, 8", {0, SPS_TMAP_COSINE, 8, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"4 moments", {0, SPS_TMAP_MOMENT, 5, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"6 moments", {0, SPS_TMAP_MOMENT, 7, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"8 moments", {0, SPS_TMAP_MOMENT, 9, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"adaptive, 8 nodes", {0, SPS_TMAP_ADAPTIVE, 16, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"Beer", {0, SPS_TMAP_BEER, 3, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}},
-        {"compressed to 0.01",
-         {0, SPS_TMAP_COMPRESSED, 0, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0.01f, 0, 0}},
-        {"deep, exact", {0, SPS_TMAP_DEEP, 0, 0, 0, 0, 0, NULL, 0, SPS_TMAP_WINDOW_NONE, 0, 0, 0, 0, 0}}};
-    map_queries queries;
-    sps_particles particles;
-    sps_scene scene;
+    map_trial trial;
     ex_session sessions[2];
-    double inserts;
-    memset(&particles, 0, sizeof particles);
-    memset(&scene, 0, sizeof scene);
-    particles.count = 100000, particles.read_fn = ex_particles_read, particles.user = puff_build(100000);
-    scene.particles = &particles, scene.particles_count = 1;
-    queries.positions = (double *)ex_allocate(MAP_QUERIES, 3 * sizeof(double));
-    queries.depths = (float *)ex_allocate(MAP_QUERIES, sizeof(float));
-    for (int i = 0; i < 3 * MAP_QUERIES; ++i) queries.positions[i] = (double)(i * 7919LL % 20011) / 10006 - 1;
     for (int i = 0; i < 2; ++i) session_begin(&sessions[i], i == 0 ? 1 : WORKERS);
-    inserts = map_insert_count(&sessions[1], &scene);
-    printf("\nTransmittance maps, 512 x 512: 100000 particles a few texels wide, %.2f M stretches to insert,\n"
+    map_trial_begin(&trial, &sessions[1]);
+    printf("\nTransmittance maps, %d x %d: %zu particles a few texels wide, %.2f M stretches to insert,\n"
            "vectors of %d floats, 1 and %d workers\n"
            "    %-26s %7s %16s %6s %17s %17s\n    %-26s %7s %8s %7s %6s %8s %8s %8s %8s\n",
-           1e-6 * inserts, SPSI_LANES, WORKERS, "", "", "build, s", "", "M inserts/s", "M queries/s", "", "MB", "1",
-           "2", "ratio", "1", "2", "1", "2");
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; ++i) bench_map(&rows[i], &scene, inserts, sessions, &queries);
+           MAP_SIZE, MAP_SIZE, trial.particles.count, 1e-6 * trial.inserts, SPSI_LANES, WORKERS, "", "", "build, s", "",
+           "M inserts/s", "M queries/s", "", "MB", "1", "2", "ratio", "1", "2", "1", "2");
+    for (size_t i = 0; i < sizeof map_rows / sizeof *map_rows; ++i) bench_map(&map_rows[i], &trial, sessions);
+    map_trial_end(&trial);
     for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
-    free(queries.positions);
-    free(queries.depths);
-    free(particles.user);
 }
 
 /* ================================================================================================ particles */

@@ -9,6 +9,8 @@
 #define EX_NO_PNG
 #include "common.h"
 
+static const char program[] = "bench";
+
 #define PI           3.14159265358979323846
 #define REPEATS      5 /* frames timed of each contender */
 #define WORKERS      2 /* that the targets speak of */
@@ -71,27 +73,12 @@ static void frame_begin(frame *f, int width, int height) {
 
 static void frame_end(frame *f) { free(f->rgba); }
 
-static void session_begin(ex_session *session, int threads) {
-    ex_error error;
-    if (ex_session_begin(session, threads, &error)) {
-        fprintf(stderr, "bench: %s\n", error.text);
-        exit(1);
-    }
-    session->progress.terminal = 0; /* lines of figures would run into it */
-}
-
-static void stop_if(sps_result result, const ex_session *session) {
-    if (result == SPS_OK) return;
-    fprintf(stderr, "bench: %s\n", sps_error(session->context));
-    exit(1);
-}
-
 static double render_seconds(ex_session *session, const frame *f, const sps_view *view) {
     sps_image image;
     memset(&image, 0, sizeof image);
     image.rgba = f->rgba;
     const double start = ex_now(NULL);
-    stop_if(sps_render(session->context, &f->scene, view, &image), session);
+    ex_stop_unless_ok(sps_render(session->context, &f->scene, view, &image), program, session);
     return ex_now(NULL) - start;
 }
 
@@ -187,11 +174,12 @@ static void bonsai_memory(const frame *f) {
     sps_stats_report stats;
     for (int i = 0; i < 2; ++i) {
         ex_session session;
-        session_begin(&session, 1 + i);
+        ex_session_measure(&session, program, 1 + i);
         render_seconds(&session, f, &f->view);
         sps_stats(session.context, &stats);
         peak[i] = stats.bytes_peak;
-        stop_if(sps_plan(session.context, &f->scene, &f->view, &plan), &session); /* knows the voxels' bounds now */
+        /* after the render, since now the bounds of the voxels are known */
+        ex_stop_unless_ok(sps_plan(session.context, &f->scene, &f->view, &plan), program, &session);
         ex_session_end(&session);
     }
     const double tile = (double)(peak[1] - peak[0]), image = f->view.width * (double)f->view.height;
@@ -226,8 +214,8 @@ static void bench_bonsai(void) {
     frame f;
     printf("\nBonsai scan, 256^3 voxels, transfer function, one directional light\n");
     if (bonsai_load(&grid)) return;
-    session_begin(&one, 1);
-    session_begin(&two, WORKERS);
+    ex_session_measure(&one, program, 1);
+    ex_session_measure(&two, program, WORKERS);
     bonsai_frame(&f, &grid);
     const double first = render_seconds(&two, &f, &f.view);
     sps_stats(two.context, &stats);
@@ -297,7 +285,7 @@ static void block_frame(frame *f, block *b, int width, double pixels, uint64_t r
    are not among them. */
 static int texels_for(const ex_session *session, const frame *f, int texels) {
     sps_plan_report plan;
-    stop_if(sps_plan(session->context, &f->scene, &f->view, &plan), session);
+    ex_stop_unless_ok(sps_plan(session->context, &f->scene, &f->view, &plan), program, session);
     const int longer = plan.shadow_width > plan.shadow_height ? plan.shadow_width : plan.shadow_height;
     return texels * (longer - 4) + 4;
 }
@@ -308,7 +296,7 @@ static void bench_splatting(void) {
     frame f;
     ex_session one;
     printf("\nSplatting: 64^3 voxels of 4 pixels, and of 4 texels of the shadow buffer\n");
-    session_begin(&one, 1);
+    ex_session_measure(&one, program, 1);
     block_frame(&f, &b, 512, 4, 1);
     f.view.shadow_size = texels_for(&one, &f, 4);
     for (int i = 0; i < 2; ++i) {
@@ -335,7 +323,7 @@ static void bench_empty_space(void) {
         contender c[2];
         char what[80];
         for (int i = 0; i < 2; ++i) {
-            session_begin(&sessions[i], WORKERS);
+            ex_session_measure(&sessions[i], program, WORKERS);
             block_frame(&frames[i], &blocks[i], 512, 4, read ? 0 : 1);
             contender_set(&c[i], &sessions[i], &frames[i], 0);
         }
@@ -367,7 +355,7 @@ static sps_particle *puff_build(size_t count) {
     return list;
 }
 
-enum { MAP_QUERIES = 400000, MAP_QUERY_TASKS = 64, MAP_SIZE = 512 };
+enum { MAP_QUERIES = 400000, MAP_SIZE = 512 };
 
 /* What all maps of the table are made of, and where they are asked. Stays where it is: the scene points into it. */
 typedef struct map_trial {
@@ -377,22 +365,13 @@ typedef struct map_trial {
     double inserts; /* stretches of particles that meet the texels' rays: what every technique has to take in */
     double *positions;
     float *depths;
-    const sps_tmap *map; /* the one that is asked */
 } map_trial;
-
-static sps_tmap *map_build(const ex_session *session, const map_trial *trial, const sps_tmap_settings *settings) {
-    sps_tmap *map;
-    stop_if(sps_tmap_create(session->context, &trial->light, settings, &map), session);
-    stop_if(sps_tmap_add(map, &trial->scene), session);
-    stop_if(sps_tmap_finish(map), session);
-    return map;
-}
 
 static double map_insert_count(const ex_session *session, const map_trial *trial) {
     sps_tmap_settings settings; /* an exact map has them all in its lists */
     memset(&settings, 0, sizeof settings);
     settings.far_depth = 10;
-    sps_tmap *map = map_build(session, trial, &settings);
+    sps_tmap *map = ex_tmap_build(session, program, &trial->light, &settings, &trial->scene);
     const double count = sps_tmap_starts(map)[MAP_SIZE * MAP_SIZE];
     sps_tmap_destroy(map);
     return count;
@@ -418,14 +397,6 @@ static void map_trial_end(map_trial *trial) {
     free(trial->depths);
 }
 
-/* Queries, shared out among a session's threads. */
-static void map_query_task(void *data, int index, int worker) {
-    const map_trial *trial = (const map_trial *)data;
-    const size_t count = MAP_QUERIES / MAP_QUERY_TASKS, first = (size_t)index * count;
-    (void)worker;
-    sps_tmap_query(trial->map, count, trial->positions + 3 * first, trial->depths + first, NULL);
-}
-
 typedef struct map_figures {
     double build, query; /* seconds, each the least of three */
     double megabytes;
@@ -435,10 +406,9 @@ static map_figures map_measure(ex_session *session, map_trial *trial, const sps_
     map_figures figures = {HUGE_VAL, HUGE_VAL, 0};
     for (int run = 0; run < 3; ++run) {
         const double start = ex_now(NULL);
-        sps_tmap *map = map_build(session, trial, settings);
+        sps_tmap *map = ex_tmap_build(session, program, &trial->light, settings, &trial->scene);
         const double built = ex_now(NULL);
-        trial->map = map;
-        ex_parallel_for(&session->pool, MAP_QUERY_TASKS, map_query_task, trial);
+        ex_tmap_query(session, map, MAP_QUERIES, trial->positions, trial->depths, NULL);
         figures.build = fmin(figures.build, built - start);
         figures.query = fmin(figures.query, ex_now(NULL) - built);
         figures.megabytes = 1e-6 * (double)sps_tmap_bytes(map);
@@ -490,7 +460,7 @@ static void bench_map(const map_row *row, map_trial *trial, ex_session sessions[
 static void bench_maps(void) {
     map_trial trial;
     ex_session sessions[2];
-    for (int i = 0; i < 2; ++i) session_begin(&sessions[i], i == 0 ? 1 : WORKERS);
+    for (int i = 0; i < 2; ++i) ex_session_measure(&sessions[i], program, i == 0 ? 1 : WORKERS);
     map_trial_begin(&trial, &sessions[1]);
     printf("\nTransmittance maps, %d x %d: %zu particles a few texels wide, %.2f M stretches to insert,\n"
            "vectors of %d floats, 1 and %d workers\n"
@@ -508,7 +478,7 @@ static void bench_maps(void) {
 static void bench_particles(void) {
     static const size_t counts[2] = {100000, 1000000};
     ex_session session;
-    session_begin(&session, WORKERS);
+    ex_session_measure(&session, program, WORKERS);
     printf("\nParticles in the picture, 1024 x 768, one light, %d workers\n", WORKERS);
     for (int n = 0; n < 2; ++n) {
         sps_particles particles;
@@ -802,7 +772,7 @@ static void print_best(const best_setting *best) {
     snprintf(what, sizeof what, "rmse %.5f: %d^3, slab %g, shadow %d, %s", best->error, best->grid, best->slab,
              best->shadow, best->quality == SPS_QUALITY_DRAFT ? "draft" : "medium");
     at_most(what, best->seconds, "s", 0.05);
-    session_begin(&session, WORKERS);
+    ex_session_measure(&session, program, WORKERS);
     blob_frame(&f, best->grid, BLOB_SIZE);
     f.view.slab = best->slab, f.view.shadow_size = best->shadow, f.view.quality = (sps_quality)best->quality;
     plain("... as the first frame of a new context, reading the voxels", render_seconds(&session, &f, &f.view), "s");
@@ -826,7 +796,7 @@ static void bench_reference(ex_session *session, double error) {
     do {
         step *= sqrt(0.5);
         const double start = ex_now(NULL);
-        stop_if(sps_reference(session->context, &f.scene, &f.view, step, &image), session);
+        ex_stop_unless_ok(sps_reference(session->context, &f.scene, &f.view, step, &image), program, session);
         seconds = ex_now(NULL) - start;
         reached = image_error(f.rgba, own, SIZE, NULL);
         printf("    sps_reference, step %7.3f voxels: own rmse %.6f, %.2f s for %d x %d pixels\n", step, reached,
@@ -845,7 +815,7 @@ static void bench_accuracy(void) {
     best_setting best = {HUGE_VAL, 0, 0, 0, 0, 0};
     double errors[GRIDS], largest = 0;
     ex_session session;
-    session_begin(&session, WORKERS);
+    ex_session_measure(&session, program, WORKERS);
     double *exact = blob_exact(&session, plain_blob, BLOB_SIZE);
     for (int i = 0; i < BLOB_SIZE * BLOB_SIZE; ++i) largest = fmax(largest, exact[i]);
     printf("\nA Gaussian blob over a plane, 512 x 512, 2 workers, voxels held, against closed forms\n"
@@ -918,7 +888,7 @@ static void dense_reference(ex_session *session, dense_shape shape, const sps_tr
     memset(&image, 0, sizeof image);
     image.rgba = out;
     dense_frame(&f, &shape, transfer, SPS_SHADING_SURFACE);
-    stop_if(sps_reference(session->context, &f.scene, &f.view, 0.25, &image), session);
+    ex_stop_unless_ok(sps_reference(session->context, &f.scene, &f.view, 0.25, &image), program, session);
     frame_end(&f);
 }
 
@@ -928,7 +898,7 @@ static void bench_classified(void) {
     static float references[2][4 * DENSE_SIZE * DENSE_SIZE];
     const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     ex_session session;
-    session_begin(&session, WORKERS);
+    ex_session_measure(&session, program, WORKERS);
     for (int shape = DENSE_BALL; shape <= DENSE_HALF_SPACE; ++shape)
         dense_reference(&session, (dense_shape)shape, &transfer, references[shape]);
     printf("\nWhat is classified: optical depth 3 per voxel, shaded as a surface; against sps_reference at step 0.25\n"

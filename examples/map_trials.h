@@ -13,7 +13,6 @@ enum {
     GAS_POINTS = 100000,
     GROUND_POINTS = 50000,
     POINTS = GAS_POINTS + GROUND_POINTS,
-    BLOCK = 4096, /* points of one task */
     SCENES = 6,
     COUNTS = 4,
     TURNS = 2 /* of timing, in addition to the one that measures errors */

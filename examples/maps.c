@@ -11,19 +11,9 @@
 #include "chart.h"
 #include "map_trials.h"
 
+static const char program[] = "maps";
+
 /* =============================================================================================== measuring */
-
-static void stop_if(sps_result result, const ex_session *session) {
-    if (result == SPS_OK) return;
-    fprintf(stderr, "maps: %s\n", sps_error(session->context));
-    exit(1);
-}
-
-static void stop_if_failed(int failed, const ex_error *error) {
-    if (!failed) return;
-    fprintf(stderr, "maps: %s\n", error->text);
-    exit(1);
-}
 
 /* Every `stride`th number of two lists. */
 static spread spread_of(const float *values, const float *exact, size_t count, size_t stride) {
@@ -42,33 +32,16 @@ static spread spread_of(const float *values, const float *exact, size_t count, s
 
 static sps_tmap *build_map(const ex_session *session, const set_up *s, const sps_tmap_settings *settings,
                            double *seconds) {
-    sps_tmap *map;
     const double start = ex_now(NULL);
-    stop_if(sps_tmap_create(session->context, &s->light_view, settings, &map), session);
-    stop_if(sps_tmap_add(map, &s->occluders), session);
-    stop_if(sps_tmap_finish(map), session);
+    sps_tmap *map = ex_tmap_build(session, program, &s->light_view, settings, &s->occluders);
     *seconds = ex_now(NULL) - start;
     return map;
 }
 
-typedef struct query_task {
-    const sps_tmap *map;
-    const double *points;
-    float *out;
-} query_task;
-
-static void query_block(void *data, int index, int worker) {
-    const query_task *task = (const query_task *)data;
-    const size_t first = (size_t)index * BLOCK, count = POINTS - first < BLOCK ? POINTS - first : BLOCK;
-    (void)worker;
-    sps_tmap_query(task->map, count, task->points + 3 * first, NULL, task->out + first);
-}
-
-/* Transmittance at all points, with all threads. */
+/* Transmittance at all points. */
 static void query_map(ex_session *session, const set_up *s, const sps_tmap *map, float *out, double *seconds) {
-    query_task task = {map, s->points, out};
     const double start = ex_now(NULL);
-    ex_parallel_for(&session->pool, (POINTS + BLOCK - 1) / BLOCK, query_block, &task);
+    ex_tmap_query(session, map, POINTS, s->points, NULL, out);
     *seconds = ex_now(NULL) - start;
 }
 
@@ -83,7 +56,7 @@ static void render(const ex_session *session, set_up *s, const sps_tmap_settings
     s->light.shadow_map = settings ? &own : NULL;
     s->light.shadow_map_size = settings ? s->map_size : 0;
     const double start = ex_now(NULL);
-    stop_if(sps_render(session->context, &s->scene, &s->view, &image), session);
+    ex_stop_unless_ok(sps_render(session->context, &s->scene, &s->view, &image), program, session);
     *seconds = ex_now(NULL) - start;
     s->light.shadow_map = NULL;
 }
@@ -158,7 +131,7 @@ static void write_picture(const char *folder, const char *name, const float *rgb
     snprintf(path, sizeof path, "%s/%s.png", folder, name);
     for (char *at = path + strlen(folder) + 1; *at; ++at)
         if (*at == ' ' || *at == ',') *at = '_';
-    stop_if_failed(ex_write_png(path, rgba, width, height, 1, &error), &error);
+    ex_stop_if(ex_write_png(path, rgba, width, height, 1, &error), program, &error);
 }
 
 enum { SHEET_COLUMNS = 4, SHEET_SHRINK = 4, CROP_X = 180, CROP_Y = 90, CROP_WIDTH = 600, CROP_HEIGHT = 520 };
@@ -574,7 +547,6 @@ static void time_scene(ex_session *session, set_up *s) {
 int main(int argc, char **argv) {
     set_up *scenes[SCENES];
     ex_session session;
-    ex_error error;
     const int sheet_rows = (1 + KINDS + SHEET_COLUMNS - 1) / SHEET_COLUMNS;
     ex_canvas sheet = ex_canvas_begin(4 + SHEET_COLUMNS * (CROP_WIDTH / SHEET_SHRINK + 6),
                                       4 + sheet_rows * (CROP_HEIGHT / SHEET_SHRINK + 16), 1);
@@ -582,8 +554,7 @@ int main(int argc, char **argv) {
         fprintf(stderr, "%s: give two folders: for charts, and for pictures\n", argv[0]);
         return 2;
     }
-    stop_if_failed(ex_session_begin(&session, 0, &error), &error);
-    session.progress.terminal = 0; /* tables would run into it */
+    ex_session_measure(&session, program, 0);
     print_head();
     for (int i = 0; i < SCENES; ++i) {
         scenes[i] = (set_up *)ex_allocate(1, sizeof *scenes[i]);

@@ -16,12 +16,13 @@
 
 typedef uint64_t option_set; /* a bit for each place in the table of options */
 
-/* `given` comes first wherever options have fields: what was said about this one. */
 typedef struct phase_lobes {
     sps_lobe list[2];
     int count;
 } phase_lobes;
 
+/* In this and in every other struct that options have fields in, `given` comes first: which options were said about
+   it. */
 typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
@@ -61,9 +62,9 @@ typedef struct arguments {
     int volume_count, particles_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
-    int shadow, map_size, map_components, map_window;
+    int shadow, map_size, map_window;
     double map_epsilon;
-    sps_tmap_settings map; /* what all lights shade gas by, but for --shadow sheets */
+    sps_tmap_settings map; /* what all lights shade gas by, but for --shadow sheets; options set fields of it */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
@@ -295,10 +296,13 @@ static const option_rule options[] = {
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
     {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer", "what gas shades by: sheets, or this kind of transmittance map; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
-    {"--map-components", "N", "floats a texel of that map; default by --shadow", set_integers, OF_SCENE(map_components), 1, 1, 65, NULL},
+    {"--map-components", "N", "floats a texel of that map; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 65, NULL},
     {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
     {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
+    {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
+    {"--map-texel-range", NULL, "a range of depths for each texel, which takes two more floats, for fourier", set_flag, OF_SCENE(map.texel_range), NO_NUMBERS},
+    {"--map-running-maximum", NULL, "shadows never grow lighter with depth: slow, for fourier", set_flag, OF_SCENE(map.running_maximum), NO_NUMBERS},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching: slow; does not look at --quality, --shadow-size, --shadow", set_flag, OF_SCENE(reference), NO_NUMBERS},
@@ -457,14 +461,17 @@ static int check_outputs(const arguments *all, ex_error *error) {
 
 /* What is said about a transmittance map must be about the one that there is. */
 static int check_map(const arguments *all, ex_error *error) {
-    static const char *const about[] = {"--map-components", "--map-size", "--map-window", "--map-epsilon"};
+    static const struct {
+        const char *option, *kinds[3]; /* the techniques that it is about; none: all */
+    } about[] = {{"--map-components", {NULL, NULL, NULL}},           {"--map-size", {NULL, NULL, NULL}},
+                 {"--map-window", {"fourier", "cosine", NULL}},      {"--map-epsilon", {"compressed", NULL, NULL}},
+                 {"--map-cubic", {"opacity", "deep-opacity", NULL}}, {"--map-texel-range", {"fourier", NULL, NULL}},
+                 {"--map-running-maximum", {"fourier", NULL, NULL}}};
     const char *kind = shadow_names[all->shadow];
-    for (int i = 0; i < 4; ++i) {
-        int fits = all->shadow > 0;
-        if (i == 2) fits = strcmp(kind, "fourier") == 0 || strcmp(kind, "cosine") == 0;
-        if (i == 3) fits = strcmp(kind, "compressed") == 0;
-        if (has(all->given, about[i]) && !fits)
-            return ex_fail(error, "%s says nothing about --shadow %s", about[i], kind);
+    for (size_t i = 0; i < sizeof about / sizeof *about; ++i) {
+        const int fits = about[i].kinds[0] ? ex_find_name(about[i].kinds, kind) >= 0 : all->shadow > 0;
+        if (has(all->given, about[i].option) && !fits)
+            return ex_fail(error, "%s says nothing about --shadow %s", about[i].option, kind);
     }
     return 0;
 }
@@ -566,7 +573,6 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
 static void set_shadows(arguments *all) {
     if (all->shadow == 0) return;
     all->map.technique = (sps_tmap_technique)(all->shadow - 1); /* the names are in their order, but for sheets */
-    all->map.components = all->map_components;
     all->map.window = (sps_tmap_window)all->map_window;
     all->map.epsilon = (float)all->map_epsilon;
     for (int i = 0; i < all->light_count; ++i) {

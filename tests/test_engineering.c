@@ -1187,24 +1187,44 @@ static void test_particles_option(void) {
     CHECK(middle > 0.9f && middle <= 1); /* three times 4/3 of a unit, at least */
 }
 
-/* Every kind of shadow makes a picture, each one its own; what is said about a map must be about the one that there is.
- */
+/* Every kind of shadow makes a picture, each one its own, and so does every way to read a map; what is said about a map
+   must be about the one that there is. */
 static void test_shadow_option(void) {
-    static const char *const kinds[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
-                                        "fourier", "cosine", "moment",     "adaptive", "beer"};
+    enum { KINDS = 16 };
+    static const char *const kinds[KINDS] = {"sheets",
+                                             "deep",
+                                             "compressed",
+                                             "depth",
+                                             "opacity",
+                                             "opacity --map-cubic",
+                                             "deep-opacity",
+                                             "deep-opacity --map-cubic",
+                                             "fourier",
+                                             "fourier --map-texel-range",
+                                             "fourier --map-running-maximum",
+                                             "fourier --map-texel-range --map-running-maximum",
+                                             "cosine",
+                                             "moment",
+                                             "adaptive",
+                                             "beer"};
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
         {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow sheets"},
         {VOLUME "--shadow opacity --map-window fejer --plan", 2, "--map-window says nothing about --shadow opacity"},
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
+        {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
+        {VOLUME "--map-cubic --plan", 2, "--map-cubic says nothing about --shadow sheets"},
+        {VOLUME "--map-texel-range --shadow cosine --plan", 2, "--map-texel-range says nothing about --shadow cosine"},
+        {VOLUME "--shadow opacity --map-running-maximum --plan", 2,
+         "--map-running-maximum says nothing about --shadow opacity"},
         {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not sheets|deep"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
         {VOLUME "--shadow cosine --map-window lanczos --map-components 6 --light directional,0,0,-1,1,1,1 " SMALL
                 "--out a.png",
          0, NULL}};
-    static char pictures[11][400];
-    for (int i = 0; i < 11; ++i) {
+    static char pictures[KINDS][400];
+    for (int i = 0; i < KINDS; ++i) {
         char line[300];
         snprintf(line, sizeof line,
                  VOLUME SMALL "--extinction 9 --light directional,1,-1,-1,9,9,9 --shadow %s --pfm shadow.pfm",
@@ -1340,6 +1360,9 @@ static void test_help(void) {
                                         "--map-size N",
                                         "--map-window none|lanczos|fejer",
                                         "--map-epsilon E",
+                                        "--map-cubic",
+                                        "--map-texel-range",
+                                        "--map-running-maximum",
                                         "--quality draft|medium|high|ultra",
                                         "--no-shadows",
                                         "--reference",

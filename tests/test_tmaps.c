@@ -205,11 +205,20 @@ static double chord_share(int soft, double s) {
     return soft ? s * s * (3 - 2 * s) : s;
 }
 
+/* How far a map may be off that has this share of a soft chord from a cut one. A soft stretch is kept as it is where
+   all of it lies within the range of depths; a chord that reaches beyond is put down as eight even pieces whose ends
+   are exact. Between s0 and s1 a straight line is (s - s0) (s1 - s) / 2 times the second derivative off, 6 - 12 s,
+   whose size is largest at one of these: 1.2 % at most, 0 at the pieces' ends and before and behind the chord. */
+static double cut_chord_slack(double s) {
+    const double s0 = floor(8 * s) / 8, s1 = s0 + 0.125;
+    return s > 0 && s < 1 ? 0.5 * (s - s0) * (s1 - s) * fmax(fabs(6 - 12 * s0), fabs(6 - 12 * s1)) : 0;
+}
+
 static void add_particle_answer(const fixture *f, const ray *r, const sps_particles *set, const sps_particle *p,
                                 answer *sum) {
     const double radius = (double)p->radius, end = r->t >= f->settings.far_depth ? HUGE_VAL : r->t * r->length;
     const double range = (f->settings.far_depth - f->settings.near_depth) * r->length;
-    double offset[3], along, square, half, depth = (double)p->optical_depth, part, first;
+    double offset[3], along, square, half, depth = (double)p->optical_depth;
     for (int i = 0; i < 3; ++i) offset[i] = (double)p->position[i] - r->origin[i];
     along = spsi_dot(offset, r->direction);
     square = spsi_dot(offset, offset) - along * along;
@@ -222,14 +231,13 @@ static void add_particle_answer(const fixture *f, const ray *r, const sps_partic
         if (!(half > 0)) return;
         depth *= set->soft ? share * share * share : share;
     }
-    first = chord_share(set->soft, (r->from - along + half) / (2 * half));
-    part = chord_share(set->soft, (end - along + half) / (2 * half)) - first;
+    const double begins = (r->from - along + half) / (2 * half), ends = (end - along + half) / (2 * half);
+    const double part = chord_share(set->soft, ends) - chord_share(set->soft, begins);
     sum->depth += depth * fmax(part, 0);
     sum->slack += 1e-6 * depth + depth / (2 * half) * 1.5 * range * U;
-    /* a soft chord that is cut, at either end of the range or at the light, is made of eight even pieces: 1.2 % */
     if (set->soft &&
         (along - half < f->settings.near_depth * r->length || along + half > f->settings.far_depth * r->length))
-        sum->slack += 0.012 * depth;
+        sum->slack += depth * (cut_chord_slack(begins) + cut_chord_slack(ends));
 }
 
 /* Optical depth of all particles between the light and a point. */

@@ -29,10 +29,16 @@ static inline double ex_linear_of(double code) {
     return code <= 0.04045 ? code / 12.92 : pow((code + 0.055) / 1.055, 2.4);
 }
 
-/* Lays a colour, 0xRRGGBB in sRGB, over a pixel; outside of the canvas nothing. */
+/* A pixel; NULL outside of the canvas, where nothing is drawn. */
+static inline float *ex_canvas_pixel(const ex_canvas *canvas, int x, int y) {
+    if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height) return NULL;
+    return canvas->rgba + 4 * ((size_t)y * (size_t)canvas->width + (size_t)x);
+}
+
+/* Lays a colour, 0xRRGGBB in sRGB, over a pixel. */
 static inline void ex_canvas_dot(ex_canvas *canvas, int x, int y, unsigned color, double share) {
-    if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height || share <= 0) return;
-    float *pixel = canvas->rgba + 4 * ((size_t)y * (size_t)canvas->width + (size_t)x);
+    float *pixel = ex_canvas_pixel(canvas, x, y);
+    if (!pixel || share <= 0) return;
     for (int c = 0; c < 3; ++c) {
         const double linear = ex_linear_of((double)((color >> (16 - 8 * c)) & 255) / 255);
         pixel[c] += (float)(fmin(share, 1) * (linear - (double)pixel[c]));
@@ -204,8 +210,8 @@ static inline void ex_canvas_picture(ex_canvas *canvas, int x, int y, const floa
                                      int shrink, const char *name) {
     for (int j = 0; j < height / shrink; ++j)
         for (int i = 0; i < width / shrink; ++i) {
-            float *to = canvas->rgba + 4 * ((size_t)(y + j) * (size_t)canvas->width + (size_t)(x + i));
-            for (int c = 0; c < 3; ++c) {
+            float *to = ex_canvas_pixel(canvas, x + i, y + j);
+            for (int c = 0; to && c < 3; ++c) {
                 double sum = 0;
                 for (int k = 0; k < shrink * shrink; ++k)
                     sum += (double)rgba[4 * ((size_t)(j * shrink + k / shrink) * (size_t)width +

@@ -13,7 +13,6 @@ enum {
     GAS_POINTS = 100000,
     GROUND_POINTS = 50000,
     POINTS = GAS_POINTS + GROUND_POINTS,
-    SCENES = 6,
     COUNTS = 4,
     TURNS = 2 /* of timing, in addition to the one that measures errors */
 };
@@ -35,28 +34,50 @@ typedef struct kind {
     unsigned color;
 } kind;
 
-enum { OPACITY = 0, DEEP_OPACITY = 2, FOURIER = 4 }; /* those of the thesis, in `kinds` */
-
-static const kind kinds[] = {
-    {"opacity", SPS_TMAP_OPACITY, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x1f5fbf},
-    {"opacity, cubic", SPS_TMAP_OPACITY, 1, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RING, 0x1f5fbf},
-    {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x1a9641},
-    {"deep opacity, cubic", SPS_TMAP_DEEP_OPACITY, 1, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RING, 0x1a9641},
-    {"Fourier", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0xd7191c},
-    {"Fourier, Lanczos", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_LANCZOS, 0, 0, EX_MARK_SQUARE, 0xd7191c},
-    {"Fourier, Fejer", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_FEJER, 0, 0, EX_MARK_CROSS, 0xd7191c},
-    {"Fourier, running max", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 0, 1, EX_MARK_RING, 0xd7191c},
-    {"Fourier, texel range", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 1, 0, EX_MARK_RHOMB, 0xf08030},
-    {"cosine", SPS_TMAP_COSINE, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x7b3294},
-    {"moment", SPS_TMAP_MOMENT, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_SQUARE, 0x000000},
-    {"adaptive", SPS_TMAP_ADAPTIVE, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
-    {"Beer", SPS_TMAP_BEER, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_SQUARE, 0x808080},
-    {"depth", SPS_TMAP_DEPTH, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_CROSS, 0x808080},
-    {"compressed", SPS_TMAP_COMPRESSED, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0xc08a00},
+/* Places in `kinds`. Those of the thesis are OPACITY, DEEP_OPACITY and FOURIER. */
+enum {
+    OPACITY,
+    OPACITY_CUBIC,
+    DEEP_OPACITY,
+    DEEP_OPACITY_CUBIC,
+    FOURIER,
+    FOURIER_LANCZOS,
+    FOURIER_FEJER,
+    FOURIER_RUNNING_MAXIMUM,
+    FOURIER_TEXEL_RANGE,
+    COSINE,
+    MOMENT,
+    ADAPTIVE,
+    BEER,
+    DEPTH,
+    COMPRESSED,
+    KINDS
 };
-enum { KINDS = sizeof kinds / sizeof *kinds };
 
-/* Techniques whose queries cost so much that a picture takes many seconds: one of the least number is enough. */
+static const kind kinds[KINDS] = {
+    [OPACITY] = {"opacity", SPS_TMAP_OPACITY, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x1f5fbf},
+    [OPACITY_CUBIC] = {"opacity, cubic", SPS_TMAP_OPACITY, 1, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RING, 0x1f5fbf},
+    [DEEP_OPACITY] = {"deep opacity", SPS_TMAP_DEEP_OPACITY, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x1a9641},
+    [DEEP_OPACITY_CUBIC] = {"deep opacity, cubic", SPS_TMAP_DEEP_OPACITY, 1, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RING,
+                            0x1a9641},
+    [FOURIER] = {"Fourier", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0xd7191c},
+    [FOURIER_LANCZOS] = {"Fourier, Lanczos", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_LANCZOS, 0, 0, EX_MARK_SQUARE,
+                         0xd7191c},
+    [FOURIER_FEJER] = {"Fourier, Fejer", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_FEJER, 0, 0, EX_MARK_CROSS, 0xd7191c},
+    [FOURIER_RUNNING_MAXIMUM] = {"Fourier, running max", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 0, 1, EX_MARK_RING,
+                                 0xd7191c},
+    [FOURIER_TEXEL_RANGE] = {"Fourier, texel range", SPS_TMAP_FOURIER, 0, SPS_TMAP_WINDOW_NONE, 1, 0, EX_MARK_RHOMB,
+                             0xf08030},
+    [COSINE] = {"cosine", SPS_TMAP_COSINE, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_DISC, 0x7b3294},
+    [MOMENT] = {"moment", SPS_TMAP_MOMENT, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_SQUARE, 0x000000},
+    [ADAPTIVE] = {"adaptive", SPS_TMAP_ADAPTIVE, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0x00a0a0},
+    [BEER] = {"Beer", SPS_TMAP_BEER, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_SQUARE, 0x808080},
+    [DEPTH] = {"depth", SPS_TMAP_DEPTH, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_CROSS, 0x808080},
+    [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0xc08a00},
+};
+
+/* Techniques that compute most for a query, the roots of a polynomial or all that the series has been: one picture of
+   the least number is enough. */
 static int is_slow(const kind *k) { return k->technique == SPS_TMAP_MOMENT || k->running_maximum; }
 
 /* The nearest number of components, not above `asked` but where there is none, that a technique can have. */
@@ -215,7 +236,10 @@ static void make_clumps(set_up *s) {
     put(&s->list[PARTICLES - 1], ex_vec_add(middle, ex_vec_scale(along, 3.2)), 0.05, 0.3);
 }
 
-static void (*const makers[SCENES])(set_up *) = {make_puff, make_wind, make_clumps, make_shell, make_core, make_ball};
+enum { PUFF, WIND, CLUMPS, SHELL, CORE, BALL, SCENES };
+
+static void (*const makers[SCENES])(set_up *) = {[PUFF] = make_puff,   [WIND] = make_wind, [CLUMPS] = make_clumps,
+                                                 [SHELL] = make_shell, [CORE] = make_core, [BALL] = make_ball};
 
 static ex_vec particle_at(const sps_particle *p) {
     return ex_vec_of((double)p->position[0], (double)p->position[1], (double)p->position[2]);

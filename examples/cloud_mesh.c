@@ -63,22 +63,13 @@ static void build_country(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float sky[2][3] = {{0.60f, 0.72f, 0.84f}, {0.16f, 0.34f, 0.64f}};
-    ex_mesh cloud = {0}, country = {0};
-    sps_mesh meshes[2] = {{0}, {0}};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    build_cloud(&cloud);
-    build_country(&country);
-    ex_shape_use(&cloud, &meshes[0]);
-    ex_shape_use(&country, &meshes[1]);
-    ex_sun(&sun, ex_vec_of(0.55, -1.0, -0.35), 2.9);
-    ex_scene_set(&scene, NULL, 0, meshes, 2, &sun);
-    ex_color(scene.ambient, 0.22, 0.27, 0.35);
-    scene.background_user = sky;
-    ex_view_set(&view, ex_vec_of(0.6, 1.9, 8.2), ex_vec_of(0.1, 1.55, 0), 33);
-    const int status = ex_scene_show(argc, argv, "cloud_mesh", &scene, &view);
-    ex_mesh_free(&cloud);
-    ex_mesh_free(&country);
-    return status;
+    ex_stage stage;
+    ex_stage_begin(&stage, 0, 2);
+    build_cloud(&stage.shapes[0]);
+    build_country(&stage.shapes[1]);
+    ex_sun(&stage.sun, ex_vec_of(0.55, -1.0, -0.35), 2.9);
+    ex_color(stage.scene.ambient, 0.22, 0.27, 0.35);
+    stage.scene.background_user = sky;
+    ex_view_set(&stage.view, ex_vec_of(0.6, 1.9, 8.2), ex_vec_of(0.1, 1.55, 0), 33);
+    return ex_stage_show(argc, argv, "cloud_mesh", &stage);
 }

@@ -91,23 +91,15 @@ static void build_dart(ex_mesh *mesh, ex_vec tip, ex_vec axis) {
 
 int main(int argc, char **argv) {
     static const float red[3] = {0.66f, 0.06f, 0.04f}, cream[3] = {0.74f, 0.66f, 0.50f};
-    ex_mesh mesh = {0};
     ring rings[3];
-    sps_volume volumes[4] = {{0}, {0}, {0}, {0}};
-    sps_mesh dart = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
+    ex_stage stage;
+    ex_stage_begin(&stage, 4, 1);
     memset(rings, 0, sizeof rings);
-    set_plate(&volumes[3]);
     for (int i = 0; i < 3; ++i)
-        set_ring(&volumes[i], &rings[i], 1.25 - 0.42 * i, 0.40 + 0.28 * i, i == 1 ? cream : red);
-    build_dart(&mesh, ex_vec_of(0.10, 0.05, 0.85), ex_vec_unit(ex_vec_of(0.40, 0.25, 1)));
-    ex_shape_use(&mesh, &dart);
-    ex_sun(&sun, ex_vec_of(-0.75, -0.62, -1.0), 2.8);
-    ex_scene_set(&scene, volumes, 4, &dart, 1, &sun);
-    ex_view_set(&view, ex_vec_of(-3.9, 1.4, 6.0), ex_vec_of(0.28, 0.0, 0.5), 35);
-    const int status = ex_scene_show(argc, argv, "dart", &scene, &view);
-    ex_mesh_free(&mesh);
-    return status;
+        set_ring(&stage.volumes[i], &rings[i], 1.25 - 0.42 * i, 0.40 + 0.28 * i, i == 1 ? cream : red);
+    set_plate(&stage.volumes[3]);
+    build_dart(&stage.shapes[0], ex_vec_of(0.10, 0.05, 0.85), ex_vec_unit(ex_vec_of(0.40, 0.25, 1)));
+    ex_sun(&stage.sun, ex_vec_of(-0.75, -0.62, -1.0), 2.8);
+    ex_view_set(&stage.view, ex_vec_of(-3.9, 1.4, 6.0), ex_vec_of(0.28, 0.0, 0.5), 35);
+    return ex_stage_show(argc, argv, "dart", &stage);
 }

@@ -93,25 +93,20 @@ int main(int argc, char **argv) {
     static float dawn[2][3] = {{0.95f, 0.62f, 0.40f}, {0.30f, 0.42f, 0.58f}};
     static fog ground_fog;
     const ex_finish finish = {lay_fog, &ground_fog};
-    ex_mesh mesh = {0};
-    sps_mesh country = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    build_stones(&mesh);
-    ex_shape_use(&mesh, &country);
+    ex_stage stage;
+    ex_stage_begin(&stage, 0, 1);
+    build_stones(&stage.shapes[0]);
     ex_shape_field(&ground_fog.mesh, fog_field, NULL, 0, ex_vec_of(-5, -0.9, -6), ex_vec_of(5, 1.2, 4), 130,
                    ground_fog.glow);
     ground_fog.extinction = 1.0;
     ex_color(ground_fog.glow, 0.66, 0.62, 0.57);
-    ex_sun(&sun, ex_vec_of(1.0, -0.72, -0.85), 4.6);
-    ex_scene_set(&scene, NULL, 0, &country, 1, &sun);
-    ex_color(scene.ambient, 0.14, 0.17, 0.22);
-    scene.background_user = dawn;
-    ex_view_set(&view, ex_vec_of(1.2, 1.75, 7.0), ex_vec_of(0, 0.62, 0), 31);
-    view.shadow_size = 4096; /* the depth map spans all of the ground */
-    const int status = ex_scene_show_finished(argc, argv, "fog", &scene, &view, &finish);
-    ex_mesh_free(&mesh);
+    stage.finish = &finish;
+    ex_sun(&stage.sun, ex_vec_of(1.0, -0.72, -0.85), 4.6);
+    ex_color(stage.scene.ambient, 0.14, 0.17, 0.22);
+    stage.scene.background_user = dawn;
+    ex_view_set(&stage.view, ex_vec_of(1.2, 1.75, 7.0), ex_vec_of(0, 0.62, 0), 31);
+    stage.view.shadow_size = 4096; /* the depth map spans all of the ground */
+    const int status = ex_stage_show(argc, argv, "fog", &stage);
     ex_mesh_free(&ground_fog.mesh);
     return status;
 }

@@ -41,19 +41,11 @@ static void build_floor(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     ex_metaballs balls;
-    ex_mesh mesh = {0};
-    sps_volume gas = {0};
-    sps_mesh floor_mesh = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    set_gas(&gas, &balls);
-    build_floor(&mesh);
-    ex_shape_use(&mesh, &floor_mesh);
-    ex_sun(&sun, ex_vec_of(1.0, -1.05, 0.3), 24);
-    ex_scene_set(&scene, &gas, 1, &floor_mesh, 1, &sun);
-    ex_view_set(&view, ex_vec_of(0.7, 3.3, 7.2), ex_vec_of(0.35, 0.92, 0), 30);
-    const int status = ex_scene_show(argc, argv, "metaballs", &scene, &view);
-    ex_mesh_free(&mesh);
-    return status;
+    ex_stage stage;
+    ex_stage_begin(&stage, 1, 1);
+    set_gas(&stage.volumes[0], &balls);
+    build_floor(&stage.shapes[0]);
+    ex_sun(&stage.sun, ex_vec_of(1.0, -1.05, 0.3), 24);
+    ex_view_set(&stage.view, ex_vec_of(0.7, 3.3, 7.2), ex_vec_of(0.35, 0.92, 0), 30);
+    return ex_stage_show(argc, argv, "metaballs", &stage);
 }

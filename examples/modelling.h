@@ -915,17 +915,6 @@ static inline int ex_backdrop(void *user, size_t count, const float *directions,
     return 0;
 }
 
-/* Volumes, meshes, one light, weak bluish ambient light and a grey backdrop. */
-static inline void ex_scene_set(sps_scene *scene, const sps_volume *volumes, int volume_count, const sps_mesh *meshes,
-                                int mesh_count, const sps_light *sun) {
-    static float grey[2][3] = {{0.34f, 0.36f, 0.38f}, {0.11f, 0.14f, 0.19f}};
-    scene->volumes = volumes, scene->volume_count = volume_count;
-    scene->meshes = meshes, scene->mesh_count = mesh_count;
-    scene->lights = sun, scene->light_count = 1;
-    ex_color(scene->ambient, 0.13, 0.15, 0.18);
-    scene->background_fn = ex_backdrop, scene->background_user = grey;
-}
-
 /* A camera for a picture of 480 x 360 at high quality; `degrees` is the vertical field of view. */
 static inline void ex_view_set(sps_view *view, ex_vec position, ex_vec target, double degrees) {
     view->position[0] = position.x, view->position[1] = position.y, view->position[2] = position.z;
@@ -937,22 +926,42 @@ static inline void ex_view_set(sps_view *view, ex_vec position, ex_vec target, d
 }
 
 #ifndef EX_NO_PNG
+/* A scene as most programs here have it, and the view of it. Stays where it is, since the scene points into it. */
+typedef struct ex_stage {
+    sps_volume volumes[4];
+    ex_mesh shapes[2];  /* polygons as they are modelled */
+    sps_mesh meshes[2]; /* the same for the library: a placement may be set, ex_stage_show sets the rest */
+    sps_light sun;
+    sps_scene scene;
+    sps_view view;
+    const ex_finish *finish; /* what is done to the picture after rendering; NULL: nothing */
+} ex_stage;
+
+/* The first so many of the volumes and meshes, the sun, weak bluish ambient light and a grey backdrop; all else is
+   0. */
+static inline void ex_stage_begin(ex_stage *stage, int volume_count, int mesh_count) {
+    static float grey[2][3] = {{0.34f, 0.36f, 0.38f}, {0.11f, 0.14f, 0.19f}};
+    memset(stage, 0, sizeof *stage);
+    stage->scene.volumes = stage->volumes, stage->scene.volume_count = volume_count;
+    stage->scene.meshes = stage->meshes, stage->scene.mesh_count = mesh_count;
+    stage->scene.lights = &stage->sun, stage->scene.light_count = 1;
+    ex_color(stage->scene.ambient, 0.13, 0.15, 0.18);
+    stage->scene.background_fn = ex_backdrop, stage->scene.background_user = grey;
+}
+
 /* ex_scene_main, with NAME.png for a picture that --out does not name: the default goes before the caller's options,
-   of which the last one counts. */
-static inline int ex_scene_show_finished(int argc, char **argv, const char *name, const sps_scene *scene,
-                                         const sps_view *view, const ex_finish *finish) {
+   of which the last one counts. Frees the shapes. */
+static inline int ex_stage_show(int argc, char **argv, const char *name, ex_stage *stage) {
     char option[] = "--out", file[64];
     char **arguments = (char **)ex_allocate((size_t)argc + 3, sizeof *arguments);
     snprintf(file, sizeof file, "%s.png", name);
     arguments[0] = argv[0], arguments[1] = option, arguments[2] = file;
     for (int i = 1; i < argc; ++i) arguments[i + 2] = argv[i];
-    const int status = ex_scene_main(argc + 2, arguments, scene, view, 1, finish);
+    for (int i = 0; i < stage->scene.mesh_count; ++i) ex_shape_use(&stage->shapes[i], &stage->meshes[i]);
+    const int status = ex_scene_main(argc + 2, arguments, &stage->scene, &stage->view, 1, stage->finish);
+    for (int i = 0; i < stage->scene.mesh_count; ++i) ex_mesh_free(&stage->shapes[i]);
     free(arguments);
     return status;
-}
-
-static inline int ex_scene_show(int argc, char **argv, const char *name, const sps_scene *scene, const sps_view *view) {
-    return ex_scene_show_finished(argc, argv, name, scene, view, NULL);
 }
 #endif
 

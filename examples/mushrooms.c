@@ -41,19 +41,11 @@ static void build_mushrooms(ex_mesh *mesh) {
 }
 
 int main(int argc, char **argv) {
-    ex_mesh mesh = {0};
-    sps_volume plate = {0};
-    sps_mesh mushrooms = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    set_plate(&plate);
-    build_mushrooms(&mesh);
-    ex_shape_use(&mesh, &mushrooms);
-    ex_sun(&sun, ex_vec_of(1.0, -1.15, -0.35), 3.2);
-    ex_scene_set(&scene, &plate, 1, &mushrooms, 1, &sun);
-    ex_view_set(&view, ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
-    const int status = ex_scene_show(argc, argv, "mushrooms", &scene, &view);
-    ex_mesh_free(&mesh);
-    return status;
+    ex_stage stage;
+    ex_stage_begin(&stage, 1, 1);
+    set_plate(&stage.volumes[0]);
+    build_mushrooms(&stage.shapes[0]);
+    ex_sun(&stage.sun, ex_vec_of(1.0, -1.15, -0.35), 3.2);
+    ex_view_set(&stage.view, ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
+    return ex_stage_show(argc, argv, "mushrooms", &stage);
 }

@@ -51,26 +51,16 @@ static void build_table(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float dusk[2][3] = {{0.05f, 0.06f, 0.08f}, {0.01f, 0.015f, 0.03f}};
-    ex_mesh pot = {0}, table = {0};
-    sps_volume haze = {0};
-    sps_mesh meshes[2] = {{0}, {0}};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    set_haze(&haze);
-    build_pot(&pot);
-    build_table(&table);
-    ex_shape_use(&pot, &meshes[0]);
-    ex_shape_use(&table, &meshes[1]);
-    meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
-    ex_sun(&sun, ex_vec_of(1.0, -0.85, 0.25), 12);
-    ex_scene_set(&scene, &haze, 1, meshes, 2, &sun);
-    ex_color(scene.ambient, 0.06, 0.07, 0.09);
-    scene.background_user = dusk;
-    ex_view_set(&view, ex_vec_of(2.6, 1.9, 5.8), ex_vec_of(0.1, 0.80, 0), 31);
-    view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
-    const int status = ex_scene_show(argc, argv, "pot", &scene, &view);
-    ex_mesh_free(&pot);
-    ex_mesh_free(&table);
-    return status;
+    ex_stage stage;
+    ex_stage_begin(&stage, 1, 2);
+    set_haze(&stage.volumes[0]);
+    build_pot(&stage.shapes[0]);
+    build_table(&stage.shapes[1]);
+    stage.meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
+    ex_sun(&stage.sun, ex_vec_of(1.0, -0.85, 0.25), 12);
+    ex_color(stage.scene.ambient, 0.06, 0.07, 0.09);
+    stage.scene.background_user = dusk;
+    ex_view_set(&stage.view, ex_vec_of(2.6, 1.9, 5.8), ex_vec_of(0.1, 0.80, 0), 31);
+    stage.view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
+    return ex_stage_show(argc, argv, "pot", &stage);
 }

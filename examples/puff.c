@@ -28,27 +28,20 @@ static void set_smoke(sps_particles *smoke, sps_particle *particles) {
 
 int main(int argc, char **argv) {
     static sps_particle particles[PARTICLES];
-    sps_tmap_settings map = {0};
-    ex_mesh mesh = {0};
-    sps_particles smoke = {0};
-    sps_mesh ground = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
     const float color[3] = {0.115f, 0.105f, 0.08f};
+    sps_tmap_settings map = {0};
+    sps_particles smoke = {0};
+    ex_stage stage;
+    ex_stage_begin(&stage, 0, 1);
     fill_puffs(particles);
     set_smoke(&smoke, particles);
-    ex_shape_quad(&mesh, ex_vec_of(-30, 0, -30), ex_vec_of(-30, 0, 10), ex_vec_of(30, 0, 10), ex_vec_of(30, 0, -30),
-                  color);
-    ex_shape_use(&mesh, &ground);
-    ex_sun(&sun, ex_vec_of(0.9, -1.3, -0.35), 13);
+    stage.scene.particles = &smoke, stage.scene.particles_count = 1;
+    ex_shape_quad(&stage.shapes[0], ex_vec_of(-30, 0, -30), ex_vec_of(-30, 0, 10), ex_vec_of(30, 0, 10),
+                  ex_vec_of(30, 0, -30), color);
+    ex_sun(&stage.sun, ex_vec_of(0.9, -1.3, -0.35), 13);
     map.technique = SPS_TMAP_FOURIER, map.components = 15;
-    sun.shadow_map = &map, sun.shadow_map_size = 512;
-    ex_scene_set(&scene, NULL, 0, &ground, 1, &sun);
-    scene.particles = &smoke, scene.particles_count = 1;
-    ex_color(scene.ambient, 0.16, 0.20, 0.27);
-    ex_view_set(&view, ex_vec_of(0.6, 2.6, 7.8), ex_vec_of(0.3, 0.75, 0), 29);
-    const int status = ex_scene_show(argc, argv, "puff", &scene, &view);
-    ex_mesh_free(&mesh);
-    return status;
+    stage.sun.shadow_map = &map, stage.sun.shadow_map_size = 512;
+    ex_color(stage.scene.ambient, 0.16, 0.20, 0.27);
+    ex_view_set(&stage.view, ex_vec_of(0.6, 2.6, 7.8), ex_vec_of(0.3, 0.75, 0), 29);
+    return ex_stage_show(argc, argv, "puff", &stage);
 }

@@ -68,23 +68,15 @@ static void build_desk(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float dusk[2][3] = {{0.45f, 0.50f, 0.55f}, {0.62f, 0.74f, 0.86f}};
-    ex_mesh mesh = {0};
-    sps_volume smoke = {0};
-    sps_mesh room = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    set_smoke(&smoke);
-    build_room(&mesh);
-    build_desk(&mesh);
-    ex_shape_use(&mesh, &room);
-    ex_sun(&sun, ex_vec_of(-0.35, -0.62, 1.0), 18.5);
-    ex_scene_set(&scene, &smoke, 1, &room, 1, &sun);
-    ex_color(scene.ambient, 0.09, 0.10, 0.12);
-    scene.background_user = dusk;
-    ex_view_set(&view, ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
-    view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
-    const int status = ex_scene_show(argc, argv, "smoke_room", &scene, &view);
-    ex_mesh_free(&mesh);
-    return status;
+    ex_stage stage;
+    ex_stage_begin(&stage, 1, 1);
+    set_smoke(&stage.volumes[0]);
+    build_room(&stage.shapes[0]);
+    build_desk(&stage.shapes[0]);
+    ex_sun(&stage.sun, ex_vec_of(-0.35, -0.62, 1.0), 18.5);
+    ex_color(stage.scene.ambient, 0.09, 0.10, 0.12);
+    stage.scene.background_user = dusk;
+    ex_view_set(&stage.view, ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
+    stage.view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
+    return ex_stage_show(argc, argv, "smoke_room", &stage);
 }

@@ -82,22 +82,15 @@ static void build_mushrooms(ex_mesh *mesh) {
 }
 
 int main(int argc, char **argv) {
-    ex_mesh mesh = {0};
     ex_grid grid = {0};
-    sps_volume volumes[3] = {{0}, {0}, {0}};
-    sps_mesh mushrooms = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    set_tree(&volumes[0], &grid);
-    set_plate(volumes + 1);
-    build_mushrooms(&mesh);
-    ex_shape_use(&mesh, &mushrooms);
-    ex_sun(&sun, ex_vec_of(0.55, -1.3, -0.12), 3.3);
-    ex_scene_set(&scene, volumes, 3, &mushrooms, 1, &sun);
-    ex_view_set(&view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.86, 0), 29);
-    const int status = ex_scene_show(argc, argv, "tree", &scene, &view);
+    ex_stage stage;
+    ex_stage_begin(&stage, 3, 1);
+    set_tree(&stage.volumes[0], &grid);
+    set_plate(&stage.volumes[1]);
+    build_mushrooms(&stage.shapes[0]);
+    ex_sun(&stage.sun, ex_vec_of(0.55, -1.3, -0.12), 3.3);
+    ex_view_set(&stage.view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.86, 0), 29);
+    const int status = ex_stage_show(argc, argv, "tree", &stage);
     ex_grid_free(&grid);
-    ex_mesh_free(&mesh);
     return status;
 }

@@ -28,22 +28,23 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
     return user != NULL;
 }
 
-int main(int argc, char **argv) {
+static void set_cloud(sps_volume *cloud) {
     static const sps_lobe lobes[2] = {{0.6f, 0.6f}, {-0.3f, 0.4f}};
+    ex_volume_box(cloud, ex_vec_of(-1.75, -0.95, -1.1), ex_vec_of(1.75, 1.15, 1.25), 176);
+    cloud->eval_fn = cloud_value;
+    cloud->extinction = 10;
+    ex_color(cloud->albedo, 0.99, 0.99, 0.99);
+    cloud->lobes = lobes, cloud->lobe_count = 2;
+}
+
+int main(int argc, char **argv) {
     static float sky[2][3] = {{0.36f, 0.47f, 0.60f}, {0.08f, 0.17f, 0.36f}};
-    sps_volume cloud = {0};
-    sps_light sun = {0};
-    sps_scene scene = {0};
-    sps_view view = {0};
-    ex_volume_box(&cloud, ex_vec_of(-1.75, -0.95, -1.1), ex_vec_of(1.75, 1.15, 1.25), 176);
-    cloud.eval_fn = cloud_value;
-    cloud.extinction = 10;
-    ex_color(cloud.albedo, 0.99, 0.99, 0.99);
-    cloud.lobes = lobes, cloud.lobe_count = 2;
-    ex_sun(&sun, ex_vec_of(0.7, -1.0, -0.55), 20);
-    ex_scene_set(&scene, &cloud, 1, NULL, 0, &sun);
-    ex_color(scene.ambient, 0.15, 0.18, 0.24);
-    scene.background_user = sky;
-    ex_view_set(&view, ex_vec_of(0.3, -0.5, 6.5), ex_vec_of(0, 0, 0), 28);
-    return ex_scene_show(argc, argv, "turbulence", &scene, &view);
+    ex_stage stage;
+    ex_stage_begin(&stage, 1, 0);
+    set_cloud(&stage.volumes[0]);
+    ex_sun(&stage.sun, ex_vec_of(0.7, -1.0, -0.55), 20);
+    ex_color(stage.scene.ambient, 0.15, 0.18, 0.24);
+    stage.scene.background_user = sky;
+    ex_view_set(&stage.view, ex_vec_of(0.3, -0.5, 6.5), ex_vec_of(0, 0, 0), 28);
+    return ex_stage_show(argc, argv, "turbulence", &stage);
 }

@@ -76,10 +76,6 @@ static const kind kinds[KINDS] = {
     [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0xc08a00},
 };
 
-/* Techniques that compute most for a query, the roots of a polynomial or all that the series has been: one picture of
-   the least number is enough. */
-static int is_slow(const kind *k) { return k->technique == SPS_TMAP_MOMENT || k->running_maximum; }
-
 /* The nearest number of components, not above `asked` but where there is none, that a technique can have. */
 static int components_of(sps_tmap_technique technique, int asked) {
     switch (technique) {

@@ -160,9 +160,10 @@ typedef struct set_up {
     sps_view view, light_view;
     sps_tmap_settings range;
     int map_size;
-    double *points;    /* in the gas, then on the ground below it */
-    float *exact;      /* transmittance there */
-    float *exact_rgba; /* the picture */
+    double *points;       /* in the gas, then on the ground below it */
+    float *exact;         /* transmittance there */
+    float *exact_rgba;    /* the picture */
+    double slabs_seconds; /* of the picture without a map */
     trials trials;
 } set_up;
 

@@ -2081,35 +2081,64 @@ static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel)
         texel[i] = (float)((double)texel[i] * spsi_window(settings->window, (i + 1) / 2, n));
 }
 
-/* a0 u / 2 + sum of (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) / (2 pi k), at the angle whose cosine and sine are
-   given. [Jansen & Bavoil 2010] */
-static inline spsi_v spsi_fourier_series(const spsi_v *texel, int components, spsi_v u, spsi_v cosine, spsi_v sine) {
-    spsi_v c = cosine, s = sine, sum = spsi_mul(spsi_mul(spsi_set(0.5f), texel[0]), u);
-    for (int k = 1; 2 * k < components; ++k) {
-        const spsi_v both = spsi_fma(texel[2 * k - 1], s, spsi_mul(texel[2 * k], spsi_sub(spsi_set(1), c)));
-        sum = spsi_fma(both, spsi_set((float)(1 / (2 * SPSI_PI * k))), sum);
-        spsi_turn_by(&c, &s, cosine, sine);
-    }
-    return sum;
+/* What harmonic k adds to a0 u / 2 for the optical depth before u: (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) /
+   (2 pi k). [Jansen & Bavoil 2010] */
+static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cosine, spsi_v sine) {
+    const spsi_v both = spsi_fma(a, sine, spsi_mul(b, spsi_sub(spsi_set(1), cosine)));
+    return spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k))));
 }
 
-/* Never more than all there is, nor less than nothing. The running maximum is over u and what lies before it of 4 n
-   even samples, n harmonics: the highest is then seen four times in each of its periods. */
-static spsi_v spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
-    const int n = settings->components, samples = settings->running_maximum ? 2 * (n - 1) : 0;
-    spsi_v texel[SPSI_TMAP_COMPONENTS], cosine, sine, most, whole;
-    for (int k = 0; k < n; ++k) texel[k] = spsi_texels_at(texels, spsi_set((float)k));
-    whole = spsi_min(spsi_mul(spsi_set(0.5f), texel[0]), spsi_set(SPSI_DEPTH_MAX));
-    spsi_turn(u, &cosine, &sine);
-    most = spsi_fourier_series(texel, n, u, cosine, sine);
-    for (int i = 1; i < samples; ++i) {
-        const spsi_v at = spsi_set((float)i / (float)samples);
-        const spsi_m before = spsi_less(at, u);
-        if (!spsi_bits(before)) break;
-        spsi_turn(at, &cosine, &sine);
-        most = spsi_select(before, spsi_max(most, spsi_fourier_series(texel, n, at, cosine, sine)), most);
+#define SPSI_FOURIER_SAMPLES (2 * (SPSI_TMAP_COMPONENTS - 1))
+#define SPSI_FOURIER_GROUP   8 /* samples that share look-ups, and that a task's stack has room for */
+
+/* The most of the series at `most` and at what lies before u of 4 n even samples, n harmonics: the highest is then seen
+   four times in each of its periods. All multiples of the samples' angles are among these. */
+static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, spsi_v u, spsi_v most) {
+    const int samples = 2 * (components - 1);
+    const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
+    float cosines[SPSI_FOURIER_SAMPLES], sines[SPSI_FOURIER_SAMPLES];
+    double z[2] = {1, 0};
+    for (int i = 0; i < samples; ++i) {
+        cosines[i] = (float)z[0], sines[i] = (float)z[1];
+        spsi_turn_double(z, by);
     }
-    return spsi_clamp(most, spsi_set(0), whole);
+    for (int first = 1; first < samples; first += SPSI_FOURIER_GROUP) {
+        const int count = spsi_least(SPSI_FOURIER_GROUP, samples - first);
+        const spsi_v slope = spsi_mul(spsi_texels_at(texels, spsi_set(0)), spsi_set(0.5f / (float)samples));
+        spsi_v sums[SPSI_FOURIER_GROUP];
+        if (!spsi_bits(spsi_less(spsi_set((float)first / (float)samples), u))) break;
+        for (int i = 0; i < count; ++i) sums[i] = spsi_mul(slope, spsi_set((float)(first + i)));
+        for (int k = 1; 2 * k < components; ++k) {
+            const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
+            const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
+            for (int i = 0; i < count; ++i) {
+                const int turn = k * (first + i) % samples;
+                sums[i] =
+                    spsi_add(sums[i], spsi_fourier_harmonic(a, b, k, spsi_set(cosines[turn]), spsi_set(sines[turn])));
+            }
+        }
+        for (int i = 0; i < count; ++i) {
+            const spsi_m before = spsi_less(spsi_set((float)(first + i) / (float)samples), u);
+            most = spsi_select(before, spsi_max(most, sums[i]), most);
+        }
+    }
+    return most;
+}
+
+/* Never more than all there is, nor less than nothing. */
+static spsi_v spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+    const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
+    spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
+    spsi_turn(u, &cosine, &sine);
+    c = cosine, s = sine;
+    for (int k = 1; 2 * k < settings->components; ++k) {
+        const spsi_v a = spsi_texels_at(texels, spsi_set((float)(2 * k - 1)));
+        const spsi_v b = spsi_texels_at(texels, spsi_set((float)(2 * k)));
+        sum = spsi_add(sum, spsi_fourier_harmonic(a, b, k, c, s));
+        spsi_turn_by(&c, &s, cosine, sine);
+    }
+    if (settings->running_maximum) sum = spsi_fourier_running(texels, settings->components, u, sum);
+    return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
 }
 
 /* ---- fits: what a curve gives to those who take it piece by piece ---- */
@@ -8169,13 +8198,15 @@ static void spsi_ball_steps_task(void *data, int index, int worker) {
 /* Puts particles in the order in which light meets them, so that the lists of all texels come nearly sorted. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->particle_count;
-    uint32_t starts[SPSI_DEPTH_STEPS], sum = 0;
-    job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, (size_t)count,
-                                          sizeof *job->order + sizeof *job->steps);
+    uint32_t *starts, sum = 0;
+    job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1,
+                                          SPSI_DEPTH_STEPS * sizeof *starts +
+                                              (size_t)count * (sizeof *job->order + sizeof *job->steps));
     if (!job->order) return context->result;
-    job->steps = (uint16_t *)(void *)(job->order + count);
+    starts = job->order + count;
+    job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS);
     spsi_parallel_batches(context, count, spsi_ball_steps_task, job);
-    memset(starts, 0, sizeof starts);
+    memset(starts, 0, SPSI_DEPTH_STEPS * sizeof *starts);
     for (int i = 0; i < count; ++i) starts[job->steps[i]] += 1;
     for (int step = 0; step < SPSI_DEPTH_STEPS; ++step) {
         const uint32_t here = starts[step];

@@ -1507,6 +1507,42 @@ static void test_replaced(void) {
     sps_destroy(context);
 }
 
+/* A point's answer does not depend on the company in which it is asked, nor on whether texels are looked up a vector at
+   a time, which very large maps' are not: the same bits. */
+static void test_company(void) {
+    enum { POINTS = 3 * 16 + 5 }; /* some vectors of any width, and a part of one */
+    for (int n = 0; n < 4 * TECHNIQUES; ++n) {
+        const int technique = n / 4, round = n % 2, variant = n / 2 % 2;
+        float together[2][POINTS], apart[2][POINTS], alone[2];
+        double points[3 * POINTS];
+        check_random random = {(uint64_t)n + 5};
+        sps_context *context = sps_create(NULL);
+        sps_tmap *map;
+        fixture f;
+        begin_mixed(&f, technique);
+        if (round) see(&f, ROUND, 2 * SIDE);
+        f.settings.cubic = f.settings.texel_range = f.settings.running_maximum = variant;
+        map = must_build(&f, context);
+        for (int i = 0; i < 3 * POINTS; ++i) points[i] = 14 * check_next(&random) - 7;
+        if (map) {
+            int same = 1;
+            sps_tmap_query(map, POINTS, points, together[0], together[1]);
+            for (int i = 0; i < POINTS; ++i) {
+                sps_tmap_query(map, 1, points + 3 * i, &alone[0], &alone[1]);
+                same &= memcmp(&alone[0], &together[0][i], sizeof(float)) == 0 &&
+                        memcmp(&alone[1], &together[1][i], sizeof(float)) == 0;
+            }
+            CHECK(same);
+            map->has_vectors = 0;
+            sps_tmap_query(map, POINTS, points, apart[0], apart[1]);
+            CHECK(memcmp(apart, together, sizeof apart) == 0);
+            sps_tmap_destroy(map);
+        }
+        sps_destroy(context);
+        end(&f);
+    }
+}
+
 /* X / W, Y / W, D and W of a world point. */
 static void project(const double m[16], const double point[3], double out[4]) {
     for (int i = 0; i < 4; ++i)
@@ -2386,6 +2422,7 @@ int main(void) {
     RUN(test_planes);
     RUN(test_scenes);
     RUN(test_replaced);
+    RUN(test_company);
     RUN(test_projection);
     RUN(test_projection_round);
     RUN(test_states);

@@ -462,7 +462,7 @@ typedef enum sps_pass {
 typedef struct sps_pass_report {
     int runs;           /* how many times; 0: left out */
     const char *reason; /* why, either way; a constant */
-    size_t bytes;       /* held for this pass, at most; of maps that keep lists, or are fitted to them, without these */
+    size_t bytes;       /* held for this pass, at most; without the lists of maps that are made from such */
 } sps_pass_report;
 
 typedef struct sps_plan_report {
@@ -474,7 +474,9 @@ typedef struct sps_plan_report {
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
-    size_t bytes; /* all that the context will hold, at most, often 2 or 3 times what it comes to; with image.depth */
+    /* all that the context will hold, at most, with image.depth: often 2 or 3 times what it comes to, and far more
+       where there are particles, since nobody has seen yet how far they reach */
+    size_t bytes;
 } sps_plan_report;
 
 typedef struct sps_stats_report {
@@ -560,7 +562,7 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
 /* Pulls the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
    kernel cut at slabs square to the light's axis, every triangle where it is. Time is about occluders * texels under
-   them * components; memory, on top of the map's, 130 bytes a particle and 4 bytes a component of 64 rows of texels, or
+   them * components; memory, on top of the map's, 160 bytes a particle and 4 bytes a component of 64 rows of texels, or
    16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made from lists
    take per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5 KB, and 18 KB
    for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
@@ -569,7 +571,8 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Optical depth between the light and world positions (packed triples), and exp(-that); either may be NULL. Gas is
    interpolated between four texels, surfaces shade by the share of these that they cover. 0, and transmittance 1,
-   outside of the map, behind the light, before near_depth, and before sps_tmap_finish. Where all is opaque, 1e15 and 0.
+   outside of the map, behind the light, before near_depth, for a position that is not finite, and before
+   sps_tmap_finish. Behind surfaces, where all four have one, 1e15 and 0.
    May be called from many threads. */
 SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                             float *transmittances);
@@ -1249,6 +1252,7 @@ typedef struct spsi_rays {
     double origin[3], a[3], b[3], c[3];
     double inverse[3][3]; /* rows; (p - origin) to (x t, y t, t) or (x, y, t) */
     double depth_reference, near_depth;
+    int is_cube_face; /* 1: of six about the origin */
 } spsi_rays;
 
 static size_t spsi_ray_count(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
@@ -1356,7 +1360,7 @@ static int spsi_rays_of_cube_face(const double position[3], int face, int size, 
     const double pitch = 2.0 / spsi_most(size - 1 - 2 * border, 1);
     double forward[3] = {0, 0, 0};
     memset(rays, 0, sizeof *rays);
-    rays->perspective = 1;
+    rays->perspective = rays->is_cube_face = 1;
     rays->width = rays->height = size;
     forward[face / 2] = face % 2 ? -1 : 1;
     spsi_rays_aim(rays, position, axes[(face / 2 + 1) % 3], axes[(face / 2 + 2) % 3], forward, pitch, pitch);
@@ -1956,7 +1960,7 @@ static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, c
     return knots;
 }
 
-/* The first plane that does not lie before u, of even ones but for rounding; the last if all do. */
+/* The same as spsi_plane_from, of even planes but for rounding. */
 static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v u) {
     const int last = settings->components - 1;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
@@ -1970,7 +1974,7 @@ static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v 
     return plane;
 }
 
-/* a / b, or 0 where b is 0. */
+/* a / b, or 0 where b is 0: between what comes before the first plane, or behind the last, and itself. */
 static inline spsi_v spsi_ratio(spsi_v a, spsi_v b) {
     const spsi_m some = spsi_less(spsi_set(0), spsi_abs(b));
     return spsi_select(some, spsi_div(a, spsi_select(some, b, spsi_set(1))), spsi_set(0));
@@ -4285,10 +4289,18 @@ typedef struct spsi_chord {
     spsi_v middle, half, share;
 } spsi_chord;
 
-/* The particle's radius, not less than pixels allow, and its optical depth, less by as much as the area has grown. */
-static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, const sps_particle *particle, double t,
-                           spsi_ball *ball, double *radius) {
-    const double pixel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * (rays->perspective ? fmax(t, 0) : 1);
+/* How far away rays pass a point, in t; the same for all faces of a cube. 1 where pixels are as large everywhere. */
+static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
+    if (!rays->perspective) return 1;
+    if (rays->is_cube_face) return fmax(fabs(offset[0]), fmax(fabs(offset[1]), fabs(offset[2])));
+    return fmax(spsi_dot(rays->inverse[2], offset), 0);
+}
+
+/* The particle's radius, not less than pixels allow, and its optical depth, less by as much as the area has grown.
+   `offset`: of its centre from the rays' origin. */
+static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, const sps_particle *particle,
+                           const double offset[3], spsi_ball *ball, double *radius) {
+    const double pixel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
     const double own = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2.0;
     double depth = (double)particle->optical_depth;
     if (set->is_extinction) depth *= shape * own;
@@ -4365,7 +4377,7 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
     spsi_project(rays, centre, q);
-    spsi_ball_size(rays, set, particle, q[2], ball, &radius);
+    spsi_ball_size(rays, set, particle, offset, ball, &radius);
     ball->x1 = ball->y1 = -1;
     ahead = q[2] / spsi_length(rays->inverse[2]); /* from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return;
@@ -4549,7 +4561,7 @@ static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *pla
     return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
 }
 
-/* Gives 0 outside of the map and before near_depth. */
+/* Gives 0 outside of the map, before near_depth, and where a point is no number or not finite. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
     const int width = map->rays[0].width, height = map->rays[0].height;
     double q[3], offset[3];
@@ -4559,6 +4571,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
         face = spsi_cube_face_of(offset);
     }
     spsi_project(&map->rays[face], point, q);
+    if (!(fabs(q[0]) <= DBL_MAX && fabs(q[1]) <= DBL_MAX && fabs(q[2]) <= DBL_MAX)) return 0;
     place->t = q[2];
     place->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
     if (!(place->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
@@ -4710,18 +4723,19 @@ static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_m
 static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
-    const spsi_m is_x = spsi_less(y, x), is_z = spsi_less(spsi_max(x, y), z);
+    const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
     spsi_v axes[3], per_distance, distance; /* along the face's axis, and the two after it */
     for (int i = 0; i < 3; ++i)
-        axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_x, offset[i], offset[(i + 1) % 3]));
+        axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
     distance = spsi_abs(axes[0]);
     per_distance = spsi_div(half, spsi_max(distance, spsi_set(FLT_MIN * 16)));
-    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_x, zero, spsi_set(2)));
+    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
     seen->face = spsi_add(seen->face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
     seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
     seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
     seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
     seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
+    seen->before = spsi_and(seen->before, spsi_less(zero, distance));
 }
 
 /* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see, or of six faces
@@ -5585,7 +5599,7 @@ static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particl
     spsi_ball size;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
-    spsi_ball_size(rays, set, particle, spsi_dot(rays->inverse[2], offset), &size, &radius);
+    spsi_ball_size(rays, set, particle, offset, &size, &radius);
     *slab = spsi_dot(crossing->row, centre) - crossing->slab_origin;
     *reach = radius * crossing->reach;
 }
@@ -6115,7 +6129,9 @@ static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile 
     spsi_slab_range(shader, line, k, &enter, &leave);
     way = spsi_sub(leave, enter);
     *middle = spsi_mul(spsi_set(0.5f), spsi_add(enter, leave));
-    *value = spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_set(FLT_MIN * 16)));
+    /* of no way at all, what rounding has left in the sheet would be a value beyond all others */
+    *value =
+        spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_mul(spsi_abs(line->scale), spsi_set(1e-6f))));
     return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(line->scale)), way);
 }
 
@@ -8031,11 +8047,14 @@ static size_t spsi_fitting_curve(const spsi_filling *filling) {
     return curve ? SPSI_CURVE_NODES((size_t)filling->most, (size_t)filling->pieces) : 0;
 }
 
-static size_t spsi_fitting_bytes(const spsi_filling *filling) {
+/* In 64 bits: a size_t may have fewer. Rounded up to whole stretches, so that the next worker's are aligned. */
+static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
     size_t nodes = spsi_fitting_curve(filling);
+    uint64_t bytes;
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
         nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
-    return (spsi_fitting_stretches(filling) + 1) * sizeof(spsi_stretch) + nodes * sizeof(spsi_node);
+    bytes = (uint64_t)spsi_fitting_stretches(filling) * sizeof(spsi_stretch) + (uint64_t)nodes * sizeof(spsi_node);
+    return (bytes / sizeof(spsi_stretch) + 1) * sizeof(spsi_stretch);
 }
 
 static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
@@ -8143,6 +8162,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
     const spsi_technique *technique = map->technique;
+    uint64_t bytes;
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
@@ -8152,7 +8172,11 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     if (filling->most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in a texel", (double)filling->most,
                                "2 million can be fitted");
-    filling->scratch_size = spsi_fitting_bytes(filling);
+    bytes = spsi_fitting_bytes(filling);
+    if (bytes > SIZE_MAX)
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "bytes to fit a texel", (double)bytes,
+                               "they are more than memory can have");
+    filling->scratch_size = (size_t)bytes;
     filling->scratch =
         (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
     if (!filling->scratch) return context->result;
@@ -8168,9 +8192,8 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 
 /* --- particles into tiles --- */
 
-#define SPSI_DEPTH_STEPS                                                                                               \
-    4096 /* by which particles are put in order: finer ones would not shorten what is left to do                       \
-          */
+/* By so many steps of depth particles are put in order; finer ones would not shorten what is left to sort. */
+#define SPSI_DEPTH_STEPS 4096
 
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
@@ -8195,13 +8218,15 @@ static void spsi_ball_steps_task(void *data, int index, int worker) {
     }
 }
 
+static size_t spsi_balls_order_bytes(size_t particles) {
+    return SPSI_DEPTH_STEPS * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
+}
+
 /* Puts particles in the order in which light meets them, so that the lists of all texels come nearly sorted. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->particle_count;
     uint32_t *starts, sum = 0;
-    job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1,
-                                          SPSI_DEPTH_STEPS * sizeof *starts +
-                                              (size_t)count * (sizeof *job->order + sizeof *job->steps));
+    job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
     if (!job->order) return context->result;
     starts = job->order + count;
     job->steps = (uint16_t *)(void *)(starts + SPSI_DEPTH_STEPS);
@@ -8299,8 +8324,8 @@ static sps_result spsi_tmap_sweep(sps_context *context, const spsi_frame *frame,
     sweep->rays = *rays;
     least = spsi_cosine_to_corners(sweep->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "least cosine of a ray with the axis", least,
-                               "volumes need 0.1; narrow the light's field_of_view, or make the map omnidirectional");
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "cosine of its outermost rays with the axis",
+                               least, "volumes need 0.1; narrow the light's view, up and down or sideways");
     return spsi_sweep_slabs(context, frame, 0, sweep); /* particles are no part of sheets here */
 }
 
@@ -9047,6 +9072,7 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_sweep *swee
     bytes += (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     bytes += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     bytes += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
+    if (!spsi_techniques[light->shadow_map->technique].sums) bytes += spsi_balls_order_bytes(frame->particles_asked);
     bytes += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
     if (bytes > report->pass[SPS_PASS_LIGHT_MAPS].bytes) report->pass[SPS_PASS_LIGHT_MAPS].bytes = bytes;
 }

@@ -873,6 +873,56 @@ static void test_scales_of_near_voxels(void) {
         }
 }
 
+/* exp(-20 r^2) about (0.4, 0.4, 0.4), at the scale that `user` points to. */
+static double ball_at(const void *user, const double position[3]) {
+    const double scale = *(const double *)user;
+    double square = 0;
+    for (int i = 0; i < 3; ++i) square += (position[i] / scale - 0.4) * (position[i] / scale - 0.4);
+    return exp(-20 * square);
+}
+
+/* A polygon may leave next to nothing of a ray's way through a slab, and rounding something in its sheet, which grows
+   with the world: no value, nor gradient, is to be made of these two. Some pixels came out as 8e30 at 1e7 and 1e8. */
+static void test_scales_of_cut_surfaces(void) {
+    enum { WIDTH = 48 };
+    static const double scales[] = {1, 1e-6, 1e6, 1e7, 3e7, 1e8};
+    static const double corners[4][3] = {{-0.5, -0.3, -0.6}, {0.6, -0.2, -0.5}, {0.5, -0.25, 0.6}, {-0.5, -0.3, 0.5}};
+    static float picture[4 * WIDTH * WIDTH], first[4 * WIDTH * WIDTH];
+    for (size_t i = 0; i < sizeof scales / sizeof *scales; ++i) {
+        const double scale = scales[i];
+        const sps_transfer_point points[3] = {{0.1f, {0.8f, 0.3f, 0.2f}, 0},
+                                              {0.4f, {0.8f, 0.5f, 0.2f}, (float)(3 / scale)},
+                                              {1, {0.2f, 0.5f, 0.9f}, (float)(6 / scale)}};
+        const sps_transfer transfer = {points, 3, NULL, NULL, 0};
+        check_field field = {ball_at, &scale, {0, 0, 0}, {{0, 0, 0}, {{0}}}};
+        check_triangles triangles = {0};
+        sps_context *context = check_context(NULL);
+        check_scene s;
+        sps_volume *volume;
+        check_clear(&s, WIDTH, WIDTH);
+        volume = check_add_volume(&s, 24, 24, 24, check_box(-scale, -scale, -scale, scale, scale, scale));
+        volume->read_fn = NULL, volume->eval_fn = check_eval_field, volume->user = &field;
+        volume->transfer = &transfer, volume->shading = SPS_SHADING_SURFACE;
+        check_add_corners(&triangles, corners[0], corners[1], corners[2]);
+        check_add_corners(&triangles, corners[0], corners[2], corners[3]);
+        for (int n = 0; n < 2; ++n) {
+            sps_mesh *mesh = check_add_mesh(&s, &triangles, 0.5);
+            for (int k = 0; k < 3; ++k) mesh->placement.axis[k][k] = scale;
+            mesh->placement.origin[1] = n * 0.8 * scale;
+        }
+        check_add_directional(&s, -0.5, -1, -0.4, 3);
+        check_set3(s.view.position, scale, 0.8 * scale, 4 * scale);
+        check_set3(s.view.target, 0, 0, 0);
+        s.view.field_of_view = 0.6;
+        CHECK(check_render(context, &s, i > 0 ? picture : first));
+        CHECK(sane(i > 0 ? picture : first, WIDTH * WIDTH, 10));
+        if (i > 0 && !CHECK(check_rms(picture, first, 4 * WIDTH * WIDTH) < 1e-4))
+            printf("    %g: off by %g\n", scale, check_rms(picture, first, 4 * WIDTH * WIDTH));
+        check_free_triangles(&triangles);
+        sps_destroy(context);
+    }
+}
+
 /* What lies far away, and is seen by nobody, changes nothing: a small triangle that comes first, or a backdrop, black
    as the background is, behind a gas with its shadows. */
 static void test_far_things(void) {
@@ -1306,6 +1356,7 @@ int main(void) {
     test_uneven_voxels();
     test_scales_and_origins();
     test_scales_of_near_voxels();
+    test_scales_of_cut_surfaces();
     test_far_things();
     test_far_point_lights();
     test_zoom();

@@ -2034,7 +2034,7 @@ static void test_wide(void) {
     sps_tmap_destroy(map);
     add_box(&f, 4, 1, 0, 1);
     map = build(&f, context);
-    CHECK(!map && strstr(sps_error(context), "cosine of a ray with the axis is 0.0") &&
+    CHECK(!map && strstr(sps_error(context), "cosine of its outermost rays with the axis is 0.0") &&
           strstr(sps_error(context), "0.1"));
     f.light.field_of_view = 2;
     f.light.height = 9, f.light.width = 9;

@@ -2567,12 +2567,15 @@ static int spsi_polynomial_positive(const double *c, int degree, double x) {
     return at[0] > 0;
 }
 
+#define SPSI_ROOT_STEPS    100   /* more than halves alone take from 2000 down to what a double tells */
+#define SPSI_ROOT_NEARNESS 1e-13 /* relative; the next step would be to its cube */
+
 /* The root between a and b, at which the values' signs differ: Laguerre's steps, which where all roots are real lead to
    the next one on the side that is asked for, in three or four; or halves where rounding leads them astray. */
 static double spsi_polynomial_root(const double *c, int degree, double a, double b, int rising) {
     const double n = degree;
     double x = 0.5 * (a + b);
-    for (int i = 0; i < 100; ++i) {
+    for (int i = 0; i < SPSI_ROOT_STEPS; ++i) {
         double at[3], spread, slope, step;
         spsi_polynomial(c, degree, x, at);
         if ((at[0] > 0) == rising)
@@ -2583,7 +2586,7 @@ static double spsi_polynomial_root(const double *c, int degree, double a, double
         spread = spread > 0 ? sqrt(spread) : 0;
         slope = rising ? at[1] + spread : at[1] - spread;
         step = slope < 0 || slope > 0 ? n * at[0] / slope : b - a;
-        if (fabs(step) <= 1e-13 * (fabs(x) > 1 ? fabs(x) : 1)) return x;
+        if (fabs(step) <= SPSI_ROOT_NEARNESS * (fabs(x) > 1 ? fabs(x) : 1)) return x;
         x = x - step > a && x - step < b ? x - step : 0.5 * (a + b);
     }
     return x;
@@ -2605,7 +2608,7 @@ static int spsi_parabola_roots(double a, double b, double c, double reach, doubl
 static void spsi_polynomial_within(const double *c, int degree, double reach, double within[2]) {
     const double n = degree, a1 = c[degree - 1] / c[degree], a2 = c[degree - 2] / c[degree];
     const double square = a1 * a1 - 2 * n / (n - 1) * a2, middle = -a1 / n;
-    const double radius = (n - 1) / n * sqrt(fmax(square, 0)), room = 1e-6 * (fabs(middle) + radius);
+    const double radius = (n - 1) / n * sqrt(fmax(square, 0)), room = 1e-6 * (fabs(middle) + radius); /* rounding */
     const int known = fabs(middle) + radius < reach; /* neither infinite nor no number */
     within[0] = known ? fmax(middle - radius - room, -reach) : -reach;
     within[1] = known ? fmin(middle + radius + room, reach) : reach;
@@ -3012,6 +3015,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
 static sps_result spsi_check_components(sps_context *context, const char *name, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
+    const char *with = technique->range < 0 && settings->texel_range ? " with texel_range" : "";
     char rule[96];
     if (n == 0) return SPS_OK;
     if (technique->lists) {
@@ -3021,8 +3025,8 @@ static sps_result spsi_check_components(sps_context *context, const char *name, 
         if (least == technique->most)
             SPS_SNPRINTF(rule, sizeof rule, "%s has %d", technique->name, least);
         else
-            SPS_SNPRINTF(rule, sizeof rule, "%s has %d, %d .. %d", technique->name, least, least + technique->step,
-                         technique->most);
+            SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
+                         least + technique->step, technique->most);
     }
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "components", n, rule);
 }
@@ -4705,14 +4709,11 @@ static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen,
 
 /* Points given in the coordinates of the map's only rays before any division, t counted from near_depth. */
 static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
-    const spsi_v per_depth = spsi_set((float)map->per_depth), tiny = spsi_set(FLT_MIN * 16);
     const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
-    spsi_v scale = spsi_set(1);
-    seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], per_depth)); /* room for rounding */
-    if (map->rays[0].perspective) {
-        seen->before = spsi_and(seen->before, spsi_less(tiny, distance));
-        scale = spsi_div(scale, spsi_max(distance, tiny));
-    }
+    const spsi_v scale =
+        map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
+    /* room for rounding; what lies behind the light lies before near_depth, too */
+    seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
     seen->face = spsi_set(0);
     seen->x = spsi_mul(q[0], scale);
     seen->y = spsi_mul(q[1], scale);

@@ -1034,7 +1034,7 @@ static void test_shuffled(void) {
    so each technique says the same but for floats, which see the ray in other numbers: a chord's CHORD of 4 texels' 30
    particles; where a technique bends its answer by a line's slope of up to 30 (Beer, adaptive) or takes roots
    (moments), by as much more. Deep maps are also compared with the exact sum. */
-static void check_seams(const fixture *f, const sps_tmap *map, double slack) {
+static void check_seams(const fixture *f, const sps_tmap *map, double slack, int exact_is_known) {
     check_random random = {41};
     const int n = f->light.width - 1;
     for (int i = 0; i < 600; ++i) {
@@ -1048,11 +1048,26 @@ static void check_seams(const fixture *f, const sps_tmap *map, double slack) {
         spsi_along(f->light.position, one_side, 1, one_side);
         spsi_along(f->light.position, other, 1, other);
         CHECK_NEAR(query_at(map, one_side), query_at(map, other), slack);
-        if (map->settings.technique == SPS_TMAP_DEEP) {
+        if (exact_is_known) {
             const answer exact = exact_particles(f, one_side);
             CHECK_NEAR(query_at(map, one_side), exact.depth, exact.slack + 1e-6);
         }
     }
+}
+
+/* Particles finer than texels are spread over one alike, whichever face sees them. */
+static void test_seams_of_fine_particles(void) {
+    sps_context *context = sps_create(NULL);
+    fixture f;
+    sps_tmap *map;
+    begin(&f, SPS_TMAP_DEEP);
+    see(&f, ROUND, 17);
+    scatter(&f, 0, 200, 3, 52);
+    for (int i = 0; i < 200; ++i) f.crowds[0].list[i].radius = 0.02f, f.crowds[0].list[i].optical_depth = 60;
+    map = must_build(&f, context);
+    if (map) check_seams(&f, map, 1e-3, 0);
+    sps_tmap_destroy(map);
+    sps_destroy(context);
 }
 
 static void test_seams(void) {
@@ -1067,7 +1082,7 @@ static void test_seams(void) {
         for (int i = 0; i < 30; ++i) f.crowds[0].list[i].radius += 1;
         if (technique == SPS_TMAP_DEEP) f.settings.near_depth = 0.25;
         map = must_build(&f, context);
-        if (map && technique != SPS_TMAP_DEPTH) check_seams(&f, map, slack[technique]);
+        if (map && technique != SPS_TMAP_DEPTH) check_seams(&f, map, slack[technique], technique == SPS_TMAP_DEEP);
         CHECK_NEAR(query_at(map, f.light.position), 0, 0);
         sps_tmap_destroy(map);
     }
@@ -1541,6 +1556,107 @@ static void test_company(void) {
         sps_destroy(context);
         end(&f);
     }
+}
+
+/* The answers in the neighbourhood of a point, to within what floats tell of where it is. */
+static void answers_about(const sps_tmap *map, const double point[3], double range[2]) {
+    const double apart = 2e-5;
+    range[0] = 1, range[1] = 0;
+    for (int n = 0; n < 7; ++n) {
+        double at[3];
+        float through;
+        memcpy(at, point, sizeof at);
+        if (n < 6) at[n / 2] += n % 2 ? apart : -apart;
+        sps_tmap_query(map, 1, at, NULL, &through);
+        range[0] = fmin(range[0], (double)through), range[1] = fmax(range[1], (double)through);
+    }
+}
+
+/* A vector of points as pictures look them up, in floats. */
+static void check_lookup(const sps_tmap *map, const double (*points)[3]) {
+    float lanes[3][SPSI_LANES], depths[SPSI_LANES];
+    spsi_v q[3];
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        double offset[3], rays[3];
+        spsi_along(points[i], map->rays[0].origin, -1, offset);
+        spsi_to_rays(&map->rays[0], offset, rays);
+        rays[2] -= map->settings.near_depth;
+        for (int k = 0; k < 3; ++k) lanes[k][i] = (float)(map->face_count > 1 ? offset[k] : rays[k]);
+    }
+    for (int k = 0; k < 3; ++k) q[k] = spsi_load(lanes[k]);
+    spsi_store(depths, spsi_tmap_lookup(map, q));
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const double through = exp(-(double)depths[i]);
+        double range[2];
+        answers_about(map, points[i], range);
+        /* and rounding of optical depths up to 16, of T */
+        if (!CHECK(through >= range[0] - 2e-6 && through <= range[1] + 2e-6))
+            printf("    %s at %g %g %g: %g, not %g .. %g\n", map->technique->name, points[i][0], points[i][1],
+                   points[i][2], through, range[0], range[1]);
+    }
+}
+
+/* What shades the gas of a picture is what sps_tmap_query says, also beyond the map's edges, behind the light, before
+   near_depth, and where faces meet. */
+static void test_lookups(void) {
+    static const int ways[] = {ORTHO, SPOT, SPOT_TURNED, ROUND};
+    for (int n = 0; n < 4 * TECHNIQUES; ++n) {
+        const int way = ways[n % 4];
+        check_random random = {(uint64_t)n + 77};
+        sps_context *context = sps_create(NULL);
+        sps_tmap *map;
+        fixture f;
+        begin(&f, n / 4);
+        see(&f, way, 13);
+        scatter(&f, 0, 20, 3, 61);
+        scatter(&f, 1, 20, 3, 62);
+        f.settings.near_depth = way == ROUND ? 0.75 : 5;
+        f.settings.far_depth = way == ROUND ? 9 : 18;
+        map = must_build(&f, context);
+        for (int run = 0; run < 400 / SPSI_LANES + 1 && map; ++run) {
+            double points[SPSI_LANES][3];
+            for (int i = 0; i < SPSI_LANES; ++i) {
+                const int kind = (run + i) % 8, axis = i % 3;
+                for (int k = 0; k < 3; ++k) points[i][k] = 16 * check_next(&random) - 8;
+                if (kind == 0) points[i][2] = 9 + 6 * check_next(&random); /* about the light of all but ROUND */
+                if (way != ROUND || kind > 2) continue;
+                for (int k = 0; k < 3; ++k) /* close to it, or on an edge or a corner of the cube */
+                    points[i][k] = kind == 0                ? f.light.position[k] + check_next(&random) - 0.5
+                                   : kind == 1 && k == axis ? f.light.position[k] + 0.5 * points[i][0]
+                                                            : f.light.position[k] + (k % 2 ? 2.5 : -2.5);
+            }
+            check_lookup(map, (const double(*)[3])points);
+        }
+        sps_tmap_destroy(map);
+        sps_destroy(context);
+    }
+}
+
+/* A position that is not finite is outside of every map. */
+static void test_no_numbers(void) {
+    const double infinite = HUGE_VAL, bad[] = {infinite, -infinite, infinite - infinite};
+    for (int way = 0; way < WAYS; ++way)
+        for (int technique = 0; technique < TECHNIQUES; ++technique) {
+            sps_context *context = sps_create(NULL);
+            sps_tmap *map;
+            fixture f;
+            begin_little(&f, technique);
+            see(&f, way, SIDE);
+            map = must_build(&f, context);
+            for (int n = 0; n < 3 * 7 && map; ++n) {
+                float depth = 7, through = 7, least = 7, most = 7;
+                double at[3] = {0.1, 0.2, -0.3};
+                for (int k = 0; k < 3; ++k)
+                    if ((n % 7 + 1) >> k & 1) at[k] = bad[n / 7];
+                sps_tmap_query(map, 1, at, &depth, &through);
+                sps_tmap_bracket(map, 1, at, &least, &most);
+                if (!CHECK(!(fabsf(depth) > 0) && through >= 1 && !(fabsf(least) > 0) && !(fabsf(most) > 0)))
+                    printf("    technique %d at %g %g %g\n", technique, at[0], at[1], at[2]);
+            }
+            sps_tmap_destroy(map);
+            sps_destroy(context);
+            end(&f);
+        }
 }
 
 /* X / W, Y / W, D and W of a world point. */
@@ -2412,6 +2528,7 @@ int main(void) {
     RUN(test_same_bits);
     RUN(test_shuffled);
     RUN(test_seams);
+    RUN(test_seams_of_fine_particles);
     RUN(test_gas_around);
     RUN(test_bytes);
     RUN(test_budget_of_components);
@@ -2423,6 +2540,8 @@ int main(void) {
     RUN(test_scenes);
     RUN(test_replaced);
     RUN(test_company);
+    RUN(test_lookups);
+    RUN(test_no_numbers);
     RUN(test_projection);
     RUN(test_projection_round);
     RUN(test_states);

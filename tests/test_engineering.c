@@ -1445,6 +1445,82 @@ static void test_revisions(void) {
     test_revision_and_failure();
 }
 
+/* --------------------------------------------------------------------------------------------------- tasks' stack */
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SANITIZED
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SANITIZED
+#endif
+#endif
+
+#ifndef SANITIZED
+enum { STACK = 128 * 1024, UNTOUCHED = 0xa5 };
+
+typedef struct deepest {
+    unsigned char *stack;
+    size_t most; /* bytes that a task's thread has touched */
+} deepest;
+
+static void *one_task_main(void *user) {
+    const thread_job *job = (const thread_job *)user;
+    if (job->task) job->task(job->task_data, job->worker, 0);
+    return NULL;
+}
+
+/* Each task in a thread of its own, whose stack was painted before: what is still painted was not touched. */
+static void parallel_on_painted(void *user, int count, sps_task_fn task, void *task_data) {
+    deepest *d = (deepest *)user;
+    for (int i = 0; i < count; ++i) {
+        thread_job job = {task, task_data, count, i, count};
+        pthread_attr_t attributes;
+        pthread_t thread;
+        size_t untouched = 0;
+        memset(d->stack, UNTOUCHED, STACK);
+        pthread_attr_init(&attributes);
+        if (pthread_attr_setstack(&attributes, d->stack, STACK)) abort();
+        if (pthread_create(&thread, &attributes, one_task_main, &job)) abort();
+        pthread_join(thread, NULL);
+        pthread_attr_destroy(&attributes);
+        while (untouched < STACK && d->stack[untouched] == UNTOUCHED) ++untouched;
+        if (STACK - untouched > d->most) d->most = STACK - untouched;
+    }
+}
+
+/* Tasks take no more stack than the header says, whatever gas shades by; what a thread takes by itself is not theirs.
+ */
+static void test_stack(mixed *m) {
+    const size_t allowed = (SPSI_LANES > 8 ? 24 : 16) * 1024;
+    void *memory = NULL;
+    deepest d = {NULL, 0};
+    sps_tmap_settings settings;
+    sps_config config;
+    size_t without;
+    if (posix_memalign(&memory, 65536, STACK)) abort();
+    d.stack = (unsigned char *)memory;
+    parallel_on_painted(&d, 1, NULL, NULL);
+    without = d.most;
+    memset(&config, 0, sizeof config);
+    config.parallel_for_fn = parallel_on_painted, config.parallel_user = &d, config.worker_count = 2;
+    for (int technique = -1; technique <= SPS_TMAP_BEER; ++technique) {
+        sps_context *context = sps_create(&config);
+        memset(&settings, 0, sizeof settings);
+        settings.technique = (sps_tmap_technique)(technique < 0 ? 0 : technique);
+        settings.cubic = settings.running_maximum = 1;
+        for (int i = 0; i < m->s.scene.light_count; ++i) m->s.light[i].shadow_map = technique < 0 ? NULL : &settings;
+        d.most = 0;
+        CHECK(check_render(context, &m->s, pixels_fresh));
+        if (!CHECK(d.most > without && d.most - without <= allowed))
+            printf("    technique %d: %zu bytes of stack, and %zu are allowed\n", technique, d.most - without, allowed);
+        if (getenv("CHECK_STACK")) printf("technique %d: %zu bytes of stack\n", technique, d.most - without);
+        sps_destroy(context);
+    }
+    for (int i = 0; i < m->s.scene.light_count; ++i) m->s.light[i].shadow_map = NULL;
+    free(memory);
+}
+#endif
+
 int main(void) {
     mixed m, small;
     mixed_build(&m);
@@ -1463,6 +1539,9 @@ int main(void) {
     test_configs();
     test_version_and_names();
     test_clock(&m);
+#ifndef SANITIZED
+    test_stack(&m);
+#endif
     test_quick_start();
     test_command_line();
     mixed_free(&m);

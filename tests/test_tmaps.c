@@ -1391,7 +1391,7 @@ static void test_settings(void) {
         fixture f; /* texel_range takes two of them */
         begin(&f, SPS_TMAP_FOURIER);
         f.settings.texel_range = 1, f.settings.components = 3;
-        check_refused(&f, "settings.components is 3; a Fourier map has 5, 7 .. 65");
+        check_refused(&f, "settings.components is 3; a Fourier map with texel_range has 5, 7 .. 65");
     }
 }
 

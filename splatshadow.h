@@ -5401,6 +5401,17 @@ static int spsi_near_extent(float q, float q2, float c, float c2, float c22, flo
     return 1;
 }
 
+/* Whether an ellipsoid reaches before the eye, and the rays between two columns (or rows) of pixels: it does not if it
+   lies wholly behind one of the planes through the eye and them. */
+static int spsi_near_reaches(float q, float q2, float c, float c2, float c22, float cut, int first, int last) {
+    const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
+    for (int i = 0; i < 2; ++i) {
+        const float at = ends[i], variance = c - 2 * at * c2 + at * at * c22, before = q - at * q2;
+        if (!((i ? -before : before) + cut * sqrtf(spsi_higher(variance, 0)) > 0)) return 0;
+    }
+    return q2 + cut * sqrtf(c22) > 0;
+}
+
 /* A vector of pixels of the near case: w = (x, y, 1) is the ray, a = w' C^-1 w, and the exponent
    (P x w)' adj(C^-1) (P x w) / a holds no difference of large numbers. */
 static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, const float q[3], float value, int x,
@@ -5444,6 +5455,9 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     float low, high;
+    if (!spsi_near_reaches(q[0], q[2], c[0], c[2], c[5], s->cut, x0, x1) ||
+        !spsi_near_reaches(q[1], q[2], c[3], c[4], c[5], s->cut, y0, y1))
+        return;
     if (spsi_near_extent(q[0], q[2], c[0], c[2], c[5], s->cut, &low, &high)) {
         x0 = spsi_most(x0, (int)fmaxf(ceilf(low), 0));
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));

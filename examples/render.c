@@ -468,6 +468,7 @@ static int check_map(const arguments *all, ex_error *error) {
                  {"--map-cubic", {"opacity", "deep-opacity", NULL}}, {"--map-texel-range", {"fourier", NULL, NULL}},
                  {"--map-running-maximum", {"fourier", NULL, NULL}}};
     const char *kind = shadow_names[all->shadow];
+    if (all->shadow > 0 && all->no_shadows) return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);
     for (size_t i = 0; i < sizeof about / sizeof *about; ++i) {
         const int fits = about[i].kinds[0] ? ex_find_name(about[i].kinds, kind) >= 0 : all->shadow > 0;
         if (has(all->given, about[i].option) && !fits)

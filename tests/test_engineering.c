@@ -1211,6 +1211,7 @@ static void test_shadow_option(void) {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
         {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow sheets"},
+        {VOLUME "--shadow deep --no-shadows --plan", 2, "--shadow deep says nothing with --no-shadows"},
         {VOLUME "--shadow opacity --map-window fejer --plan", 2, "--map-window says nothing about --shadow opacity"},
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},

@@ -294,7 +294,7 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_DEPTH,
     /* Optical depth at n planes, u = 1/n .. 1 or as given [Kim & Neumann 2001]. Exact there; between them, the planes
        before and after bracket the truth. n 1..65, by default 8; insertion costs the planes that a stretch runs
-       through, a query 2 look-ups. */
+       through, a query 2 look-ups (cubic: 4), and a comparison with each plane if these are given. */
     SPS_TMAP_OPACITY,
     /* Deep opacity map [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last occluder,
        which come before them. Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8;
@@ -4684,7 +4684,7 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
 /* A vector of points as the rays of the faces that they lie in see them: x and y in texels, and t. */
 typedef struct spsi_seen_by_map {
     spsi_v face, x, y, t;
-    spsi_m before; /* not behind the light, nor nearer than near_depth */
+    spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
 } spsi_seen_by_map;
 
 static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_places *places) {
@@ -4694,7 +4694,7 @@ static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen,
     const spsi_v y = spsi_clamp(seen->y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
     const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
     const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
-    const spsi_m inside = spsi_and(seen->before, spsi_and(across, down));
+    const spsi_m inside = spsi_and(seen->in_range, spsi_and(across, down));
     const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
     const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
     const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
@@ -4713,7 +4713,7 @@ static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_m
     const spsi_v scale =
         map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
     /* room for rounding; what lies behind the light lies before near_depth, too */
-    seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
+    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
     seen->face = spsi_set(0);
     seen->x = spsi_mul(q[0], scale);
     seen->y = spsi_mul(q[1], scale);
@@ -4735,8 +4735,8 @@ static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], sps
     seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
     seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
     seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
-    seen->before = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
-    seen->before = spsi_and(seen->before, spsi_less(zero, distance));
+    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
+    seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
 }
 
 /* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see, or of six faces

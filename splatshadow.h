@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.1.0 (2026-11-21): volumes, gases, particles and polygons into correctly shadowed images, and into the
+splatshadow.h 0.2.0 (2026-11-21): volumes, gases, particles and polygons into correctly shadowed images, and into the
 shadow maps that engines look up, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 
@@ -115,7 +115,7 @@ PAPERS
 #include <stddef.h>
 #include <stdint.h>
 
-#define SPS_VERSION 100 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
+#define SPS_VERSION 200 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
 #ifndef SPS_API
 #define SPS_API extern
 #endif

@@ -28,7 +28,7 @@ typedef struct cloud {
 } cloud;
 
 static int cloud_read(void *user, size_t first, size_t count, sps_particle *out) {
-    static const sps_particle zero;
+    static const sps_particle zero = {{0, 0, 0}, 0, 0};
     cloud *c = (cloud *)user;
     c->calls += 1;
     if (c->limit_calls > 0 && c->calls >= c->limit_calls) return 7;

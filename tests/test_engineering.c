@@ -1028,7 +1028,7 @@ static void test_files_written(void) {
     CHECK(read_file("a.png", text, sizeof text) > 60 && memcmp(text, "\x89PNG\r\n\x1a\n", 8) == 0);
     CHECK(read_file("a.pfm", text, sizeof text) == 12 + 4 * 3 * 20 && memcmp(text, "PF\n5 4\n-1.0\n", 12) == 0);
     CHECK(read_file("b.pfm", text, sizeof text) == 12 + 4 * 20 && memcmp(text, "Pf\n5 4\n-1.0\n", 12) == 0);
-    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 100\n}\n"));
+    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 200\n}\n"));
 }
 
 /* Renders with the options in turn from `first` on, or backwards (step -1); tells whether that picture comes out. */

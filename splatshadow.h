@@ -279,7 +279,7 @@ typedef struct sps_particles {
 /* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
    near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
    needs them in order has them sorted. Deep, compressed, depth, cosine and adaptive maps are made from lists that they
-   sort, which takes 4 to 25 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
+   sort, which takes 4 to 30 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
    says which to take. */
 typedef enum sps_tmap_technique {
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
@@ -306,8 +306,7 @@ typedef enum sps_tmap_technique {
        texel_range; insertion and query cost n. */
     SPS_TMAP_FOURIER,
     /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings, but
-       nothing is exact either. n 2..64, by default 8; made from lists, the slowest of all to build; a query costs
-       n. */
+       nothing is exact either. n 2..64, by default 8; made from lists, slowest of all to build; a query costs n. */
     SPS_TMAP_COSINE,
     /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
        z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
@@ -2100,6 +2099,7 @@ static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cos
 static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, spsi_v u, spsi_v most) {
     const int samples = 2 * (components - 1);
     const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
+    const spsi_v slope = spsi_mul(spsi_texels_at(texels, spsi_set(0)), spsi_set(0.5f / (float)samples));
     float cosines[SPSI_FOURIER_SAMPLES], sines[SPSI_FOURIER_SAMPLES];
     double z[2] = {1, 0};
     for (int i = 0; i < samples; ++i) {
@@ -2108,7 +2108,6 @@ static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, sp
     }
     for (int first = 1; first < samples; first += SPSI_FOURIER_GROUP) {
         const int count = spsi_least(SPSI_FOURIER_GROUP, samples - first);
-        const spsi_v slope = spsi_mul(spsi_texels_at(texels, spsi_set(0)), spsi_set(0.5f / (float)samples));
         spsi_v sums[SPSI_FOURIER_GROUP];
         if (!spsi_bits(spsi_less(spsi_set((float)first / (float)samples), u))) break;
         for (int i = 0; i < count; ++i) sums[i] = spsi_mul(slope, spsi_set((float)(first + i)));
@@ -2637,8 +2636,9 @@ static int spsi_polynomial_roots(const double *c, int degree, double reach, doub
     memcpy(derivatives[0], c, (size_t)(degree + 1) * sizeof *c);
     for (int order = 1; order <= degree - 2; ++order)
         for (int i = 0; i <= degree - order; ++i) derivatives[order][i] = (i + 1) * derivatives[order - 1][i + 1];
-    spsi_polynomial_within(c, degree, reach, within);
     count = spsi_parabola_roots(parabola[2], parabola[1], parabola[0], reach, roots);
+    if (degree == 2) return count;
+    spsi_polynomial_within(c, degree, reach, within);
     for (int order = degree - 3; order >= 0; --order)
         count = spsi_polynomial_between(derivatives[order], degree - order, within, roots, count);
     return count;
@@ -4266,9 +4266,10 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
    in pixels and in t, where these are short polynomials with no difference of large numbers: floats do. Balls that the
    rays' origin is in, or close to, are met one ray at a time. Cost: 15 operations for a vector of pixels. */
 
-#define SPSI_BALL_NEAR 4.0 /* radii from the origin's plane within which a ball is near; and so it is */
-#define SPSI_BALL_ASIDE                                                                                                \
-    0.05 /* where its rays' cosine with the axis is less: their pixels are hundreds of times wider */
+/* A ball is near within so many radii of the origin's plane; and where the cosine of its rays with the axis is less
+   than so much, since pixels are stretched there. */
+#define SPSI_BALL_NEAR  4.0
+#define SPSI_BALL_ASIDE 0.05
 #define SPSI_BALL_LEAST 0.75 /* pixels: the least radius; less could fall between rays */
 
 typedef struct spsi_ball {
@@ -4611,8 +4612,8 @@ typedef struct spsi_places {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_places;
 
-/* Optical depth of gas before u in a vector of texels. */
-static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+/* Optical depth of gas before u in a vector of texels, looked up at once. */
+static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels texels;
     spsi_v first, length, within;
@@ -4629,7 +4630,7 @@ static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v 
     return spsi_select(spsi_less(u, first), zero, map->technique->depths(&map->inner, &texels, within));
 }
 
-/* The same, one texel after the other. */
+/* The same, one texel after the other, but for those without weight. */
 static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -4643,16 +4644,19 @@ static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v ro
     return spsi_load(us);
 }
 
+/* The same in the way that the map allows for. */
+static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+    return map->has_vectors ? spsi_tmap_all_depths(map, column, row, u)
+                            : spsi_tmap_each_depth(map, column, row, u, weight);
+}
+
 /* Optical depth of gas at a vector of points: of four texels at the point's own u, not of what lies between their
    depths. */
 static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 4; ++i) {
         const spsi_v column = places->column[i & 1], row = places->row[i >> 1], weight = places->weight[i];
-        sum = spsi_fma(weight,
-                       map->has_vectors ? spsi_tmap_texel_depths(map, column, row, places->u)
-                                        : spsi_tmap_each_depth(map, column, row, places->u, weight),
-                       sum);
+        sum = spsi_fma(weight, spsi_tmap_texel_depths(map, column, row, places->u, weight), sum);
     }
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
@@ -4660,25 +4664,28 @@ static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
 /* Optical depth of gas at up to SPSI_LANES world points (packed triples), placed in double precision, and the shares of
    light that surfaces leave. */
 static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
-    float lanes[9][SPSI_LANES] = {{0}};
-    spsi_places places;
-    for (int lane = 0; lane < count; ++lane) {
+    float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
+    float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
+    for (int n = 0; n < count; ++n) {
         spsi_place_in_map place;
-        lit[lane] = 1;
-        if (!spsi_tmap_locate(map, points + 3 * lane, &place)) continue;
-        for (int i = 0; i < 2; ++i) {
-            lanes[i][lane] = (float)place.column[i];
-            lanes[2 + i][lane] = (float)place.row[i];
+        lit[n] = 1;
+        if (!spsi_tmap_locate(map, points + 3 * n, &place)) continue;
+        lit[n] = spsi_tmap_lit(map, &place);
+        for (int i = 0; i < 4; ++i) {
+            column[4 * n + i] = (float)place.column[i & 1];
+            row[4 * n + i] = (float)place.row[i >> 1];
+            weight[4 * n + i] = (float)place.weight[i];
+            u[4 * n + i] = place.u;
         }
-        for (int i = 0; i < 4; ++i) lanes[4 + i][lane] = (float)place.weight[i];
-        lanes[8][lane] = place.u;
-        lit[lane] = spsi_tmap_lit(map, &place);
     }
-    for (int i = 0; i < 2; ++i) places.column[i] = spsi_load(lanes[i]), places.row[i] = spsi_load(lanes[2 + i]);
-    for (int i = 0; i < 4; ++i) places.weight[i] = spsi_load(lanes[4 + i]);
-    places.u = spsi_load(lanes[8]);
-    spsi_store(lanes[0], spsi_tmap_depths(map, &places));
-    memcpy(depths, lanes[0], (size_t)count * sizeof(float));
+    for (int i = 0; i < 4 * count; i += SPSI_LANES)
+        spsi_store(depth + i, spsi_tmap_texel_depths(map, spsi_load(column + i), spsi_load(row + i), spsi_load(u + i),
+                                                     spsi_load(weight + i)));
+    for (int n = 0; n < count; ++n) {
+        double sum = 0;
+        for (int i = 4 * n; i < 4 * n + 4; ++i) sum += (double)weight[i] * (double)depth[i];
+        depths[n] = (float)fmin(sum, (double)SPSI_DEPTH_MAX);
+    }
 }
 
 /* A vector of points as the rays of the faces that they lie in see them: x and y in texels, and t. */
@@ -5927,8 +5934,8 @@ typedef struct spsi_depth_map {
     int *numbers[SPSI_CUBE_FACES];   /* of the triangles that these are depths of; -1: none */
     float *nearest[SPSI_CUBE_FACES]; /* per cell: the least depth in it and in the cells around it */
     int cells[SPSI_CUBE_FACES];      /* in a row of these */
-    spsi_linear along[SPSI_CUBE_FACES]
-                     [3]; /* ray coordinates of the map, along the eye's rays; t from its depth reference */
+    /* ray coordinates of the map, along the eye's rays; t from its depth reference */
+    spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
 typedef struct spsi_shader {

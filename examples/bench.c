@@ -926,14 +926,177 @@ static void bench_classified(void) {
     ex_session_end(&session);
 }
 
+/* ================================================================================================ polygons */
+
+/* Triangles that are read from a list. */
+typedef struct land {
+    sps_triangle *triangles;
+    size_t count;
+} land;
+
+static int land_read(void *user, size_t first, size_t count, sps_triangle *out) {
+    memcpy(out, ((const land *)user)->triangles + first, count * sizeof *out);
+    return 0;
+}
+
+static void land_add(land *l, const double a[3], const double b[3], const double c[3]) {
+    sps_triangle *t = &l->triangles[l->count++];
+    memset(t, 0, sizeof *t);
+    for (int i = 0; i < 3; ++i) {
+        t->position[0][i] = (float)a[i], t->position[1][i] = (float)b[i], t->position[2][i] = (float)c[i];
+    }
+}
+
+static void land_quad(land *l, const double p[4][3]) {
+    land_add(l, p[0], p[1], p[2]);
+    land_add(l, p[0], p[2], p[3]);
+}
+
+/* Even numbers from 0 to 1, the same on every machine. */
+static double land_random(uint32_t *state) {
+    *state = *state * 1664525u + 1013904223u;
+    return (*state >> 8) / 16777216.0;
+}
+
+static double hill(double x, double z) {
+    double height = 0;
+    for (int octave = 0; octave < 6; ++octave) {
+        const double f = 0.6 * (1 << octave);
+        height += 0.5 / f * sin(f * x + 1.3 * octave) * cos(f * z + 0.7 * octave + 0.4 * sin(f * x));
+    }
+    return height;
+}
+
+/* Hills over -5..5, 2 * cells^2 triangles. */
+static void land_hills(land *l, int cells) {
+    l->triangles = (sps_triangle *)ex_allocate(2 * (size_t)cells * (size_t)cells, sizeof *l->triangles);
+    l->count = 0;
+    for (int j = 0; j < cells; ++j)
+        for (int i = 0; i < cells; ++i) {
+            double p[4][3];
+            for (int k = 0; k < 4; ++k) {
+                p[k][0] = 10.0 * (i + (k == 1 || k == 2)) / cells - 5;
+                p[k][2] = 10.0 * (j + (k >= 2)) / cells - 5;
+                p[k][1] = hill(p[k][0], p[k][2]);
+            }
+            land_quad(l, (const double(*)[3])p);
+        }
+}
+
+/* A thousand boxes on a ground that reaches to 5000 all round. */
+static void land_town(land *l) {
+    const double ground[4][3] = {{-5000, 0, -5000}, {5000, 0, -5000}, {5000, 0, 5000}, {-5000, 0, 5000}};
+    uint32_t state = 1;
+    l->triangles = (sps_triangle *)ex_allocate(12002, sizeof *l->triangles);
+    l->count = 0;
+    land_quad(l, ground);
+    for (int n = 0; n < 1000; ++n) {
+        double low[3], high[3];
+        for (int i = 0; i < 3; ++i) {
+            low[i] = i == 1 ? 0 : 80.0 * (i ? n / 32 - 16 : n % 32 - 16) + 20 * land_random(&state);
+            high[i] = low[i] + (i == 1 ? 10 + 60 * land_random(&state) : 20 + 30 * land_random(&state));
+        }
+        for (int side = 0; side < 6; ++side) {
+            const int a = side / 2, b = (a + 1) % 3, c = (a + 2) % 3;
+            double p[4][3];
+            for (int k = 0; k < 4; ++k) {
+                p[k][a] = side % 2 ? high[a] : low[a];
+                p[k][b] = k == 1 || k == 2 ? high[b] : low[b];
+                p[k][c] = k >= 2 ? high[c] : low[c];
+            }
+            land_quad(l, (const double(*)[3])p);
+        }
+    }
+}
+
+/* 512 x 512 pixels of a land under a sun. */
+static void land_frame(frame *f, land *l, const double position[3], const double target[3]) {
+    frame_begin(f, 512, 512);
+    f->scene.volume_count = 0;
+    f->mesh.triangle_count = l->count, f->mesh.read_fn = land_read, f->mesh.user = l;
+    for (int i = 0; i < 3; ++i) f->mesh.color[i] = 0.5f, f->light.color[i] = 3;
+    f->light.direction[0] = -1, f->light.direction[1] = -0.5, f->light.direction[2] = 0.4;
+    memcpy(f->view.position, position, sizeof f->view.position);
+    memcpy(f->view.target, target, sizeof f->view.target);
+    f->view.field_of_view = 1;
+}
+
+static int haze(void *user, const int lo[3], const int size[3], float *out) {
+    (void)user, (void)lo;
+    for (int i = 0; i < size[0] * size[1] * size[2]; ++i) out[i] = 1;
+    return 0;
+}
+
+/* Milliseconds of a stage, the least of a few frames. */
+static double least_of(ex_session *session, const frame *f, int stage) {
+    double least = HUGE_VAL;
+    for (int i = 0; i < REPEATS; ++i) {
+        sps_stats_report s;
+        render_seconds(session, f, &f->view);
+        sps_stats(session->context, &s);
+        least = fmin(least, stage == 0 ? s.seconds_tree : stage == 1 ? s.seconds_shadow_rays : s.seconds_polygons);
+    }
+    return 1000 * least;
+}
+
+static void bench_land(const char *name, land *l, const double position[3], const double target[3], double bound,
+                       ex_session sessions[2]) {
+    frame f;
+    char what[96];
+    land_frame(&f, l, position, target);
+    for (int stage = 0; stage < 3; ++stage) {
+        static const char *const stages[] = {"tree", "262 k rays", "rasterised for the eye"};
+        for (int i = 0; i < 2; ++i) {
+            snprintf(what, sizeof what, "%s, %zu triangles: %s, %d worker%s", name, l->count, stages[stage], i + 1,
+                     i ? "s" : "");
+            at_most(what, least_of(&sessions[i], &f, stage), "ms", stage == 1 && i == 1 ? bound : HUGE_VAL);
+        }
+    }
+    { /* what shadows on surfaces were read from before: a map over all of the land, as gas asks it still */
+        const double bare = least_of(&sessions[1], &f, 2);
+        f.scene.volume_count = 1;
+        f.volume.read_fn = haze, f.volume.extinction = 1e-4f, f.volume.albedo[0] = 1;
+        for (int i = 0; i < 3; ++i) {
+            const double room = l->count == 12002 ? 5000 : 5;
+            f.volume.size[i] = 4, f.volume.placement.origin[i] = -room, f.volume.placement.axis[i][i] = 2 * room;
+        }
+        f.light.no_shadow = 0;
+        snprintf(what, sizeof what, "%s, %zu triangles: a depth map for gas, 1024^2, 2 workers", name, l->count);
+        plain(what, least_of(&sessions[1], &f, 2) - bare, "ms");
+    }
+    frame_end(&f);
+}
+
+/* What shadows on polygons cost: the tree, kept while meshes' revisions stay; a ray for each pixel, a frame and light;
+   and what there was to do already. */
+static void bench_polygons(void) {
+    const double above[3] = {0, 9, 0.1}, centre[3] = {0, 0, 0}, eye[3] = {4.5, 0.9, 4.5}, horizon[3] = {0, 0.6, 0};
+    const double street[3] = {0, 1.7, 0}, far_away[3] = {1000, 1.7, 300};
+    ex_session sessions[2];
+    land l;
+    printf("\npolygons, 512 x 512 pixels, one sun\n");
+    for (int i = 0; i < 2; ++i) ex_session_measure(&sessions[i], program, i + 1);
+    land_town(&l);
+    bench_land("town at street level", &l, street, far_away, 10, sessions);
+    free(l.triangles);
+    for (int cells = 23; cells <= 708; cells = (int)(cells * 3.137)) {
+        land_hills(&l, cells);
+        bench_land("hills from above", &l, above, centre, l.count < 100000 ? 10 : 40, sessions);
+        bench_land("hills at eye level", &l, eye, horizon, l.count < 100000 ? 10 : 40, sessions);
+        free(l.triangles);
+    }
+    for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
+}
+
 /* ==================================================================================================== main */
 
 int main(int argc, char **argv) {
     const int speed = argc == 1 || (argc == 2 && strcmp(argv[1], "speed") == 0);
     const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
     const int maps = speed || (argc == 2 && strcmp(argv[1], "maps") == 0);
-    if (!maps && !accuracy) {
-        fprintf(stderr, "%s: give nothing, or `speed`, or `maps`, or `accuracy`\n", argv[0]);
+    const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
+    if (!maps && !accuracy && !polygons) {
+        fprintf(stderr, "%s: give nothing, or `speed`, or `polygons`, or `maps`, or `accuracy`\n", argv[0]);
         return 2;
     }
     printf("%d processors, vectors of %d floats\n", ex_processor_count(), SPSI_LANES);
@@ -943,6 +1106,7 @@ int main(int argc, char **argv) {
         bench_empty_space();
         bench_particles();
     }
+    if (polygons) bench_polygons();
     if (maps) bench_maps();
     if (accuracy) {
         bench_accuracy();

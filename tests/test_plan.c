@@ -268,7 +268,9 @@ static void check_no_volume(const outcome *o, const outcome *full) {
     check_left_out(o, full, SPS_PASS_LIGHT_SHEETS);
     check_left_out(o, full, SPS_PASS_SCATTERING);
     check_left_out(o, full, SPS_PASS_EMISSION);
-    CHECK(runs(o, SPS_PASS_EYE_POLYGONS) == 1 && runs(o, SPS_PASS_LIGHT_POLYGONS) == 1);
+    check_left_out(o, full, SPS_PASS_LIGHT_POLYGONS);
+    CHECK(runs(o, SPS_PASS_EYE_POLYGONS) == 1 && runs(o, SPS_PASS_SHADOW_RAYS) == 1);
+    CHECK(runs(o, SPS_PASS_TRIANGLE_TREE) == 1 && o->stats.shadow_rays > 0);
     CHECK(o->seen.read_calls == 0 && o->stats.eye_fragments == 0 && o->stats.light_fragments == 0);
     CHECK(o->stats.slabs == 0 && o->plan.slab_count == 0 && o->plan.sheet_channels == 0);
     CHECK(o->peak_without_depth < full->peak_without_depth);

@@ -4229,7 +4229,7 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
    sorting out, then three edge functions per pixel of a triangle's bounding box. */
 
 typedef struct spsi_face {
-    double position[3][3]; /* in the world; corners in ascending order, so that neighbours see shared edges alike */
+    double position[3][3]; /* in the world */
     float normal[3][3], color[3][3];
     float optical_depth; /* for maps; SPSI_DEPTH_MAX: opaque */
     float rounding;      /* how far its corners may be off, being floats in their mesh */
@@ -4291,20 +4291,6 @@ static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placeme
     }
 }
 
-/* Exchanges two corners of a face where they are not in ascending order. */
-static void spsi_face_order(spsi_face *face, int first, int second) {
-    const spsi_face other = *face;
-    const double *a = face->position[first], *b = face->position[second];
-    const int axis = a[0] < b[0] || a[0] > b[0] ? 0 : a[1] < b[1] || a[1] > b[1] ? 1 : 2;
-    if (!(a[axis] > b[axis])) return;
-    memcpy(face->position[first], other.position[second], sizeof other.position[0]);
-    memcpy(face->position[second], other.position[first], sizeof other.position[0]);
-    memcpy(face->normal[first], other.normal[second], sizeof other.normal[0]);
-    memcpy(face->normal[second], other.normal[first], sizeof other.normal[0]);
-    memcpy(face->color[first], other.color[second], sizeof other.color[0]);
-    memcpy(face->color[second], other.color[first], sizeof other.color[0]);
-}
-
 /* Turns one triangle into a face; gives 0 where it has no area. */
 static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
                                    double world[3][3], spsi_frame *frame, spsi_face *face) {
@@ -4324,9 +4310,6 @@ static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *pl
     face->optical_depth = mesh->transparency > 0 ? -logf(mesh->transparency) : SPSI_DEPTH_MAX;
     face->rounding = (float)(reach * (double)FLT_EPSILON);
     spsi_face_normals(mesh, placement, triangle, own, face);
-    spsi_face_order(face, 0, 1);
-    spsi_face_order(face, 1, 2);
-    spsi_face_order(face, 0, 1);
     return 1;
 }
 
@@ -4729,12 +4712,22 @@ static inline double spsi_edge_side(const double a[3], const double b[3], const 
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
-/* Bits: those of a vector of rays, from number `first` on, that a face stops. Corners are counted from each ray's
-   origin, and edges go from the lower corner to the higher, so two faces get the same number for the edge that they
-   share: rays through it cannot slip between them, whatever the compiler contracts. The face must be before a ray's
-   origin by more than rounding can be: of the world's coordinates, and of its corners in their mesh. So neither what
-   joins on at an edge nor a twin in the same plane shades a point, and nothing needs to know which faces are
-   neighbours. */
+static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
+
+/* Whether a ray in direction d passes between three corners, counted from where it begins, of which ab, bc and ac are
+   the edges' sides. What rounding may have turned counts as inside: it is below 8 * 2^-53 of the lengths multiplied, of
+   which their sums of components are bounds. So rays through an edge or a corner slip between no two faces, whatever
+   the compiler contracts. */
+static inline int spsi_edges_hold(const double a[3], const double b[3], const double c[3], const double d[3], double ab,
+                                  double bc, double ac) {
+    const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
+    const double longest = rab > rc ? rab : rc, room = 1e-15 * spsi_reach_of(d) * longest * longest;
+    return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
+}
+
+/* Bits: those of a vector of rays, from number `first` on, that a face stops. It must be before a ray's origin by more
+   than rounding can be: of the world's coordinates, and of its corners in their mesh. So neither what joins on at an
+   edge nor a twin in the same plane shades a point, and nothing needs to know which faces are neighbours. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double u[3], v[3], n[3], room, stops[SPSI_LANES];
@@ -4753,7 +4746,7 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
         const double ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
         const double facing = n[0] * d[0] + n[1] * d[1] + n[2] * d[2], turn = facing < 0 ? -1 : 1;
         const double ahead = turn * (n[0] * a[0] + n[1] * a[1] + n[2] * a[2]);
-        const int inside = ((ab >= 0) & (bc >= 0) & (ac <= 0)) | ((ab <= 0) & (bc <= 0) & (ac >= 0));
+        const int inside = spsi_edges_hold(a, b, c, d, ab, bc, ac);
         stops[i] = (inside & (ahead > room) & (ahead < packet->reach * (turn * facing))) ? 1 : 0;
     }
     for (int i = 0; i < SPSI_LANES; ++i) bits |= (stops[i] > 0) << i;
@@ -7139,7 +7132,6 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0, int x1, 
             const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
             spsi_surface surface;
             double toward[3];
-            job->lit[(size_t)y * (size_t)width + (size_t)x] = SPSI_SURFACE_AWAY;
             if (hit->face < 0) continue;
             spsi_surface_at(&job->frame->eye, job->faces, hit, x, y, &surface);
             memcpy(toward, job->toward, sizeof toward);
@@ -7186,6 +7178,7 @@ static const unsigned char *spsi_sight(sps_context *context, const spsi_frame *f
     job.light = light;
     job.lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, spsi_ray_count(&frame->eye), 1);
     if (!job.lit) return NULL;
+    memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
     spsi_toward_light(light, frame->mesh_bounds.low, job.toward);
     spsi_parallel(context, spsi_sight_tiles(region[2]) * spsi_sight_tiles(region[3]), spsi_sight_task, &job);
     for (int y = region[1]; y < region[1] + region[3]; ++y)
@@ -9849,25 +9842,24 @@ typedef struct spsi_ray {
     double weights[2]; /* of corners 1 and 2 of what was hit */
 } spsi_ray;
 
-/* The plane of a face is met within its edges, which count as inside: as its neighbours compute the same numbers for
-   the edges that they share, no ray slips between them. */
+/* Where a ray meets a face, edges included. */
 static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
-    double a[3], b[3], c[3], u[3], v[3], n[3], ab, bc, ca, t;
+    double a[3], b[3], c[3], u[3], v[3], n[3], ab, bc, ac, t;
     spsi_along(face->position[0], ray->origin, -1, a);
     spsi_along(face->position[1], ray->origin, -1, b);
     spsi_along(face->position[2], ray->origin, -1, c);
     ab = spsi_edge_side(a, b, ray->direction);
     bc = spsi_edge_side(b, c, ray->direction);
-    ca = -spsi_edge_side(a, c, ray->direction);
-    if (!(ab >= 0 && bc >= 0 && ca >= 0) && !(ab <= 0 && bc <= 0 && ca <= 0)) return 0;
+    ac = spsi_edge_side(a, c, ray->direction);
+    if (!spsi_edges_hold(a, b, c, ray->direction, ab, bc, ac)) return 0;
     spsi_along(b, a, -1, u);
     spsi_along(c, a, -1, v);
     spsi_cross(u, v, n);
-    t = spsi_dot(n, a) / spsi_dot(n, ray->direction); /* in the plane: neither is 0 / 0 met */
-    if (!(t > ray->low && t < ray->high) || !(fabs(ab + bc + ca) > 0)) return 0;
+    t = spsi_dot(n, a) / spsi_dot(n, ray->direction); /* not a number in the plane itself, and no hit */
+    if (!(t > ray->low && t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
     ray->high = t;
-    ray->weights[0] = ca / (ab + bc + ca);
-    ray->weights[1] = ab / (ab + bc + ca);
+    ray->weights[0] = -ac / (ab + bc - ac);
+    ray->weights[1] = ab / (ab + bc - ac);
     return 1;
 }
 

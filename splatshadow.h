@@ -73,6 +73,8 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_ASSERT(c)                assert(c); for errors of the library and of parallel_for_fn, bad input is a sps_result
     SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
     SPS_SNPRINTF                 snprintf; writes the error sentences
+    SPS_ALLOW_FAST_MATH          compile under -ffast-math, -ffinite-math-only or /fp:fast, which is an #error otherwise:
+                                 invalid data pass unnoticed then, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
@@ -100,7 +102,7 @@ PAPERS
       A-buffer Techniques", SIGGRAPH 1990 >>transfer
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
-    T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numerische Mathematik 18, 1971 >>maths
+    T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
     T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
     C. Yuksel, J. Keyser, "Deep Opacity Maps", Eurographics 2008 >>transmittance
     J. Jansen, L. Bavoil, "Fourier Opacity Mapping", I3D 2010 >>transmittance
@@ -152,7 +154,8 @@ typedef struct sps_config {
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
     int (*progress_fn)(void *user, float fraction);          /* called often, 0..1, never falling; non-zero cancels */
-    void (*message_fn)(void *user, const char *text);        /* one line without newline: errors, replaced data */
+    void (*message_fn)(void *user, const char *text);        /* one line without newline: errors (being cancelled is
+                                                                none), replaced data */
     double (*clock_fn)(void *user);                          /* seconds; NULL: sps_stats reports no times */
     size_t memory_limit;                                     /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
@@ -185,7 +188,7 @@ typedef struct sps_transfer_point {
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    /* Fills color and extinction of `count` points. Non-zero: failure. */
+    /* Fills color and extinction of `count` points. `out` comes zeroed. Non-zero: failure. */
     int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
     float value_max; /* the largest value of interest; 0 means the last point's value, or 1 with eval_fn */
@@ -203,12 +206,14 @@ typedef struct sps_volume {
     int size[3];             /* voxels along x, y, z; 0 in any: no volume; at most 65536 each */
     sps_placement placement; /* takes the unit cube to the volume's box; may turn, stretch and shear */
 
-    /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. Non-zero: failure. */
+    /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. `out` comes zeroed. Non-zero:
+       failure. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
     /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow; where data may
        be invalid, answer 0..1e18, and reading will find it. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. */
+    /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. `out` comes
+       zeroed. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Not 0: the voxels of all volumes are kept for the next call, if every volume has a revision and none has changed;
@@ -625,6 +630,12 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 /* =============================================================================================== >>config
    1  Macros and the C library. Everything taken from libc is named here. */
 
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
+#ifndef SPS_ALLOW_FAST_MATH
+#error "fast-math leaves out the checks for invalid data: compile without it, or define SPS_ALLOW_FAST_MATH"
+#endif
+#endif
+
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -930,7 +941,7 @@ static double spsi_upper_half(double a) {
     return scaled - rest;
 }
 
-/* What rounding has taken from a product. Products of halves are exact, so fusing them changes nothing. [Dekker 1971] */
+/* What rounding has taken from a product. Those of halves are exact, so fusing them changes nothing. [Dekker 1971] */
 static double spsi_product_rest(double a, double b, double product) {
     const double a0 = spsi_upper_half(a), b0 = spsi_upper_half(b), a1 = a - a0, b1 = b - b0;
     return a0 * b0 - product + a0 * b1 + a1 * b0 + a1 * b1;
@@ -1092,12 +1103,14 @@ struct sps_context {
     uint64_t voxel_count;
 };
 
-/* The one way to fail: records the sentence, tells message_fn, and hands the result on. The first failure stands. */
+/* The one way to fail: records the sentence, tells message_fn unless the caller has cancelled, and hands the result on.
+   The first failure stands. */
 static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
     if (context->result == SPS_OK) {
         context->result = result;
         SPS_SNPRINTF(context->error, sizeof context->error, "%s", sentence);
-        if (context->config.message_fn) context->config.message_fn(context->config.message_user, context->error);
+        if (context->config.message_fn && result != SPS_ERROR_CANCELLED)
+            context->config.message_fn(context->config.message_user, context->error);
     }
     return context->result;
 }
@@ -2871,7 +2884,7 @@ typedef struct spsi_frame {
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
 } spsi_frame;
 
-static const spsi_bounds spsi_nowhere = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
 
 static int spsi_bounds_empty(const spsi_bounds *bounds) { return !(bounds->low[0] <= bounds->high[0]); }
 
@@ -3610,6 +3623,8 @@ static sps_result spsi_block_validate(sps_context *context, const spsi_block *bl
 
 static sps_result spsi_block_read(sps_context *context, const spsi_block *block, int replace) {
     const sps_volume *volume = block->medium->volume;
+    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
+    memset(block->values, 0, count * sizeof(float));
     if (volume->eval_fn) {
         if (spsi_block_evaluate(context, block)) return context->result;
     } else {
@@ -3620,7 +3635,7 @@ static sps_result spsi_block_read(sps_context *context, const spsi_block *block,
             return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "read_fn", returned,
                                    NULL);
     }
-    context->stats.voxels_read += (uint64_t)block->size[0] * (uint64_t)block->size[1] * (uint64_t)block->size[2];
+    context->stats.voxels_read += count;
     return spsi_block_validate(context, block, replace);
 }
 
@@ -4171,8 +4186,8 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* With u = 2^-53, rounding takes 5 u of the sum of all products' sizes from an edge's value, and 4 u from that of corners
-   that were moved; 32 u are allowed for both. The determinant is the sum of values at any ray times t. */
+/* With u = 2^-53, rounding takes 5 u of the sum of all products' sizes from an edge's value, and 4 u from that of
+   corners that were moved; 32 u are allowed for both. The determinant is the sum of values at any ray times t. */
 static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     double determinant = 0, rounding = 0, most[3][2];
     spsi_face_corners(faces, index, rays, e);
@@ -9915,6 +9930,11 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
 /* =============================================================================================== >>public
    23 The public functions: they check what they are handed and make one call down. */
 
+#ifdef __GNUC__ /* with SPS_API static, those that a program does not call are no reason to warn */
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
+
 SPS_API int sps_version(void) { return SPS_VERSION; }
 
 static int spsi_config_valid(const sps_config *config) {
@@ -10127,6 +10147,10 @@ SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *setti
 }
 
 SPS_API size_t sps_tmap_bytes(const sps_tmap *map) { return map ? spsi_tmap_bytes(map) : 0; }
+
+#ifdef __GNUC__
+#pragma GCC diagnostic pop
+#endif
 
 #endif /* SPSI_IMPLEMENTED */
 #endif /* SPLATSHADOW_IMPLEMENTATION */

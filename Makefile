@@ -14,6 +14,7 @@
 
 STB ?= /usr/include/stb
 JOBS ?= 2
+CORES = $(shell getconf _NPROCESSORS_ONLN 2>/dev/null || echo 2)
 OPTIMIZE ?= -O3 -march=native
 
 STANDARD = -std=c99 -D_POSIX_C_SOURCE=200809L
@@ -54,7 +55,7 @@ demo:
 	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
 	@command -v $(CC) >/dev/null || { echo "no C compiler: install gcc, or say make demo CC=name"; exit 1; }
 	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make demo STB=dir"; exit 1; }
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory -j$(CORES) all
 	@$(MAKE) --no-print-directory gallery scans
 	@echo "The pictures are in build/gallery/."
 
@@ -139,7 +140,7 @@ maps: build/maps
 # and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder. A
 # configuration whose compiler cannot be had is skipped, and that is said.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
-CONFIGURATIONS ?= native sanitized wide_sanitized plain cpp baseline
+CONFIGURATIONS ?= native sanitized wide_sanitized plain cpp baseline readme fused clang
 
 COMPILE_native    = gcc $(STANDARD) -O2 -march=native
 COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
@@ -148,16 +149,23 @@ COMPILE_baseline  = gcc $(STANDARD) -O2
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
 COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
+# As the README says; and what compilers make of a * b + c, which is not the same in any two of these
+COMPILE_readme    = cc -O3 -march=native
+COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
+COMPILE_clang     = clang -O1 -march=native
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
 # What runs where: natively all of it, with random scenes, the same three hundred each time (`make fuzz` for others);
 # under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
 TESTS_native    = $(TESTS) fuzz
-TESTS_sanitized = test_extremes test_plan test_transmittance
+TESTS_sanitized = test_extremes test_plan test_transmittance test_watertight
 TESTS_wide_sanitized = test_engineering test_particles test_polygons test_tmaps
 TESTS_plain     = test_tmaps
 TESTS_cpp       = test_plan
 TESTS_baseline  = test_simd
+TESTS_readme    = test_polygons test_watertight
+TESTS_fused     = test_tmaps
+TESTS_clang     = test_watertight
 ifdef SPLATSHADOW_LONG
 $(foreach configuration,$(CONFIGURATIONS),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 endif
@@ -167,16 +175,18 @@ endif
 CHECK_COMPILERS = gcc clang
 CHECK_STANDARDS = c99 $(if $(SPLATSHADOW_LONG),c11) c++11
 CHECK_VARIANTS = plain sse2 avx2 avx512 face
+STATIC_CHECKS = gcc_c99_static clang_c99_static
 # near and far are what windows.h makes of them
 VARIANT_plain  = -DSPLATSHADOW_IMPLEMENTATION -DSPS_NO_SIMD -Dnear= -Dfar=
 VARIANT_sse2   = -DSPLATSHADOW_IMPLEMENTATION
+VARIANT_static = -DSPLATSHADOW_IMPLEMENTATION -DSPS_API=static
 VARIANT_avx2   = -DSPLATSHADOW_IMPLEMENTATION -mavx2 -mfma
 # gcc 12's own AVX-512 header warns of sign conversions where its intrinsics are macros, at -O0
 VARIANT_avx512 = -Wno-sign-conversion -DSPLATSHADOW_IMPLEMENTATION -mavx512f -mavx512dq -mavx512bw -mavx512vl -mfma
 ifeq ($(filter x86_64 amd64 i%86,$(shell uname -m)),)
 CHECK_VARIANTS = plain sse2 face
 endif
-CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v))))
+CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v)))) $(STATIC_CHECKS)
 EXAMPLE_CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach e,$(EXAMPLES:build/%=%),$(c)_$(e)))
 
 part = $(word $(1),$(subst _, ,$(2)))
@@ -186,13 +196,14 @@ test:
 	@command -v clang >/dev/null && command -v gcc >/dev/null && command -v g++ >/dev/null || { $(call fetch,gcc g++ clang libc6-dev); }
 	@mkdir -p build/tests && $(call can_build,sanitized) || { $(call fetch,libclang-rt-$$(clang -dumpversion | cut -d. -f1)-dev); }
 	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
+	@command -v tcc >/dev/null || { $(call fetch,tcc); }
 	@rm -rf build/tests && mkdir -p build/tests
 	@test -f $(STB)/stb_image_write.h || echo "skipped: all examples but hello: install libstb-dev"
 	@$(MAKE) -s --no-print-directory -j$(JOBS) -k run-tests
 	@awk '$(SUMMARY)' build/tests/*.log
 
 test-long: export SPLATSHADOW_LONG = 1
-test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline unoptimized threads
+test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang unoptimized threads
 test-long: test
 
 # A log ends with `exit status S`. Its last `N passed, N failed` counts; a program that ended otherwise than with 0
@@ -213,10 +224,11 @@ THERE := $(foreach c,$(CHECK_COMPILERS),$(shell command -v $(c) >/dev/null && ec
 CPP_THERE := $(shell command -v g++ >/dev/null && echo gcc) $(filter clang,$(THERE))
 READY_CHECKS = $(foreach k,$(CHECKS),$(if $(filter $(call part,1,$(k)),$(if $(findstring ++,$(k)),$(CPP_THERE),$(THERE))),$(k)))
 STB_THERE := $(wildcard $(STB)/stb_image_write.h)
+TCC_THERE := $(shell command -v tcc)
 READY_EXAMPLES = $(foreach k,$(if $(STB_THERE),$(EXAMPLE_CHECKS),$(filter %_hello,$(EXAMPLE_CHECKS))),\
 	$(if $(filter $(call part,1,$(k)),$(THERE)),$(k)))
 $(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(info skipped: configuration $(c): install $(firstword $(COMPILE_$(c))) and its sanitizer runtime))
-$(foreach c,$(filter-out $(THERE),$(CHECK_COMPILERS)),$(info skipped: warnings of $(c): install it))
+$(foreach c,$(filter-out $(THERE) $(if $(TCC_THERE),tcc),$(CHECK_COMPILERS) tcc),$(info skipped: warnings of $(c): install it))
 
 # test_engineering runs build/render
 $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log: build/render)))
@@ -224,7 +236,8 @@ $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.
 .PHONY: run-tests
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
-	$(if $(filter native cpp,$(READY)),build/tests/header.link.log)
+	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) \
+	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) $(if $(TCC_THERE),build/tests/header.tcc.log)
 endif
 
 # $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
@@ -244,6 +257,18 @@ UNIT = printf '\#include "splatshadow.h"\n\#undef SPLATSHADOW_IMPLEMENTATION\n\#
 build/tests/header.%.log: splatshadow.h
 	@$(call run,header.$*,$(UNIT) | $(call part,1,$*) $(call language,$(call part,2,$*)) -O0 $(VARIANT_$(call part,3,$*)) \
 		-I. $(if $(filter c99,$(call part,2,$*)),-c -o build/tests/header.$*.o,-fsyntax-only) - && $(ONE_PASSED))
+
+# A compiler that knows plain C and little else
+build/tests/header.tcc.log: splatshadow.h
+	@$(call run,header.tcc,$(UNIT) > build/tests/unit_tcc.c && tcc -std=c99 -Wall -Werror -DSPLATSHADOW_IMPLEMENTATION \
+		-I. -c build/tests/unit_tcc.c -o build/tests/header.tcc.o && $(ONE_PASSED))
+
+# Fast-math is refused unless the caller insists.
+build/tests/header.fast_math.log: splatshadow.h
+	@$(call run,header.fast_math,(for option in -ffast-math -ffinite-math-only; do \
+		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -I. -E - -o /dev/null && exit 1; \
+		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -DSPS_ALLOW_FAST_MATH -I. -E - -o /dev/null || exit 1; \
+		done) && $(ONE_PASSED))
 
 # Examples are made whole, which takes little where nothing is optimised. The quick start is run, too, as it is
 # compiled by who reads it; its picture must have its 256 * 256 * 3 numbers, not all of them 0.

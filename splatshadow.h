@@ -73,6 +73,8 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_ASSERT(c)                assert(c); for errors of the library and of parallel_for_fn, bad input is a sps_result
     SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
     SPS_SNPRINTF                 snprintf; writes the error sentences
+    SPS_ALLOW_FAST_MATH          compile under -ffast-math, -ffinite-math-only or /fp:fast, which is an #error otherwise:
+                                 invalid data pass unnoticed then, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
@@ -100,6 +102,7 @@ PAPERS
       A-buffer Techniques", SIGGRAPH 1990 >>transfer
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
+    T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
     T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
     C. Yuksel, J. Keyser, "Deep Opacity Maps", Eurographics 2008 >>transmittance
     J. Jansen, L. Bavoil, "Fourier Opacity Mapping", I3D 2010 >>transmittance
@@ -151,7 +154,8 @@ typedef struct sps_config {
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
     int (*progress_fn)(void *user, float fraction);          /* called often, 0..1, never falling; non-zero cancels */
-    void (*message_fn)(void *user, const char *text);        /* one line without newline: errors, replaced data */
+    void (*message_fn)(void *user, const char *text);        /* one line without newline: errors (being cancelled is
+                                                                none), replaced data */
     double (*clock_fn)(void *user);                          /* seconds; NULL: sps_stats reports no times */
     size_t memory_limit;                                     /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
@@ -184,7 +188,7 @@ typedef struct sps_transfer_point {
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    /* Fills color and extinction of `count` points. Non-zero: failure. */
+    /* Fills color and extinction of `count` points. `out` comes zeroed. Non-zero: failure. */
     int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
     float value_max; /* the largest value of interest; 0 means the last point's value, or 1 with eval_fn */
@@ -202,12 +206,14 @@ typedef struct sps_volume {
     int size[3];             /* voxels along x, y, z; 0 in any: no volume; at most 65536 each */
     sps_placement placement; /* takes the unit cube to the volume's box; may turn, stretch and shear */
 
-    /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. Non-zero: failure. */
+    /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. `out` comes zeroed. Non-zero:
+       failure. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
     /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow; where data may
        be invalid, answer 0..1e18, and reading will find it. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. */
+    /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. `out` comes
+       zeroed. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Not 0: the voxels of all volumes are kept for the next call, if every volume has a revision and none has changed;
@@ -632,6 +638,12 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 /* =============================================================================================== >>config
    1  Macros and the C library. Everything taken from libc is named here. */
 
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
+#ifndef SPS_ALLOW_FAST_MATH
+#error "fast-math leaves out the checks for invalid data: compile without it, or define SPS_ALLOW_FAST_MATH"
+#endif
+#endif
+
 #include <float.h>
 #include <math.h>
 #include <string.h>
@@ -920,6 +932,42 @@ static inline spsi_v spsi_exp(spsi_v x) {
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
+/* a b + c, the same bits wherever it is computed: a compiler may fuse a product with a sum in one place and leave them
+   apart in another. Fused explicitly where hardware does that; elsewhere the product passes through memory. */
+static inline double spsi_multiply_add(double a, double b, double c) {
+#if defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+    return fma(a, b, c);
+#else
+    const volatile double product = a * b;
+    return product + c;
+#endif
+}
+
+/* The upper 26 bits of a number. [Veltkamp, in Dekker 1971] */
+static double spsi_upper_half(double a) {
+    const volatile double scaled = 134217729 * a, rest = scaled - a;
+    return scaled - rest;
+}
+
+/* What rounding has taken from a product. Those of halves are exact, so fusing them changes nothing. [Dekker 1971] */
+static double spsi_product_rest(double a, double b, double product) {
+    const double a0 = spsi_upper_half(a), b0 = spsi_upper_half(b), a1 = a - a0, b1 = b - b0;
+    return a0 * b0 - product + a0 * b1 + a1 * b0 + a1 * b1;
+}
+
+/* The sign of a b - c d, exactly. Rounding never swaps two products: if they differ so do those that are not rounded,
+   else what rounding has taken from them decides. */
+static int spsi_sign_of_difference(double a, double b, double c, double d) {
+    const volatile double first = a * b, second = c * d;
+    double p = first, q = second;
+    if (!(p < q || p > q)) {
+        const double rest = spsi_product_rest(a, b, p);
+        q = spsi_product_rest(c, d, q);
+        p = rest;
+    }
+    return (p > q) - (p < q);
+}
+
 static void spsi_cross(const double a[3], const double b[3], double out[3]) {
     out[0] = a[1] * b[2] - a[2] * b[1];
     out[1] = a[2] * b[0] - a[0] * b[2];
@@ -1069,12 +1117,14 @@ struct sps_context {
     double mesh_low[3], mesh_high[3];
 };
 
-/* The one way to fail: records the sentence, tells message_fn, and hands the result on. The first failure stands. */
+/* The one way to fail: records the sentence, tells message_fn unless the caller has cancelled, and hands the result on.
+   The first failure stands. */
 static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
     if (context->result == SPS_OK) {
         context->result = result;
         SPS_SNPRINTF(context->error, sizeof context->error, "%s", sentence);
-        if (context->config.message_fn) context->config.message_fn(context->config.message_user, context->error);
+        if (context->config.message_fn && result != SPS_ERROR_CANCELLED)
+            context->config.message_fn(context->config.message_user, context->error);
     }
     return context->result;
 }
@@ -2857,7 +2907,7 @@ typedef struct spsi_frame {
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
 } spsi_frame;
 
-static const spsi_bounds spsi_nowhere = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
 
 static int spsi_bounds_empty(const spsi_bounds *bounds) { return !(bounds->low[0] <= bounds->high[0]); }
 
@@ -3596,6 +3646,8 @@ static sps_result spsi_block_validate(sps_context *context, const spsi_block *bl
 
 static sps_result spsi_block_read(sps_context *context, const spsi_block *block, int replace) {
     const sps_volume *volume = block->medium->volume;
+    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
+    memset(block->values, 0, count * sizeof(float));
     if (volume->eval_fn) {
         if (spsi_block_evaluate(context, block)) return context->result;
     } else {
@@ -3606,7 +3658,7 @@ static sps_result spsi_block_read(sps_context *context, const spsi_block *block,
             return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "read_fn", returned,
                                    NULL);
     }
-    context->stats.voxels_read += (uint64_t)block->size[0] * (uint64_t)block->size[1] * (uint64_t)block->size[2];
+    context->stats.voxels_read += count;
     return spsi_block_validate(context, block, replace);
 }
 
@@ -4223,10 +4275,16 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
 
 /* ============================================================================================= >>polygons
    12 Triangles, as seen by the eye and by each light, with homogeneous edge functions [Olano & Greer 1997]: for corners
-   h0, h1, h2 in ray space, (h1 x h2) . (x, y, 1) is positive on the inside of that edge, also for corners behind the
-   eye, so nothing is ever clipped. Both triangles of a shared edge compute the same number for it, corner order
-   settled by comparison, so a pixel on the edge goes to exactly one of them. Cost: triangles * rows of tiles for
-   sorting out, then three edge functions per pixel of a triangle's bounding box. */
+   h0, h1, h2 in ray space, the three (h1 x h2) . (x, y, 1) have one sign where the ray meets the triangle, also for
+   corners behind the eye, so nothing is ever clipped. A sign that rounding may have changed is found exactly: corners
+   are moved so that the ray is at (0, 0), which leaves a difference of two products; where that is 0 the ray is moved
+   by (e, e^2), e > 0 and as small as may be. All of it depends on the ray and the edge's two corners alone, and changes
+   sign as they are swapped. So triangles that share corners leave no gap and do not overlap, not even for a ray through
+   an edge or a corner. Cost: triangles * rows of tiles for sorting out, then three edge functions per pixel of a
+   triangle's bounding box.
+   Shadows that triangles cast on each other are exact: a ray for each pixel, through a tree of them, with neither
+   texels nor a bias. Gas is shaded by depth maps, which are rasterised as the eye's picture is, >>sweep. Cost: what a
+   tree's height takes, for each pixel and light. */
 
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
@@ -4270,10 +4328,11 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, field, value, rules[wrong]);
 }
 
-/* World position of a local one. */
+/* World position of a local one, the same bits for the same corner. */
 static void spsi_place(const sps_placement *placement, const float local[3], double world[3]) {
     memcpy(world, placement->origin, sizeof placement->origin);
-    for (int i = 0; i < 3; ++i) spsi_along(world, placement->axis[i], (double)local[i], world);
+    for (int i = 0; i < 9; ++i)
+        world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
 }
 
 /* Corner normals in the world (by the cofactors of the placement, so that they stay square to the surface under any
@@ -4411,83 +4470,126 @@ static sps_result spsi_gather_faces(sps_context *context, spsi_frame *frame, sps
 }
 
 typedef struct spsi_edges {
-    double edge[3][3]; /* of corner pairs 12, 20, 01: positive inside after multiplication with its sign */
-    double sign[3];
-    double depth[3]; /* of the corners */
+    double corner[3][3]; /* in ray space */
+    double depth[3];     /* t - depth_reference of the corners */
+    double edge[3][3];   /* of corner pairs 12, 20, 01: positive inside */
+    double rounding[3];  /* more than their values may be off; infinity where the triangle is seen nearly edge-on */
+    int side;            /* what edges were multiplied by; 0: it is not known which side is the inside */
 } spsi_edges;
 
-/* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise; depth apart. */
-static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, double corner[3][3],
-                              double depth[3]) {
+/* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise. A corner has the same bits in every triangle
+   that has it. */
+static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     for (int i = 0; i < 3; ++i) {
         double offset[3];
         spsi_along(faces->list[index].position[i], rays->origin, -1, offset);
-        spsi_to_rays(rays, offset, corner[i]);
-        depth[i] = corner[i][2] - rays->depth_reference;
-        if (!rays->perspective) corner[i][2] = 1;
+        for (int k = 0; k < 3; ++k) {
+            const double *row = rays->inverse[k], first = spsi_multiply_add(row[0], offset[0], 0);
+            e->corner[i][k] = spsi_multiply_add(row[2], offset[2], spsi_multiply_add(row[1], offset[1], first));
+        }
+        e->depth[i] = e->corner[i][2] - rays->depth_reference;
+        if (!rays->perspective) e->corner[i][2] = 1;
     }
 }
 
-/* The edge function of two corners, computed in an order that does not depend on which triangle asks: by where they are
-   in the image, so that of the triangles around a corner, too, exactly one has it. */
-static double spsi_edge(const double a[3], const double b[3], double edge[3]) {
-    const double ax = a[0] * b[2], bx = b[0] * a[2], ay = a[1] * b[2], by = b[1] * a[2];
-    const int swapped = ax > bx || (ax >= bx && (ay > by || (ay >= by && a[2] > b[2])));
-    spsi_cross(swapped ? b : a, swapped ? a : b, edge);
-    return swapped ? -1 : 1;
+/* With u = 2^-53, rounding takes 5 u of the sum of all products' sizes from an edge's value, and 4 u from that of
+   corners that were moved; 32 u are allowed for both. The determinant is the sum of values at any ray times t. */
+static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
+    double determinant = 0, rounding = 0, most[3][2];
+    spsi_face_corners(faces, index, rays, e);
+    for (int i = 0; i < 3; ++i) {
+        const double t = fabs(e->corner[i][2]);
+        most[i][0] = fabs(e->corner[i][0]) + rays->width * t;
+        most[i][1] = fabs(e->corner[i][1]) + rays->height * t;
+    }
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        spsi_cross(e->corner[j], e->corner[k], e->edge[i]);
+        e->rounding[i] = 3.6e-15 * (most[j][0] * most[k][1] + most[j][1] * most[k][0]);
+        determinant += e->corner[i][2] * e->edge[i][2];
+        rounding += 2 * fabs(e->corner[i][2]) * e->rounding[i];
+    }
+    e->side = (determinant > rounding) - (determinant < -rounding);
+    for (int i = 0; i < 9; ++i) e->edge[i / 3][i % 3] *= e->side < 0 ? -1 : 1;
+    for (int i = 0; i < 3 && e->side == 0; ++i) e->rounding[i] = HUGE_VAL;
 }
 
-/* Gives 0 where the triangle is seen edge-on. */
-static int spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
-    double corner[3][3], determinant;
-    spsi_face_corners(faces, index, rays, corner, e->depth);
-    determinant = spsi_determinant(corner[0], corner[1], corner[2]);
-    if (!(fabs(determinant) > 0)) return 0;
+/* The pixels that a face may cover: x0, y0, x1, y1 inclusive; x1 < x0 for none. Of a face that passes through the eye's
+   plane, the part before it reaches from the corners there to infinity, on the side where an edge passes through. */
+static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
+    const int last[2] = {rays->width - 1, rays->height - 1};
+    spsi_edges e;
+    spsi_face_corners(faces, index, rays, &e);
+    for (int k = 0; k < 2; ++k) {
+        double low = HUGE_VAL, high = -HUGE_VAL;
+        for (int i = 0; i < 3; ++i) {
+            const double *a = e.corner[i], *b = e.corner[(i + 1) % 3];
+            if (a[2] > 0) {
+                low = fmin(low, a[k] / a[2]);
+                high = fmax(high, a[k] / a[2]);
+            }
+            if ((a[2] > 0) != (b[2] > 0)) { /* passes through where t is 0, on the side of this sign */
+                const double side = (a[2] > 0 ? 1 : -1) * (b[k] * a[2] - a[k] * b[2]);
+                const double rounding = 1e-12 * (fabs(b[k] * a[2]) + fabs(a[k] * b[2]));
+                if (!(side > rounding)) low = -HUGE_VAL;
+                if (!(side < -rounding)) high = HUGE_VAL;
+            }
+        }
+        box[k] = (int)fmin(fmax(ceil(low - 1e-6), 0), last[k] + 1);
+        box[k + 2] = (int)fmax(fmin(floor(high + 1e-6), last[k]), -1);
+    }
+}
+
+/* The sign of an edge's value, exactly; 0 where the edge is seen end-on, as its triangle is seen edge-on then. */
+static int spsi_edge_sign(const double from[3], const double to[3], double x, double y) {
+    double a[2], b[2];
+    int sign;
+    a[0] = spsi_multiply_add(-x, from[2], from[0]);
+    a[1] = spsi_multiply_add(-y, from[2], from[1]);
+    b[0] = spsi_multiply_add(-x, to[2], to[0]);
+    b[1] = spsi_multiply_add(-y, to[2], to[1]);
+    sign = spsi_sign_of_difference(a[0], b[1], a[1], b[0]);
+    if (sign == 0) sign = spsi_sign_of_difference(a[1], to[2], from[2], b[1]); /* as x grows */
+    if (sign == 0) sign = spsi_sign_of_difference(from[2], b[0], a[0], to[2]); /* as y grows */
+    return sign;
+}
+
+/* Whether the signs of all edges are the same, exactly. */
+static int spsi_face_hit_exactly(const spsi_edges *e, double x, double y) {
+    int side = e->side;
     for (int i = 0; i < 3; ++i) {
-        e->sign[i] = spsi_edge(corner[(i + 1) % 3], corner[(i + 2) % 3], e->edge[i]);
-        if (determinant < 0) e->sign[i] = -e->sign[i];
+        const int sign = spsi_edge_sign(e->corner[(i + 1) % 3], e->corner[(i + 2) % 3], x, y);
+        if (sign == 0 || sign == -side) return 0;
+        side = sign;
     }
     return 1;
 }
 
-/* The pixels that a face may cover: x0, y0, x1, y1 inclusive; x1 < x0 for none. Everything, where a corner lies at or
-   behind the eye's plane. */
-static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
-    double corner[3][3], depth[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    int behind = 0;
-    spsi_face_corners(faces, index, rays, corner, depth);
-    for (int i = 0; i < 3; ++i) {
-        behind += !(corner[i][2] > 0);
-        for (int k = 0; k < 2; ++k) {
-            const double at = corner[i][k] / (corner[i][2] > 0 ? corner[i][2] : 1);
-            low[k] = fmin(low[k], at);
-            high[k] = fmax(high[k], at);
-        }
-    }
-    box[0] = box[1] = 0;
-    box[2] = behind == 3 ? -1 : rays->width - 1;
-    box[3] = rays->height - 1;
-    if (behind) return;
-    box[0] = (int)fmin(fmax(ceil(low[0] - 1e-6), 0), rays->width);
-    box[1] = (int)fmin(fmax(ceil(low[1] - 1e-6), 0), rays->height);
-    box[2] = (int)fmax(fmin(floor(high[0] + 1e-6), rays->width - 1), -1);
-    box[3] = (int)fmax(fmin(floor(high[1] + 1e-6), rays->height - 1), -1);
-}
-
-/* Where the pixel's ray meets the triangle: barycentric weights; gives 0 where it misses. A ray exactly through an
-   edge belongs to the triangle on the edge's positive side. */
-static int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
+/* Where the pixel's ray meets the triangle: barycentric weights; gives 0 where it misses. One that is seen nearly
+   edge-on may be met behind the eye. */
+static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
     double sum = 0;
+    int certain = 1;
     for (int i = 0; i < 3; ++i) {
         const double value = e->edge[i][0] * x + e->edge[i][1] * y + e->edge[i][2];
-        const double inside = value * e->sign[i];
-        if (inside < 0 || (!(inside > 0) && e->sign[i] < 0)) return 0;
-        weights[i] = inside;
-        sum += inside;
+        if (value < -e->rounding[i]) return 0;
+        certain &= value > e->rounding[i];
+        weights[i] = fabs(value);
+        sum += weights[i];
     }
+    if (!certain && !spsi_face_hit_exactly(e, x, y)) return 0;
     if (!(sum > 0)) return 0;
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
+}
+
+/* Of the pixels x0 .. x1 of a row, those whose rays may meet the triangle, and up to two more: edges are straight. */
+static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
+    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* below that pixels cost less than divisions */
+        const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
+        if (slope > 0) *x0 = (int)fmin(fmax(*x0, -value / slope - 1), *x1 + 1);
+        if (slope < 0) *x1 = (int)fmax(fmin(*x1, -value / slope + 1), *x0 - 1);
+    }
 }
 
 typedef struct spsi_raster {
@@ -4510,15 +4612,18 @@ static void spsi_raster_box_task(void *data, int index, int worker) {
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     spsi_edges e;
-    if (!spsi_face_edges(raster->faces, face, raster->rays, &e)) return;
-    for (int y = spsi_most(y0, box[1]); y <= spsi_least(y1, box[3]); ++y)
-        for (int x = box[0]; x <= box[2]; ++x) {
+    spsi_face_edges(raster->faces, face, raster->rays, &e);
+    for (int y = spsi_most(y0, box[1]); y <= spsi_least(y1, box[3]); ++y) {
+        int x0 = box[0], x1 = box[2];
+        spsi_face_span(&e, y, &x0, &x1);
+        for (int x = x0; x <= x1; ++x) {
             const size_t at = (size_t)y * (size_t)raster->pitch + (size_t)x;
-            double w[3];
+            double w[3], t;
             float depth;
             if (!spsi_face_hit(&e, x, y, w)) continue;
-            depth = (float)(w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2]);
-            if (!((double)depth + raster->rays->depth_reference > raster->rays->near_depth)) continue;
+            t = w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2];
+            if (!(t + raster->rays->depth_reference > raster->rays->near_depth)) continue;
+            depth = (float)t;
             if (raster->depths) {
                 if (!(depth < raster->depths[at])) continue;
                 raster->depths[at] = depth;
@@ -4528,6 +4633,7 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
                 raster->hits[at] = hit;
             }
         }
+    }
 }
 
 /* One band of rows: cleared, then every face that reaches into it, in order. */
@@ -8477,7 +8583,7 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
     float *surfaces = (float *)map->surfaces.data;
     const int opaque = depth >= SPSI_DEPTH_MAX;
     spsi_edges edges;
-    if (!spsi_face_edges(&filling->occluders->faces, number, rays, &edges)) return;
+    spsi_face_edges(&filling->occluders->faces, number, rays, &edges);
     for (int y = spsi_most(box[1], bin->y0); y <= spsi_least(box[3], bin->y0 + bin->height - 1); ++y)
         for (int x = spsi_most(box[0], bin->x0); x <= spsi_least(box[2], bin->x0 + bin->width - 1); ++x) {
             double w[3], t, u;
@@ -10386,6 +10492,11 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
 /* =============================================================================================== >>public
    23 The public functions: they check what they are handed and make one call down. */
 
+#ifdef __GNUC__ /* with SPS_API static, those that a program does not call are no reason to warn */
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#endif
+
 SPS_API int sps_version(void) { return SPS_VERSION; }
 
 static int spsi_config_valid(const sps_config *config) {
@@ -10598,6 +10709,10 @@ SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *setti
 }
 
 SPS_API size_t sps_tmap_bytes(const sps_tmap *map) { return map ? spsi_tmap_bytes(map) : 0; }
+
+#ifdef __GNUC__
+#pragma GCC diagnostic pop
+#endif
 
 #endif /* SPSI_IMPLEMENTED */
 #endif /* SPLATSHADOW_IMPLEMENTATION */

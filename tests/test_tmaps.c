@@ -770,9 +770,8 @@ static void test_watertight(void) {
                     add_net(&f, origin, u, v, 8, jitter * 0.25);
                 }
             } else {
-                /* perspective rounds: no ray is to go through a corner itself */
-                const double w = way == SPOT_TURNED ? 120 : 18, off = way == SPOT || way == SPOT_MATRIX ? 1e-9 : 0;
-                const double origin[3] = {off - w / 2, -w / 2, 0}, u[3] = {w, 0, 0}, v[3] = {0, w, 0};
+                const double w = way == SPOT_TURNED ? 120 : 18;
+                const double origin[3] = {-w / 2, -w / 2, 0}, u[3] = {w, 0, 0}, v[3] = {0, w, 0};
                 add_net(&f, origin, u, v, 18, jitter * 0.3);
             }
             for (int i = 0; i < 3; ++i) check_add_corners(&f.triangles[0], nowhere[0], nowhere[0], nowhere[1]);

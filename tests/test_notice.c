@@ -1,0 +1,434 @@
+/* Places where two features meet, or that are seldom asked for, each held against an exact answer. */
+
+#include "check.h"
+
+#define PI     3.14159265358979323846
+#define RIPPLE 0.002 /* of a constant grid's optical depth, for high quality: see test_ripple in test_transport.c */
+
+enum { SIDE = 24, PIXELS = SIDE * SIDE };
+static float image_a[4 * PIXELS], image_b[4 * PIXELS], image_c[4 * PIXELS];
+static sps_context *context;
+static check_triangles ground, body;
+static float one = 1;
+
+static void start(check_scene *s, int width, int height, double ortho_height) {
+    check_clear(s, width, height);
+    s->view.ortho_height = ortho_height;
+    s->view.quality = SPS_QUALITY_HIGH;
+    ground.count = body.count = 0;
+}
+
+/* The square |x|, |y| <= half at height z + slope y. */
+static void add_square(check_triangles *triangles, double half, double z, double slope) {
+    const double origin[3] = {-half, -half, z - slope * half}, u[3] = {2 * half, 0, 0};
+    const double v[3] = {0, 2 * half, 2 * half * slope};
+    check_add_quad(triangles, origin, u, v);
+}
+
+/* The box of value 1, |x|, |y| < half, in voxels of 0.1 units. */
+static sps_volume *add_gas(check_scene *s, double half, double z0, double z1, double extinction) {
+    const int side = (int)(20 * half + 0.5), layers = (int)(10 * (z1 - z0) + 0.5);
+    sps_volume *volume = check_add_volume(s, side, side, layers, check_box(-half, -half, z0, half, half, z1));
+    volume->read_fn = check_read_constant;
+    volume->user = &one;
+    volume->extinction = (float)extinction;
+    return volume;
+}
+
+/* --------------------------------------------------------------------------------------------------- polygons */
+
+/* Corner normals of a mesh that is stretched, turned and sheared: they go with the inverse transpose. */
+static void test_normals_stretched(void) {
+    static const double axes[3][3][3] = {{{4, 0, 0}, {0, 1, 0}, {0, 0, 1}},
+                                         {{1, 0, 0}, {0, 1, 0}, {0, 0, 0.2}},
+                                         {{2, 0.3, 0}, {-0.5, 1, 0.7}, {0.6, 0, 1.5}}};
+    for (int n = 0; n < 3; ++n)
+        for (int side = 0; side < 4; ++side) {
+            const double local[3] = {side & 1 ? 0.7 : -0.2, side & 2 ? -0.5 : 0.3, 1};
+            double rows[3][3], normal[3] = {0, 0, 0}, exact;
+            check_scene s;
+            sps_mesh *mesh;
+            start(&s, 3, 3, 0.1);
+            add_square(&body, 9, 0, 0);
+            for (size_t i = 0; i < body.count; ++i)
+                for (int k = 0; k < 9; ++k) body.list[i].normal[k / 3][k % 3] = (float)local[k % 3];
+            mesh = check_add_mesh(&s, &body, 0.5);
+            mesh->has_normals = 1;
+            memcpy(mesh->placement.axis, axes[n], sizeof axes[n]);
+            check_add_directional(&s, 0.2, 0.1, -1, 3)->no_shadow = 1;
+            if (!check_render(context, &s, image_a) || !check_march(context, &s, 1, image_b, NULL)) return;
+            CHECK(spsi_invert(axes[n][0], axes[n][1], axes[n][2], rows));
+            for (int i = 0; i < 3; ++i) /* n' . (A p) = n . p for all p */
+                spsi_along(normal, rows[i], (double)(float)local[i], normal);
+            exact = 0.5 / PI * 3 * (-0.2 * normal[0] - 0.1 * normal[1] + normal[2]) / spsi_length(normal) / sqrt(1.05);
+            CHECK_NEAR((double)image_a[16], exact, 1e-6);
+            CHECK_NEAR((double)image_b[16], exact, 1e-6);
+        }
+}
+
+/* A plate that runs slantwise from before the nearer of two clouds to behind the farther one: between them and behind
+   them it is seen at every depth, through what lies before it, from whichever side slabs are gone through. */
+static void test_behind_a_chunk(void) {
+    const double sigma = 0.8, reach = 3 * 0.1; /* kernels of voxels at a face end 2.5 voxels beyond it, at most 3 */
+    for (int n = 0; n < 3; ++n) {
+        int seen[3] = {0, 0, 0};
+        check_scene s;
+        start(&s, 3, PIXELS / 3, 9);
+        add_gas(&s, 5, 1.6, 2.6, sigma);
+        add_gas(&s, 5, -2.6, -1.6, sigma);
+        if (n == 2) s.view.quality = SPS_QUALITY_MEDIUM;
+        add_square(&body, 5, 0, 0.75); /* from -3.4 to 3.4 */
+        check_add_mesh(&s, &body, 0.5);
+        check_color(s.scene.ambient, 1, 1, 1);
+        check_color(s.scene.background, 9, 9, 9);
+        check_add_directional(&s, 0, 0, n == 1 ? 1 : -1, 1e-9);
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < PIXELS; ++i) {
+            const double y = ((PIXELS / 3 - 1) / 2.0 - i / 3) * 9 / (PIXELS / 3), z = 0.75 * y;
+            const int place = z > 2.6 + reach ? 0 : fabs(z) < 1.6 - reach ? 1 : z < -2.6 - reach ? 2 : -1;
+            const double tau = sigma * place, ripple = n == 2 ? 0.0037 : RIPPLE;
+            if (!CHECK(image_a[4 * i + 3] > 0.999f)) printf("    plate at %g, way %d\n", z, n);
+            if (place < 0) continue;
+            ++seen[place];
+            if (!CHECK_NEAR((double)image_a[4 * i], 0.5 * exp(-tau), 0.5 * exp(-tau) * tau * ripple + 1e-5))
+                printf("    plate at %g, way %d\n", z, n);
+        }
+        CHECK(seen[0] > 20 && seen[1] > 100 && seen[2] > 20);
+    }
+}
+
+/* -------------------------------------------------------------------------------------------------- reference */
+
+/* A plate behind a point light shades nothing, neither a ground nor a thin gas above it; one before it does. */
+static void test_behind_the_light(void) {
+    for (int n = 0; n < 3; ++n) { /* no plate; behind the light; before it */
+        check_scene s;
+        start(&s, 5, 5, 1);
+        add_square(&ground, 4, 0, 0);
+        check_add_mesh(&s, &ground, 0.6);
+        if (n) add_square(&body, 9, n == 1 ? 3 : 1, 0);
+        if (n) check_add_mesh(&s, &body, 0.6);
+        check_color(add_gas(&s, 1, 0.3, 0.6, 1e-3)->albedo, 1, 1, 1);
+        check_add_point(&s, 0, 0, 2, 5);
+        s.view.near_distance = 9.2; /* from 10: plates are not seen */
+        if (!check_march(context, &s, 0.25, n == 1 ? image_b : n ? image_c : image_a, NULL)) return;
+    }
+    CHECK(!memcmp(image_a, image_b, 25 * 4 * sizeof(float)));
+    for (int i = 0; i < 25; ++i) {
+        const double x = (i % 5 - 2) / 5.0, y = (i / 5 - 2) / 5.0, square = x * x + y * y + 4;
+        /* gas takes 2 tau at most, and sends less than tau times the intensity over 4 pi and the nearest square */
+        const double exact = 0.6 / PI * 5 * 2 / (square * sqrt(square)), tau = 1e-3 * 0.8;
+        CHECK_NEAR((double)image_b[4 * i], exact, exact * 2.2 * tau + 5 / (4 * PI) / (1.1 * 1.1) * tau);
+        CHECK(image_c[4 * i] <= 0);
+    }
+}
+
+/* Lights that are black, that shine through everything, or both, above a plate above the ground. */
+static void test_lights_of_the_reference(void) {
+    check_scene s;
+    start(&s, 5, 5, 1);
+    add_square(&ground, 4, 0, 0);
+    add_square(&body, 9, 3, 0);
+    check_add_mesh(&s, &ground, 0.6);
+    check_add_mesh(&s, &body, 0.6);
+    s.view.near_distance = 9;
+    check_add_directional(&s, 0, 0, -1, 7); /* in shadow */
+    check_add_directional(&s, 0, 0, -1, 0);
+    check_add_directional(&s, 0.6, 0, -0.8, 2)->no_shadow = 1;
+    check_add_directional(&s, 0, 0, -1, 0)->no_shadow = 1;
+    check_add_point(&s, 0, 0, 5, 0);
+    check_add_point(&s, 0, 0, 5, 4)->no_shadow = 1;
+    check_color(s.scene.ambient, 0.1, 0.1, 0.1);
+    if (!check_march(context, &s, 1, image_a, NULL) || !check_render(context, &s, image_b)) return;
+    for (int i = 0; i < 25; ++i) {
+        const double x = (i % 5 - 2) / 5.0, y = (i / 5 - 2) / 5.0, square = x * x + y * y + 25;
+        const double exact = 0.6 * (0.1 + (2 * 0.8 + 4 * 5 / (square * sqrt(square))) / PI);
+        CHECK_NEAR((double)image_a[4 * i], exact, 1e-6);
+        CHECK_NEAR((double)image_b[4 * i], exact, 1e-6);
+    }
+    s.view.no_shadows = 1; /* the first one, too */
+    if (!check_march(context, &s, 1, image_c, NULL)) return;
+    for (int i = 0; i < 25; ++i) CHECK_NEAR((double)image_c[4 * i], (double)image_a[4 * i] + 0.6 / PI * 7, 2e-6);
+}
+
+static sps_particle balls[3];
+
+static int read_balls(void *user, size_t first, size_t count, sps_particle *out) {
+    (void)user;
+    memcpy(out, balls + first, count * sizeof *out);
+    return 0;
+}
+
+/* Particles by extinction are those by optical depth, along a diameter 2 r, or 4 r / 3 of a soft one; a ray through the
+   middle of one of each kind meets all of it. */
+static void test_extinction_of_balls(void) {
+    for (int soft = 0; soft < 2; ++soft) {
+        sps_particles set;
+        for (int by = 0; by < 2; ++by) {
+            check_scene s;
+            start(&s, SIDE - 1, SIDE - 1, 2); /* odd: a pixel in the middle */
+            memset(&set, 0, sizeof set);
+            for (int i = 0; i < 3; ++i) {
+                const double radius = 0.4 + 0.2 * i, depth = 0.5 + i, along = radius * (soft ? 4.0 / 3 : 2);
+                balls[i].radius = (float)radius;
+                balls[i].optical_depth = (float)(by ? depth / along : depth);
+                balls[i].position[0] = 0.3f * (float)(i - 1);
+                balls[i].position[2] = -2.0f * (float)i;
+            }
+            balls[0].position[0] = balls[2].position[0] = 0;
+            balls[1].position[0] = 0.7f; /* past the middle */
+            set.count = 3;
+            set.read_fn = read_balls;
+            set.soft = soft;
+            set.is_extinction = by;
+            check_color(set.emission, 0.7, 0.7, 0.7);
+            s.scene.particles = &set;
+            s.scene.particles_count = 1;
+            if (!check_march(context, &s, 0.5, by ? image_b : image_a, NULL)) return;
+        }
+        /* optical depths are floats, 6e-8 off each: no more of what is seen, which is at most 1 */
+        CHECK(check_largest(image_a, image_b, 4 * (SIDE - 1) * (SIDE - 1)) < 3e-7);
+        CHECK_NEAR((double)image_b[4 * ((SIDE - 1) * (SIDE - 1) / 2) + 3], -expm1(-0.5 - 2.5), 1e-6);
+    }
+}
+
+/* ----------------------------------------------------------------------------------------- volumes side by side */
+
+/* Gas that glows and takes nothing, before, behind and within gas that takes and does not glow: g l exp(-tau), and
+   where they share a stretch of length l, g l (1 - exp(-tau)) / tau. */
+static void test_glow_beside_dust(void) {
+    for (int place = 0; place < 3; ++place)
+        for (int lit = 0; lit < 2; ++lit) {
+            const double glow = 0.9, sigma = 1.3, z = place == 0 ? 2 : place == 1 ? -3.6 : -0.8, tau = sigma * 1.6;
+            const double exact = glow * 1.6 * (place == 0 ? 1 : place == 1 ? exp(-tau) : -expm1(-tau) / tau);
+            sps_volume *volume;
+            check_scene s;
+            start(&s, 5, 5, 0.2);
+            volume = add_gas(&s, 1.5, z, z + 1.6, 0);
+            check_color(volume->emission, glow, glow, glow);
+            add_gas(&s, 1.5, -0.8, 0.8, sigma);
+            if (lit) check_add_directional(&s, 0.3, 0, -1, 2); /* nothing scatters it */
+            if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.25, image_b, NULL)) return;
+            /* half a voxel of blur at either end of what glows and dims, within which tau of the other grows: where
+               they share a face 0.65^2 / 2 voxels^2 of glow * sigma are moved, and slabs of half a voxel do the same */
+            for (int i = 0; i < 25; ++i) {
+                const double blur = place == 2 ? glow * sigma * (0.65 * 0.65 + 0.25) * 0.1 * 0.1 : 0;
+                CHECK_NEAR((double)image_a[4 * i], exact, exact * (1 + tau) * RIPPLE + blur + 1e-5);
+                CHECK_NEAR((double)image_b[4 * i], exact, exact * (1 + tau) * RIPPLE + blur + 1e-5);
+                CHECK_NEAR((double)image_a[4 * i + 3], -expm1(-tau), exp(-tau) * tau * RIPPLE + 1e-5);
+            }
+        }
+}
+
+static double dome(const void *user, const double p[3]) {
+    const double x = p[0] - *(const double *)user, square = x * x + p[1] * p[1] + p[2] * p[2];
+    return 0.9 * exp(-3 * square);
+}
+
+static const sps_transfer_point soft_points[2] = {{0.1f, {0.9f, 0.3f, 0.2f}, 0}, {0.9f, {0.2f, 0.4f, 0.9f}, 6}};
+static const sps_transfer_point hard_points[3] = {
+    {0.3f, {0.3f, 0.8f, 0.3f}, 0}, {0.4f, {0.8f, 0.8f, 0.2f}, 12}, {0.9f, {0.9f, 0.9f, 0.9f}, 12}};
+
+/* `first` and `second`: which of the two are there. */
+static int render_classified(int first, int second, int march, float *image) {
+    static const double places[2] = {-1.1, 1.1};
+    static check_field fields[2];
+    sps_transfer transfers[2];
+    check_scene s;
+    start(&s, SIDE, SIDE, 4.6);
+    memset(transfers, 0, sizeof transfers);
+    for (int i = 0; i < 2; ++i) {
+        const double x = places[i];
+        sps_volume *volume;
+        if (!(i ? second : first)) continue;
+        fields[i].value_fn = dome;
+        fields[i].user = &places[i];
+        transfers[i].points = i ? hard_points : soft_points;
+        transfers[i].point_count = i ? 3 : 2;
+        volume = check_add_volume(&s, 22, 22, 22, check_box(x - 1.1, -1.1, -1.1, x + 1.1, 1.1, 1.1));
+        volume->eval_fn = check_eval_field;
+        volume->user = &fields[i];
+        volume->transfer = &transfers[i];
+        volume->shading = i ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
+        volume->specular = i ? 0.3f : 0;
+    }
+    check_add_directional(&s, 0.5, -0.3, -1, 3); /* from the first to the second: it is shaded by that at its side */
+    check_color(s.scene.ambient, 0.2, 0.2, 0.2);
+    return march ? check_march(context, &s, 0.5, image, NULL) : check_render(context, &s, image);
+}
+
+/* A classified gas beside a classified surface: together no farther from the reference than each by itself. What one
+   throws upon the other adds to that, as much as a light's optical depth is off, which is less than what the eye's is:
+   so the mean squares of both are allowed, twice. Each by itself is held to 1 % of what is sent at most, about 1. */
+static void test_classified_together(void) {
+    double alone[2], together;
+    for (int i = 0; i < 2; ++i) {
+        if (!render_classified(!i, i, 0, image_a) || !render_classified(!i, i, 1, image_b)) return;
+        alone[i] = check_rms(image_a, image_b, 4 * PIXELS);
+    }
+    if (!render_classified(1, 1, 0, image_a) || !render_classified(1, 1, 1, image_b)) return;
+    together = check_rms(image_a, image_b, 4 * PIXELS);
+    if (!CHECK(together <= sqrt(2 * (alone[0] * alone[0] + alone[1] * alone[1]))))
+        printf("    together %g, alone %g and %g\n", together, alone[0], alone[1]);
+    if (getenv("CHECK_TIMES"))
+        printf("classified: together %.5f, gas %.5f, surface %.5f\n", together, alone[0], alone[1]);
+    for (int i = 0; i < 2; ++i) CHECK(alone[i] < 0.01);
+}
+
+/* ------------------------------------------------------------------------------------------------- bookkeeping */
+
+typedef struct course {
+    long calls, cancel_at, messages, wrong;
+    float first, last;
+} course;
+
+static int progress(void *user, float fraction) {
+    course *c = (course *)user;
+    if (c->calls++ == 0) c->first = fraction;
+    c->wrong += !(fraction >= 0 && fraction <= 1) || (c->calls > 1 && fraction < c->last);
+    c->last = fraction;
+    return c->calls == c->cancel_at;
+}
+
+static void message(void *user, const char *text) {
+    course *c = (course *)user;
+    c->messages += text[0] != 0;
+}
+
+/* Every call begins at the beginning, also after one that was cancelled half way; and that is no message. */
+static void test_progress_of_calls(void) {
+    course c;
+    sps_config config;
+    sps_context *own;
+    check_scene s;
+    start(&s, 9, 9, 1);
+    add_gas(&s, 1.5, -0.8, 0.8, 1);
+    check_add_directional(&s, 0.3, 0, -1, 2);
+    memset(&config, 0, sizeof config);
+    config.progress_fn = progress;
+    config.message_fn = message;
+    config.progress_user = config.message_user = &c;
+    own = sps_create(&config);
+    if (!CHECK(own)) return;
+    for (int call = 0; call < 6; ++call) {
+        sps_image image;
+        sps_result result;
+        memset(&image, 0, sizeof image);
+        memset(&c, 0, sizeof c);
+        image.rgba = image_a;
+        c.cancel_at = call == 2 || call == 3 ? 4 : 0;
+        result =
+            call % 2 ? sps_reference(own, &s.scene, &s.view, 1, &image) : sps_render(own, &s.scene, &s.view, &image);
+        CHECK(c.calls > 3 && c.wrong == 0 && c.first < 0.2f && c.messages == 0);
+        if (c.cancel_at)
+            CHECK(result == SPS_ERROR_CANCELLED && c.calls == 4 && strstr(sps_error(own), "cancelled"));
+        else
+            CHECK(result == SPS_OK && c.last >= 1 && sps_error(own)[0] == 0);
+    }
+    s.view.field_of_view = -1; /* what is an error is told */
+    memset(&c, 0, sizeof c);
+    {
+        sps_image image;
+        memset(&image, 0, sizeof image);
+        image.rgba = image_a;
+        CHECK(sps_render(own, &s.scene, &s.view, &image) == SPS_ERROR_ARGUMENT && c.messages == 1 && c.calls == 0);
+    }
+    sps_destroy(own);
+}
+
+static int ranges_left;
+
+static int range_until(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)user, (void)lo, (void)size;
+    out[0] = out[1] = 1;
+    return ranges_left-- <= 0;
+}
+
+/* A plan that fails, early, half way or late, leaves nothing in its report. */
+static void test_failed_plans(void) {
+    for (int n = 0; n < 5; ++n) {
+        sps_plan_report report;
+        const unsigned char *bytes = (const unsigned char *)&report;
+        size_t left = 0;
+        sps_volume *volume;
+        sps_result result;
+        check_scene s;
+        start(&s, 9, 9, 1);
+        add_square(&ground, 1, 0, 0);
+        check_add_mesh(&s, &ground, 0.5);
+        volume = add_gas(&s, 3, -3, 3, 1);
+        volume->range_fn = range_until;
+        ranges_left = n == 1 ? 0 : n == 2 ? 3 : 1000;
+        if (n == 3) check_add_point(&s, 0.1, 0.2, 0.1, 1); /* within what it lights */
+        if (n == 4) s.view.up[0] = s.view.position[0] = HUGE_VAL;
+        memset(&report, 0x55, sizeof report);
+        result = sps_plan(context, &s.scene, &s.view, &report);
+        for (size_t i = 0; i < sizeof report; ++i) left += bytes[i] != 0;
+        if (n == 0) CHECK(result == SPS_OK && report.range_calls > 3 && report.bytes > 0 && report.sweep_count == 1);
+        if (n == 1 || n == 2) CHECK(result == SPS_ERROR_CALLBACK && left == 0);
+        if (n == 3) CHECK(result == SPS_ERROR_UNSUPPORTED && left == 0);
+        if (n == 4) CHECK(result == SPS_ERROR_ARGUMENT && left == 0);
+    }
+}
+
+static long unwritten_wrong;
+
+/* Fills the first block, and no other. */
+static int read_first(void *user, const int lo[3], const int size[3], float *out) {
+    const size_t count = (size_t)size[0] * (size_t)size[1] * (size_t)size[2];
+    (void)lo;
+    for (size_t i = 0; i < count; ++i) {
+        unwritten_wrong += !(out[i] >= 0 && out[i] <= 0);
+        if (*(int *)user == 0) out[i] = 1;
+    }
+    *(int *)user += 1;
+    return 0;
+}
+
+static int eval_first(void *user, size_t count, const double *positions, float *out) {
+    const int size[3] = {(int)count, 1, 1};
+    (void)positions;
+    return read_first(user, NULL, size, out);
+}
+
+/* What a provider does not write is 0, not what the block before it held. */
+static void test_unwritten_voxels(void) {
+    for (int march = 0; march < 2; ++march)
+        for (int n = 0; n < 2; ++n) {
+            int calls = 0;
+            check_scene s;
+            check_hooks hooks;
+            sps_context *own;
+            sps_volume *volume;
+            start(&s, SIDE, SIDE, 8);
+            volume = add_gas(&s, 4, -4, 4, 50);
+            volume->read_fn = n ? NULL : read_first;
+            volume->eval_fn = n ? eval_first : NULL;
+            volume->user = &calls;
+            memset(&hooks, 0, sizeof hooks);
+            own = check_context(&hooks);
+            unwritten_wrong = 0;
+            if (march ? !check_march(own, &s, 2, image_a, NULL) : !check_render(own, &s, image_a)) break;
+            CHECK(calls > 1 && unwritten_wrong == 0);
+            CHECK(image_a[4 * (SIDE - 2) + 3] <= 0); /* the upper right corner; the first block is below, on the left */
+            sps_destroy(own);
+        }
+}
+
+int main(void) {
+    context = sps_create(NULL);
+    RUN(test_normals_stretched);
+    RUN(test_behind_a_chunk);
+    RUN(test_behind_the_light);
+    RUN(test_lights_of_the_reference);
+    RUN(test_extinction_of_balls);
+    RUN(test_glow_beside_dust);
+    RUN(test_classified_together);
+    RUN(test_progress_of_calls);
+    RUN(test_failed_plans);
+    RUN(test_unwritten_voxels);
+    sps_destroy(context);
+    check_free_triangles(&ground);
+    check_free_triangles(&body);
+    return check_report();
+}

@@ -2867,6 +2867,29 @@ static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
     return sqrt(sum);
 }
 
+/* The length of what a ray of unit direction d through a voxel's middle crosses of it, as 1 / root of d' (V V')^-1 d: a
+   cube's edge for cubes. Where voxels are flat and slanted, a ray crosses much less of one than its kernel extends. */
+static double spsi_voxel_chord(const spsi_medium *medium, const double d[3]) {
+    double rows[3][3], sum = 0;
+    if (!spsi_invert(medium->step[0], medium->step[1], medium->step[2], rows)) return spsi_voxel_extent(medium, d);
+    for (int i = 0; i < 3; ++i) sum += spsi_dot(rows[i], d) * spsi_dot(rows[i], d);
+    return 1 / sqrt(sum);
+}
+
+/* The least length of a voxel's kernel along any direction in the plane of two unit vectors that are square to each
+   other: the root of the lesser eigenvalue of (x, y)' V V' (x, y). */
+static double spsi_voxel_breadth(const spsi_medium *medium, const double x[3], const double y[3]) {
+    double xx = 0, xy = 0, yy = 0;
+    for (int i = 0; i < 3; ++i) {
+        const double along_x = spsi_dot(medium->step[i], x), along_y = spsi_dot(medium->step[i], y);
+        xx += along_x * along_x;
+        xy += along_x * along_y;
+        yy += along_y * along_y;
+    }
+    /* the product of both by the greater: a difference of the two would lose a needle's breadth to rounding */
+    return sqrt(fmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
+}
+
 /* Copies a placement with the identity for all-zero axes. */
 static void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
@@ -4825,11 +4848,16 @@ static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     return least;
 }
 
+static int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3]) {
+    int inside = 1;
+    for (int i = 0; i < 3; ++i) inside &= point[i] >= bounds->low[i] && point[i] <= bounds->high[i];
+    return inside;
+}
+
 /* The least cosine between s and rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
 static double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
+    const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
-    int inside = 1;
-    for (int i = 0; i < 3; ++i) inside &= from[i] >= bounds->low[i] && from[i] <= bounds->high[i];
     for (int corner = 0; corner < 8 && !inside; ++corner) {
         double ray[3];
         spsi_bounds_corner(bounds, corner, ray);
@@ -4925,7 +4953,56 @@ static double spsi_particle_edge(const spsi_frame *frame) {
     return fmax(SPSI_PARTICLE_EDGE * frame->particle_radius, frame->particle_spread / 200);
 }
 
-/* Cuts the bounds of volumes and particles into slabs; for_particles: 1: thin enough for these. */
+/* The least length that rays from a point to the corners and the middle of `bounds` cross of a voxel. */
+static double spsi_chord_to_bounds(const spsi_medium *medium, const double from[3], const spsi_bounds *bounds) {
+    double least = HUGE_VAL;
+    for (int corner = 0; corner <= 8; ++corner) {
+        double ray[3];
+        if (corner < 8)
+            spsi_bounds_corner(bounds, corner, ray);
+        else
+            spsi_bounds_centre(bounds, ray);
+        spsi_along(ray, from, -1, ray);
+        if (spsi_normalise(ray)) least = fmin(least, spsi_voxel_chord(medium, ray));
+    }
+    return least;
+}
+
+/* The same of a grid's rays: those through its corners and its middle, or those that can meet a volume, whichever set
+   crosses more. */
+static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays) {
+    double least = HUGE_VAL;
+    for (int i = 0; i < 5; ++i) {
+        const double x = i < 4 ? i & 1 : 0.5, y = i < 4 ? i >> 1 : 0.5;
+        double ray[3];
+        spsi_ray_direction(rays, x * (rays->width - 1), y * (rays->height - 1), ray);
+        if (spsi_normalise(ray)) least = fmin(least, spsi_voxel_chord(medium, ray));
+    }
+    if (!rays->perspective || spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return least;
+    return fmax(least, spsi_chord_to_bounds(medium, rays->origin, &frame->volume_bounds));
+}
+
+/* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
+   any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along s;
+   a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
+static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *eye,
+                              const spsi_sweep *sweep) {
+    const double extent = spsi_voxel_extent(medium, sweep->normal), flattest = 1.0 / 16;
+    const sps_light *light = sweep->sheets && sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+    double chord, travel[3];
+    if (!frame->materials[medium->channel].table) return extent;
+    chord = spsi_chord_of_rays(frame, medium, eye);
+    if (light && light->kind == SPS_LIGHT_DIRECTIONAL) {
+        spsi_light_direction(light, light->position, travel);
+        chord = fmin(chord, spsi_voxel_chord(medium, travel));
+    } else if (light) {
+        chord = fmin(chord, spsi_chord_to_bounds(medium, light->position, &frame->volume_bounds));
+    }
+    return fmin(extent, fmax(chord, flattest * extent));
+}
+
+/* Cuts the bounds of volumes and particles into slabs; `for_particles`: 1: thin enough for these, and for the camera; 0:
+   a map's, whose rays are the sweep's own. */
 static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, int for_particles,
                                    spsi_sweep *sweep) {
     double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
@@ -4939,7 +5016,8 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
         frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
         extent = fmax(spsi_particle_edge(frame), (high - low) / (SPSI_SLABS_MAX / 16));
     for (int i = 0; i < frame->medium_count; ++i)
-        extent = fmin(extent, spsi_voxel_extent(&frame->media[i], sweep->normal));
+        extent = fmin(extent,
+                      spsi_slab_voxel(frame, &frame->media[i], for_particles ? &frame->eye : &sweep->rays, sweep));
     sweep->start = low;
     sweep->thickness = fmin(frame->view.slab * extent, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / sweep->thickness);
@@ -4954,8 +5032,7 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
 static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i)
-        least =
-            fmin(least, fmin(spsi_voxel_extent(&frame->media[i], right), spsi_voxel_extent(&frame->media[i], down)));
+        least = fmin(least, spsi_voxel_breadth(&frame->media[i], right, down));
     return least;
 }
 

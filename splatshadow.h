@@ -6261,7 +6261,7 @@ typedef struct spsi_slab {
 /* One part of a slab. */
 typedef struct spsi_part {
     const spsi_sample *samples;
-    spsi_v middle;        /* depth along the ray */
+    spsi_v middle, half;  /* depth along the ray, and half of the way through the part */
     spsi_v depth;         /* optical depth */
     spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
     spsi_v lit;           /* share of it that polygons leave in the light */
@@ -6430,33 +6430,86 @@ static void spsi_sample_response(const spsi_material *material, const spsi_sampl
     for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
 }
 
-/* The way a light travels at depth d, and the share of its colour that is irradiance there. Nearer to a point light
-   than half a slab, irradiance grows no more. */
-static void spsi_light_at(const spsi_shader *shader, const sps_light *light, const spsi_pixels *p, spsi_v d,
-                          spsi_v travel[3], spsi_v *irradiance) {
+/* The angle between the x axis and the point (x, y), y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
+static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
+    const spsi_v size = spsi_abs(x), most = spsi_max(spsi_max(size, y), spsi_set(FLT_MIN));
+    const spsi_v ratio = spsi_div(spsi_min(size, y), most), square = spsi_mul(ratio, ratio);
+    spsi_v p = spsi_set(0.0028662257f);
+    p = spsi_fma(p, square, spsi_set(-0.0161657367f));
+    p = spsi_fma(p, square, spsi_set(0.0429096138f));
+    p = spsi_fma(p, square, spsi_set(-0.0752896400f));
+    p = spsi_fma(p, square, spsi_set(0.1065626393f));
+    p = spsi_fma(p, square, spsi_set(-0.1420889944f));
+    p = spsi_fma(p, square, spsi_set(0.1999355085f));
+    p = spsi_fma(p, square, spsi_set(-0.3333314528f));
+    p = spsi_mul(ratio, spsi_fma(p, square, spsi_set(1)));
+    p = spsi_select(spsi_less(size, y), spsi_sub(spsi_set((float)(SPSI_PI / 2)), p), p);
+    return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
+}
+
+/* The mean of 1 / r^2 along a stretch of a ray, r being the distance to a point: the angle under which the point sees
+   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point to
+   the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
+   which needs no q. [d(angle) = q ds / r^2] */
+static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
+    const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
+    const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
+    const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
+    const spsi_m small = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
+    const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
+    if (spsi_bits(small) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
+    return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
+}
+
+/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a pixel's
+   area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray that
+   passes nearer than the inverse of that, in pixels, is taken as passing there. */
+#define SPSI_LAMP_PIXELS 0.28364f
+
+/* World length of a pixel at depth d. */
+static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
+    const spsi_v size = spsi_set((float)sqrt(spsi_length(rays->a) * spsi_length(rays->b)));
+    return rays->perspective ? spsi_mul(spsi_max(spsi_add(d, spsi_set((float)rays->depth_reference)), spsi_set(0)), size)
+                             : size;
+}
+
+/* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
+   the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
+static void spsi_light_at(const spsi_shader *shader, const sps_light *light, const spsi_pixels *p,
+                          const spsi_part *part, spsi_v travel[3], spsi_v *irradiance) {
     double direction[3];
+    spsi_v foot[3], ends[2][3], s, q, half, square;
     *irradiance = spsi_set(1);
     if (light->kind == SPS_LIGHT_DIRECTIONAL) {
         spsi_light_direction(light, shader->position_origin, direction);
         for (int i = 0; i < 3; ++i) travel[i] = spsi_set((float)direction[i]);
-    } else {
-        const float nearest = (float)(0.25 * shader->sweep->thickness * shader->sweep->thickness);
-        spsi_v square, inverse;
-        spsi_position_at(shader, p->line.at, (float)p->line.y, d, travel);
-        for (int i = 0; i < 3; ++i)
-            travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
-        square = spsi_max(spsi_dot_v(travel, travel), spsi_set(nearest));
-        inverse = spsi_div(spsi_set(1), spsi_sqrt(square));
-        for (int i = 0; i < 3; ++i) travel[i] = spsi_mul(travel[i], inverse);
-        *irradiance = spsi_mul(inverse, inverse);
+        return;
     }
+    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, travel);
+    for (int i = 0; i < 3; ++i)
+        travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
+    half = spsi_mul(part->half, p->length);
+    s = spsi_dot_v(travel, p->toward);
+    for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(travel[i], spsi_mul(s, p->toward[i]));
+    q = spsi_mul(spsi_pixel_size(&shader->frame->eye, part->middle), spsi_set(SPSI_LAMP_PIXELS));
+    q = spsi_max(q, spsi_sqrt(spsi_dot_v(foot, foot)));
+    *irradiance = spsi_mean_inverse_square(q, s, half);
+    for (int end = 0; end < 2; ++end) {
+        for (int i = 0; i < 3; ++i)
+            ends[end][i] = spsi_fma(half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), travel[i]);
+        square = spsi_max(spsi_dot_v(ends[end], ends[end]), spsi_set(FLT_MIN));
+        for (int i = 0; i < 3; ++i) ends[end][i] = spsi_div(ends[end][i], spsi_sqrt(square));
+    }
+    for (int i = 0; i < 3; ++i) travel[i] = spsi_add(ends[0][i], ends[1][i]);
+    square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
+    for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
 /* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
 static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                            const sps_light *light, spsi_v carried, spsi_v radiance[3]) {
     spsi_v travel[3], irradiance;
-    spsi_light_at(shader, light, p, part->middle, travel, &irradiance);
+    spsi_light_at(shader, light, p, part, travel, &irradiance);
     irradiance = spsi_mul(irradiance, carried);
     for (int m = 0; m < shader->frame->material_count; ++m) {
         const spsi_material *material = &shader->frame->materials[m];
@@ -6800,6 +6853,7 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     const spsi_v share = spsi_div(slab->part_depth[i], spsi_max(slab->depth, spsi_set(FLT_MIN)));
     part->samples = slab->samples + i * slab->material_count;
     part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
+    part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
     part->depth = slab->part_depth[i];
     part->first = i > 0 ? part->last : spsi_set(0);
     part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
@@ -9585,6 +9639,7 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
 /* What is on one step along a ray: volumes at its middle, particles' mean over all of it. */
 typedef struct spsi_point {
     double position[3], direction[3]; /* direction: of the eye's ray, unit */
+    double half, pixel;               /* half of the step, and a pixel's size there */
     double value[SPSI_MATERIALS_MAX], extinction[SPSI_MATERIALS_MAX], extinction_sum, value_sum;
     spsi_sample *samples;
 } spsi_point;
@@ -9599,11 +9654,17 @@ static void spsi_point_take(spsi_point *point, int part, double value, double ex
 /* The step of a ray, whose direction is of unit length, from ray->low to ray->high. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0};
+    double depths[SPSI_SETS_MAX] = {0}, depth[3];
     float appearance[4] = {0, 0, 0, 0};
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
     point->extinction_sum = point->value_sum = 0;
+    point->half = 0.5 * (ray->high - ray->low);
+    point->pixel = sqrt(spsi_length(frame->eye.a) * spsi_length(frame->eye.b));
+    if (frame->eye.perspective) {
+        spsi_to_rays(&frame->eye, ray->direction, depth);
+        point->pixel *= 0.5 * (ray->low + ray->high) * depth[2];
+    }
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_material *material = spsi_part_material(frame, m);
         const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
@@ -9622,17 +9683,25 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     }
 }
 
+/* The mean of 1 / r^2 over a step, as the renderer takes it over a part of a slab, in double precision. */
+static double spsi_point_inverse_square(const spsi_point *point, const double from[3]) {
+    double offset[3], foot[3], s, q, x, y;
+    spsi_along(point->position, from, -1, offset);
+    s = spsi_dot(offset, point->direction);
+    spsi_along(offset, point->direction, -s, foot);
+    q = fmax(spsi_length(foot), fmax((double)SPSI_LAMP_PIXELS * point->pixel, DBL_MIN));
+    x = q * q + (s - point->half) * (s + point->half);
+    y = 2 * point->half * q;
+    return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
+}
+
 /* Adds, per unit of length, what all gases at a point answer to one light. */
 static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const sps_light *light,
                                  double source[3]) {
     double travel[3], irradiance = 1;
     spsi_v toward_v[3], travel_v[3], response[3];
     spsi_light_direction(light, point->position, travel);
-    if (light->kind == SPS_LIGHT_POINT) {
-        double offset[3];
-        spsi_along(point->position, light->position, -1, offset);
-        irradiance = 1 / fmax(spsi_dot(offset, offset), 0.25 * marcher->step * marcher->step);
-    }
+    if (light->kind == SPS_LIGHT_POINT) irradiance = spsi_point_inverse_square(point, light->position);
     if (spsi_light_shadows(marcher->frame, light)) irradiance *= spsi_march_light(marcher, light, point->position, -1);
     spsi_set3(point->direction, toward_v);
     spsi_set3(travel, travel_v);

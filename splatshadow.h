@@ -2940,6 +2940,29 @@ static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
     return sqrt(sum);
 }
 
+/* The length of what a ray of unit direction d through a voxel's middle crosses of it, as 1 / root of d' (V V')^-1 d: a
+   cube's edge for cubes. Where voxels are flat and slanted, a ray crosses much less of one than its kernel extends. */
+static double spsi_voxel_chord(const spsi_medium *medium, const double d[3]) {
+    double rows[3][3], sum = 0;
+    if (!spsi_invert(medium->step[0], medium->step[1], medium->step[2], rows)) return spsi_voxel_extent(medium, d);
+    for (int i = 0; i < 3; ++i) sum += spsi_dot(rows[i], d) * spsi_dot(rows[i], d);
+    return 1 / sqrt(sum);
+}
+
+/* The least length of a voxel's kernel along any direction in the plane of two unit vectors that are square to each
+   other: the root of the lesser eigenvalue of (x, y)' V V' (x, y). */
+static double spsi_voxel_breadth(const spsi_medium *medium, const double x[3], const double y[3]) {
+    double xx = 0, xy = 0, yy = 0;
+    for (int i = 0; i < 3; ++i) {
+        const double along_x = spsi_dot(medium->step[i], x), along_y = spsi_dot(medium->step[i], y);
+        xx += along_x * along_x;
+        xy += along_x * along_y;
+        yy += along_y * along_y;
+    }
+    /* the product of both by the greater: a difference of the two would lose a needle's breadth to rounding */
+    return sqrt(fmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
+}
+
 /* Copies a placement with the identity for all-zero axes. */
 static void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
@@ -3260,12 +3283,12 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 
 static void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
-    static const double texels[] = {1, 0.75, 1, 2, 4};
+    static const double texels[2][5] = {{1, 0.75, 1, 2, 4}, {1.25, 1, 1.25, 2, 4}};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
-    frame->shadow_texels = texels[frame->view.quality];
+    frame->shadow_texels = texels[frame->classifies][frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
     frame->cut = cut[frame->view.quality];
     frame->depth_map_texels = depth_map_texels[frame->view.quality];
@@ -5492,11 +5515,16 @@ static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     return least;
 }
 
+static int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3]) {
+    int inside = 1;
+    for (int i = 0; i < 3; ++i) inside &= point[i] >= bounds->low[i] && point[i] <= bounds->high[i];
+    return inside;
+}
+
 /* The least cosine between s and rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
 static double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
+    const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
-    int inside = 1;
-    for (int i = 0; i < 3; ++i) inside &= from[i] >= bounds->low[i] && from[i] <= bounds->high[i];
     for (int corner = 0; corner < 8 && !inside; ++corner) {
         double ray[3];
         spsi_bounds_corner(bounds, corner, ray);
@@ -5592,7 +5620,56 @@ static double spsi_particle_edge(const spsi_frame *frame) {
     return fmax(SPSI_PARTICLE_EDGE * frame->particle_radius, frame->particle_spread / 200);
 }
 
-/* Cuts the bounds of volumes and particles into slabs; for_particles: 1: thin enough for these. */
+/* The least length that rays from a point to the corners and the middle of `bounds` cross of a voxel. */
+static double spsi_chord_to_bounds(const spsi_medium *medium, const double from[3], const spsi_bounds *bounds) {
+    double least = HUGE_VAL;
+    for (int corner = 0; corner <= 8; ++corner) {
+        double ray[3];
+        if (corner < 8)
+            spsi_bounds_corner(bounds, corner, ray);
+        else
+            spsi_bounds_centre(bounds, ray);
+        spsi_along(ray, from, -1, ray);
+        if (spsi_normalise(ray)) least = fmin(least, spsi_voxel_chord(medium, ray));
+    }
+    return least;
+}
+
+/* The same of a grid's rays: those through its corners and its middle, or those that can meet a volume, whichever set
+   crosses more. */
+static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays) {
+    double least = HUGE_VAL;
+    for (int i = 0; i < 5; ++i) {
+        const double x = i < 4 ? i & 1 : 0.5, y = i < 4 ? i >> 1 : 0.5;
+        double ray[3];
+        spsi_ray_direction(rays, x * (rays->width - 1), y * (rays->height - 1), ray);
+        if (spsi_normalise(ray)) least = fmin(least, spsi_voxel_chord(medium, ray));
+    }
+    if (!rays->perspective || spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return least;
+    return fmax(least, spsi_chord_to_bounds(medium, rays->origin, &frame->volume_bounds));
+}
+
+/* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
+   any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along s;
+   a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
+static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *eye,
+                              const spsi_sweep *sweep) {
+    const double extent = spsi_voxel_extent(medium, sweep->normal), flattest = 1.0 / 16;
+    const sps_light *light = sweep->sheets && sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+    double chord, travel[3];
+    if (!frame->materials[medium->channel].table) return extent;
+    chord = spsi_chord_of_rays(frame, medium, eye);
+    if (light && light->kind == SPS_LIGHT_DIRECTIONAL) {
+        spsi_light_direction(light, light->position, travel);
+        chord = fmin(chord, spsi_voxel_chord(medium, travel));
+    } else if (light) {
+        chord = fmin(chord, spsi_chord_to_bounds(medium, light->position, &frame->volume_bounds));
+    }
+    return fmin(extent, fmax(chord, flattest * extent));
+}
+
+/* Cuts the bounds of volumes and particles into slabs; `for_particles`: 1: thin enough for these, and for the camera; 0:
+   a map's, whose rays are the sweep's own. */
 static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, int for_particles,
                                    spsi_sweep *sweep) {
     double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
@@ -5606,7 +5683,8 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
         frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
         extent = fmax(spsi_particle_edge(frame), (high - low) / (SPSI_SLABS_MAX / 16));
     for (int i = 0; i < frame->medium_count; ++i)
-        extent = fmin(extent, spsi_voxel_extent(&frame->media[i], sweep->normal));
+        extent = fmin(extent,
+                      spsi_slab_voxel(frame, &frame->media[i], for_particles ? &frame->eye : &sweep->rays, sweep));
     sweep->start = low;
     sweep->thickness = fmin(frame->view.slab * extent, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / sweep->thickness);
@@ -5621,18 +5699,19 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
 static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i)
-        least =
-            fmin(least, fmin(spsi_voxel_extent(&frame->media[i], right), spsi_voxel_extent(&frame->media[i], down)));
+        least = fmin(least, spsi_voxel_breadth(&frame->media[i], right, down));
     return least;
 }
 
 /* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
    for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
-   Two texels of border stay free all round. Gives 0 where a point light does not see the bounds within a cone. */
+   Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
+   come and go in pairs at the borders: errors that jump would be seen. Gives 0 where a point light does not see the bounds within a cone. */
 static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     double eye[3], pitch, extent, distance;
+    int columns, rows;
     spsi_bounds_centre(bounds, centre);
     spsi_light_direction(light, centre, forward);
     spsi_basis(forward, right, down);
@@ -5651,10 +5730,14 @@ static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, doub
     spsi_along(centre, eye, -1, centre);
     distance = rays->perspective ? spsi_dot(centre, forward) : 1;
     extent = fmax(high[0] - low[0], high[1] - low[1]);
-    if (size == 0) size = (int)fmin(fmax(ceil(extent * distance / texel) + 4, 16), most);
-    pitch = extent > 0 ? extent / spsi_most(1, size - 4) : 1;
-    rays->width = spsi_most(2, spsi_least(size, (int)ceil((high[0] - low[0]) / pitch) + 4));
-    rays->height = spsi_most(2, spsi_least(size, (int)ceil((high[1] - low[1]) / pitch) + 4));
+    pitch = fmin(fmax(texel / distance, extent / (most - 4)), extent / 12);
+    if (size > 0) pitch = extent / spsi_most(1, size - 4);
+    if (!(pitch > 0)) pitch = 1;
+    if (size == 0) size = spsi_least(most, 2 * (int)ceil(0.5 * extent / pitch * (1 - 1e-9)) + 4);
+    columns = (int)floor(0.5 * (extent - (high[0] - low[0])) / pitch);
+    rows = (int)floor(0.5 * (extent - (high[1] - low[1])) / pitch);
+    rays->width = spsi_most(2, size - 2 * columns);
+    rays->height = spsi_most(2, size - 2 * rows);
     spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
     {
         double *corner = rays->perspective ? rays->c : rays->origin;
@@ -6483,6 +6566,40 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
     return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
 }
 
+/* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
+static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
+    const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
+    weights[0] = spsi_mul(spsi_mul(spsi_set(-0.5f), t), uu);
+    weights[1] = spsi_fma(tt, spsi_fma(spsi_set(1.5f), t, spsi_set(-2.5f)), one);
+    weights[2] = spsi_fma(uu, spsi_fma(spsi_set(1.5f), u, spsi_set(-2.5f)), one);
+    weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
+}
+
+/* Look-up by cubics through 4 x 4 values, within the range of the four nearest so that nothing overshoots. What is
+   classified bends within a voxel: straight lines from texel to texel would lie above the bend everywhere, and darken
+   surfaces by 3 % where there is a texel a voxel. The grid is at least 4 x 4; its border is left to the values there. */
+static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
+    const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
+    const spsi_v cy = spsi_clamp(y, spsi_set(1), spsi_set((float)(height - 2)));
+    const spsi_v ix = spsi_min(spsi_floor(cx), spsi_set((float)(width - 3)));
+    const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 3)));
+    spsi_v across[4], down[4], sum = spsi_set(0), low = spsi_set(SPSI_INFINITY), high = sum;
+    spsi_cubic_weights(spsi_sub(cx, ix), across);
+    spsi_cubic_weights(spsi_sub(cy, iy), down);
+    for (int r = 0; r < 4; ++r) {
+        spsi_v row = spsi_set(0);
+        for (int c = 0; c < 4; ++c) {
+            const spsi_v value = spsi_lookup(grid + (r - 1) * width + c - 1, width, ix, iy);
+            row = spsi_fma(across[c], value, row);
+            if (r == 0 || r == 3 || c == 0 || c == 3) continue;
+            low = spsi_min(low, value);
+            high = spsi_max(high, value);
+        }
+        sum = spsi_fma(down[r], row, sum);
+    }
+    return spsi_clamp(sum, low, high);
+}
+
 #define SPSI_PARTS 4 /* of a slab, where it is classified or shaded by polygons */
 
 /* value + slope x + bend x^2, x from -1/2 to 1/2 through a slab. */
@@ -6740,6 +6857,8 @@ static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_pix
         x = spsi_div(x, t);
         y = spsi_div(y, t);
     }
+    if (shader->frame->classifies && planes->width >= 4 && planes->height >= 4)
+        return spsi_bicubic(planes->depth[k], planes->width, planes->height, x, y);
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, x, y);
 }
 
@@ -6868,7 +6987,7 @@ typedef struct spsi_slab {
 /* One part of a slab. */
 typedef struct spsi_part {
     const spsi_sample *samples;
-    spsi_v middle;        /* depth along the ray */
+    spsi_v middle, half;  /* depth along the ray, and half of the way through the part */
     spsi_v depth;         /* optical depth */
     spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
     spsi_v lit;           /* share of it that polygons leave in the light */
@@ -6876,13 +6995,20 @@ typedef struct spsi_part {
 } spsi_part;
 
 /* How a classified value changes within a slab: a parabola with the means of the slab and of those before and after;
-   the differences to its neighbours likewise. */
+   the differences to its neighbours likewise. The change along the ray takes five slabs: from three, a normal's share
+   along the ray would be short of what its shares aside are, and lean the surface away from the eye. */
 typedef struct spsi_profile {
     spsi_parabola value;
     spsi_parabola aside[2];             /* from x - 1 to x + 1, and from y - 1 to y + 1 */
     spsi_parabola along;                /* from the slab before to the slab after */
     spsi_v cofactor[3][3], determinant; /* of the three ways that belong to these, in voxels */
 } spsi_profile;
+
+/* The means of three slabs and the middles of the ways through them, and where these are all whole. */
+typedef struct spsi_means {
+    spsi_v own[3], middle[3];
+    spsi_m all;
+} spsi_means;
 
 /* Values and the place of a neighbour in three slabs; those of the own ray where a polygon cuts the neighbour away. */
 static void spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *tile, const spsi_line *line, int k,
@@ -6898,23 +7024,43 @@ static void spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *t
     }
 }
 
+/* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
+   outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2) - 22 m0) / 8
+   and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
+static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
+    const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
+    const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
+    along->value = spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
+    along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
+    along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
+    along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
+}
+
 /* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not square to
    each other: a gradient is solved from way . g = difference. No volume spanned by the ways: no gradient. */
 static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                  int channel, const spsi_v own[3], const spsi_v middle[3], spsi_profile *profile) {
-    const spsi_v per_length = spsi_set(1 / shader->frame->materials[channel].voxel_length);
-    spsi_v own_place[3], place[3][2][3], way[3][3];
-    spsi_position_at(shader, p->line.at, (float)p->line.y, middle[1], own_place);
+                                  int channel, const spsi_means *means, spsi_profile *profile) {
+    const spsi_v per_length = spsi_set(1 / shader->frame->materials[channel].voxel_length), zero = spsi_set(0);
+    spsi_v own_place[3], place[3][2][3], way[3][3], outer[2], unused;
+    spsi_parabola along;
+    spsi_m all = means->all;
+    for (int n = 0; n < 2; ++n)
+        all = spsi_and(all, spsi_mean_value(shader, tile, channel, &p->line, k - 2 + 4 * n, &outer[n], &unused));
+    spsi_profile_along(means->own, outer, &along);
+    profile->along.value = spsi_select(all, along.value, spsi_sub(means->own[2], means->own[0]));
+    profile->along.slope = spsi_select(all, along.slope, spsi_mul(spsi_set(4), profile->value.bend));
+    profile->along.bend = spsi_select(all, along.bend, zero);
+    spsi_position_at(shader, p->line.at, (float)p->line.y, means->middle[1], own_place);
     for (int axis = 0; axis < 2; ++axis) {
         spsi_v value[2][3];
         for (int side = 0; side < 2; ++side)
-            spsi_profile_neighbour(shader, tile, &p->around[2 * axis + side], k, channel, own, own_place, value[side],
-                                   place[axis][side]);
+            spsi_profile_neighbour(shader, tile, &p->around[2 * axis + side], k, channel, means->own, own_place,
+                                   value[side], place[axis][side]);
         for (int n = 0; n < 3; ++n) value[1][n] = spsi_sub(value[1][n], value[0][n]);
         profile->aside[axis] = spsi_parabola_through(value[1][0], value[1][1], value[1][2]);
     }
     for (int side = 0; side < 2; ++side)
-        spsi_position_at(shader, p->line.at, (float)p->line.y, middle[2 * side], place[2][side]);
+        spsi_position_at(shader, p->line.at, (float)p->line.y, means->middle[2 * side], place[2][side]);
     for (int axis = 0; axis < 3; ++axis)
         for (int c = 0; c < 3; ++c) way[axis][c] = spsi_mul(spsi_sub(place[axis][1][c], place[axis][0][c]), per_length);
     for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
@@ -6923,11 +7069,12 @@ static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *ti
                                        spsi_set(SPSI_INFINITY), profile->determinant);
 }
 
-/* Where a polygon or the near plane cuts one of the three slabs, its mean is all that is known of the one at hand. */
+/* The profile of a slab's value; its gradient is left to spsi_profile_gradient. Where a polygon or the near plane cuts
+   one of the three slabs, its mean is all that is known of the one at hand. */
 static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
-                               const spsi_slab *slab, int channel, int has_gradient, spsi_profile *profile) {
-    const spsi_v zero = spsi_set(0), two = spsi_set(2);
-    spsi_v own[3], middle[3];
+                               const spsi_slab *slab, int channel, spsi_means *means, spsi_profile *profile) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v *own = means->own, *middle = means->middle;
     spsi_m good[3], all;
     for (int n = 0; n < 3; ++n)
         good[n] = spsi_mean_value(shader, tile, channel, &p->line, slab->k + n - 1, &own[n], &middle[n]);
@@ -6937,14 +7084,11 @@ static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile,
     }
     all = spsi_less(spsi_mul(spsi_set(0.999f), spsi_abs(p->line.scale)), spsi_sub(slab->leave, slab->enter));
     all = spsi_and(all, spsi_and(good[0], good[2]));
+    means->all = all;
     profile->value = spsi_parabola_through(own[0], own[1], own[2]);
-    profile->along.value = spsi_mul(two, profile->value.slope);
-    profile->along.slope = spsi_select(all, spsi_mul(spsi_set(4), profile->value.bend), zero);
-    profile->along.bend = zero;
     profile->value.value = spsi_select(all, profile->value.value, own[1]);
     profile->value.slope = spsi_select(all, profile->value.slope, zero);
     profile->value.bend = spsi_select(all, profile->value.bend, zero);
-    if (has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, own, middle, profile);
 }
 
 /* A sample's normal and surface share. */
@@ -6981,27 +7125,34 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* The parts of a slab of what is classified, which follow its profile. */
+/* The parts of a slab of what is classified, which follow its profile. Most slabs that hold values have no extinction
+   anywhere: these cost neither colours nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->materials[channel];
-    const spsi_v share = spsi_set(1.0f / (float)slab->part_count);
+    const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
     const int surface = shader->frame->has_gradient && material->shading == SPS_SHADING_SURFACE;
+    spsi_means means;
     spsi_profile profile;
+    int has_gradient = 0;
     memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
-    spsi_profile_build(shader, tile, p, slab, channel, surface, &profile);
+    spsi_profile_build(shader, tile, p, slab, channel, &means, &profile);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        spsi_v appearance[4];
-        spsi_classify(material, spsi_parabola_mean(&profile.value, part), appearance);
+        const spsi_v value = spsi_parabola_mean(&profile.value, part);
+        spsi_v appearance[4] = {zero, zero, zero, zero};
+        if (spsi_bits(spsi_less(zero, spsi_classify_extinction(material, value))))
+            spsi_classify(material, value, appearance);
         sample->has_normal = 0;
-        sample->surface = sample->value_length = spsi_set(0);
+        sample->surface = sample->value_length = zero;
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
         for (int c = 0; c < 3; ++c) sample->colour[c] = appearance[c];
-        if (surface && spsi_bits(spsi_less(spsi_set(0), sample->depth)))
-            spsi_sample_gradient(material, &profile, part, sample);
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
+        if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
+        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, &means, &profile);
+        has_gradient = 1;
+        spsi_sample_gradient(material, &profile, part, sample);
     }
 }
 
@@ -7037,33 +7188,86 @@ static void spsi_sample_response(const spsi_material *material, const spsi_sampl
     for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
 }
 
-/* The way a light travels at depth d, and the share of its colour that is irradiance there. Nearer to a point light
-   than half a slab, irradiance grows no more. */
-static void spsi_light_at(const spsi_shader *shader, const sps_light *light, const spsi_pixels *p, spsi_v d,
-                          spsi_v travel[3], spsi_v *irradiance) {
+/* The angle between the x axis and the point (x, y), y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
+static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
+    const spsi_v size = spsi_abs(x), most = spsi_max(spsi_max(size, y), spsi_set(FLT_MIN));
+    const spsi_v ratio = spsi_div(spsi_min(size, y), most), square = spsi_mul(ratio, ratio);
+    spsi_v p = spsi_set(0.0028662257f);
+    p = spsi_fma(p, square, spsi_set(-0.0161657367f));
+    p = spsi_fma(p, square, spsi_set(0.0429096138f));
+    p = spsi_fma(p, square, spsi_set(-0.0752896400f));
+    p = spsi_fma(p, square, spsi_set(0.1065626393f));
+    p = spsi_fma(p, square, spsi_set(-0.1420889944f));
+    p = spsi_fma(p, square, spsi_set(0.1999355085f));
+    p = spsi_fma(p, square, spsi_set(-0.3333314528f));
+    p = spsi_mul(ratio, spsi_fma(p, square, spsi_set(1)));
+    p = spsi_select(spsi_less(size, y), spsi_sub(spsi_set((float)(SPSI_PI / 2)), p), p);
+    return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
+}
+
+/* The mean of 1 / r^2 along a stretch of a ray, r being the distance to a point: the angle under which the point sees
+   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point to
+   the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
+   which needs no q. [d(angle) = q ds / r^2] */
+static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
+    const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
+    const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
+    const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
+    const spsi_m small = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
+    const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
+    if (spsi_bits(small) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
+    return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
+}
+
+/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a pixel's
+   area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray that
+   passes nearer than the inverse of that, in pixels, is taken as passing there. */
+#define SPSI_LAMP_PIXELS 0.28364f
+
+/* World length of a pixel at depth d. */
+static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
+    const spsi_v size = spsi_set((float)sqrt(spsi_length(rays->a) * spsi_length(rays->b)));
+    return rays->perspective ? spsi_mul(spsi_max(spsi_add(d, spsi_set((float)rays->depth_reference)), spsi_set(0)), size)
+                             : size;
+}
+
+/* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
+   the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
+static void spsi_light_at(const spsi_shader *shader, const sps_light *light, const spsi_pixels *p,
+                          const spsi_part *part, spsi_v travel[3], spsi_v *irradiance) {
     double direction[3];
+    spsi_v foot[3], ends[2][3], s, q, half, square;
     *irradiance = spsi_set(1);
     if (light->kind == SPS_LIGHT_DIRECTIONAL) {
         spsi_light_direction(light, shader->position_origin, direction);
         for (int i = 0; i < 3; ++i) travel[i] = spsi_set((float)direction[i]);
-    } else {
-        const float nearest = (float)(0.25 * shader->sweep->thickness * shader->sweep->thickness);
-        spsi_v square, inverse;
-        spsi_position_at(shader, p->line.at, (float)p->line.y, d, travel);
-        for (int i = 0; i < 3; ++i)
-            travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
-        square = spsi_max(spsi_dot_v(travel, travel), spsi_set(nearest));
-        inverse = spsi_div(spsi_set(1), spsi_sqrt(square));
-        for (int i = 0; i < 3; ++i) travel[i] = spsi_mul(travel[i], inverse);
-        *irradiance = spsi_mul(inverse, inverse);
+        return;
     }
+    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, travel);
+    for (int i = 0; i < 3; ++i)
+        travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
+    half = spsi_mul(part->half, p->length);
+    s = spsi_dot_v(travel, p->toward);
+    for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(travel[i], spsi_mul(s, p->toward[i]));
+    q = spsi_mul(spsi_pixel_size(&shader->frame->eye, part->middle), spsi_set(SPSI_LAMP_PIXELS));
+    q = spsi_max(q, spsi_sqrt(spsi_dot_v(foot, foot)));
+    *irradiance = spsi_mean_inverse_square(q, s, half);
+    for (int end = 0; end < 2; ++end) {
+        for (int i = 0; i < 3; ++i)
+            ends[end][i] = spsi_fma(half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), travel[i]);
+        square = spsi_max(spsi_dot_v(ends[end], ends[end]), spsi_set(FLT_MIN));
+        for (int i = 0; i < 3; ++i) ends[end][i] = spsi_div(ends[end][i], spsi_sqrt(square));
+    }
+    for (int i = 0; i < 3; ++i) travel[i] = spsi_add(ends[0][i], ends[1][i]);
+    square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
+    for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
 /* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
 static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                            const sps_light *light, spsi_v carried, spsi_v radiance[3]) {
     spsi_v travel[3], irradiance;
-    spsi_light_at(shader, light, p, part->middle, travel, &irradiance);
+    spsi_light_at(shader, light, p, part, travel, &irradiance);
     irradiance = spsi_mul(irradiance, carried);
     for (int m = 0; m < shader->frame->material_count; ++m) {
         const spsi_material *material = &shader->frame->materials[m];
@@ -7375,6 +7579,7 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
         else
             spsi_samples_gas(&shader->frame->materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m, slab);
     for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
+    if (!shader->frame->emits && !spsi_bits(spsi_less(zero, slab->depth))) return 0; /* values without extinction */
     if (shader->light && shader->frame->scatters) spsi_slab_light(shader, p, slab);
     return 1;
 }
@@ -7388,6 +7593,7 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     const spsi_v share = spsi_div(slab->part_depth[i], spsi_max(slab->depth, spsi_set(FLT_MIN)));
     part->samples = slab->samples + i * slab->material_count;
     part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
+    part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
     part->depth = slab->part_depth[i];
     part->first = i > 0 ? part->last : spsi_set(0);
     part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
@@ -7423,7 +7629,8 @@ static int spsi_add_slab(const spsi_shader *shader, const spsi_tile *tile, const
     if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
     for (int i = 0; i < slab->part_count && held; ++i) {
         spsi_part_build(shader, slab, i, sum->depth, &part);
-        spsi_add_part(shader, p, slab, &part, sum);
+        if (shader->frame->emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
+            spsi_add_part(shader, p, slab, &part, sum);
     }
     if (shader->hits && !backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
     return held;
@@ -7538,7 +7745,7 @@ typedef struct spsi_run {
     float *sheets;        /* sheet_floats per worker */
     size_t sheet_floats;
     uint64_t (*counts)[5];   /* per worker: visits and fragments for lights and for the eye, pixels shaded */
-    int margin, slab_margin; /* about a tile */
+    int margin, slab_margin[2]; /* about a tile; slabs: of the eye, of a light */
     int slab_count;          /* to composite in this chunk; 0: polygons only */
     float low, high;         /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
@@ -7546,20 +7753,23 @@ typedef struct spsi_run {
     float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
 } spsi_run;
 
-/* Slabs before and after a chunk that a tile takes in too: what is classified follows its profile from slab to slab. */
-static int spsi_slab_margin(const spsi_frame *frame) { return frame->classifies; }
+/* Slabs before and after a chunk that a tile takes in too: what is classified follows its profile from slab to slab, and
+   the eye's gradients take two slabs to either side. */
+static int spsi_slab_margin(const spsi_frame *frame, int for_light) {
+    return frame->classifies + (frame->has_gradient && !for_light);
+}
 
 /* Pixels about a tile of the eye's that it takes in too: gradients ask their neighbours. */
 static int spsi_pixel_margin(const spsi_frame *frame) { return frame->has_gradient; }
 
 static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
-    const int pixels = 2 * spsi_pixel_margin(frame), slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame);
+    const int pixels = 2 * spsi_pixel_margin(frame), slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame, 0);
     return (size_t)frame->material_count * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
            2 * SPSI_LANES;
 }
 
 static size_t spsi_light_sheet_floats(const spsi_frame *frame) {
-    const int slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame);
+    const int slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame, 1);
     return (size_t)(frame->light_channel_count * slabs) * (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT) + 2 * SPSI_LANES;
 }
 
@@ -7609,7 +7819,7 @@ static void spsi_span_task(void *data, int index, int worker) {
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const spsi_brick *brick = &run->bricks[i];
         const spsi_medium *medium = &run->frame->media[brick->medium];
-        const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->slab_margin + 1e-3;
+        const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->slab_margin[0] + 1e-3;
         double low = HUGE_VAL, high = -HUGE_VAL;
         spsi_span *span = &job->spans[i];
         for (int corner = 0; corner < 8; ++corner) {
@@ -7682,7 +7892,7 @@ static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int c
 static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
     const spsi_sweep *sweep = run->sweep;
     const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
-    const int first_slab = run->shader.first_slab - run->slab_margin;
+    const int first_slab = run->shader.first_slab - (tile->slab_count - SPSI_CHUNK) / 2;
     const double eye_slab = (spsi_dot(sweep->normal, rays->origin) - sweep->start) / sweep->thickness;
     int touched = 0;
     tile->eye_slab = (float)(eye_slab - first_slab);
@@ -7716,7 +7926,7 @@ static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_ray
     tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
     tile->x1 = spsi_least(tile->x0 + tile->pitch, rays->width + margin) - 1;
     tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, rays->height + margin) - 1;
-    tile->slab_count = SPSI_CHUNK + 2 * run->slab_margin;
+    tile->slab_count = SPSI_CHUNK + 2 * run->slab_margin[rays != &run->frame->eye];
     tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
     tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
     tile->sheets = run->sheets + (size_t)worker * run->sheet_floats;
@@ -8058,7 +8268,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     run->sweep = sweep;
     run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     run->margin = spsi_pixel_margin(frame);
-    run->slab_margin = spsi_slab_margin(frame);
+    for (int i = 0; i < 2; ++i) run->slab_margin[i] = spsi_slab_margin(frame, i);
     shader->frame = frame;
     shader->sweep = sweep;
     shader->faces = faces;
@@ -8636,7 +8846,7 @@ static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
             const spsi_m here = spsi_less(at, spsi_set((float)(bin->x0 + bin->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (run->shader.first_slab + k) * filling->u_per_slab;
-                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + run->slab_margin) * tile->sheet_size,
+                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + run->slab_margin[1]) * tile->sheet_size,
                                                 length, per_slab, slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
@@ -9065,7 +9275,7 @@ static sps_result spsi_tmap_run(sps_context *context, const spsi_frame *frame, c
     run->frame = frame;
     run->sweep = sweep;
     run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    run->slab_margin = spsi_slab_margin(frame);
+    for (int i = 0; i < 2; ++i) run->slab_margin[i] = spsi_slab_margin(frame, i);
     spsi_light_shader_build(frame, sweep, &run->planes, &run->light_shader);
     if (spsi_run_splatters(context, run)) return context->result;
     return spsi_run_spans(context, run);
@@ -10159,6 +10369,7 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
 /* What is on one step along a ray: volumes at its middle, particles' mean over all of it. */
 typedef struct spsi_point {
     double position[3], direction[3]; /* direction: of the eye's ray, unit */
+    double half, pixel;               /* half of the step, and a pixel's size there */
     double value[SPSI_MATERIALS_MAX], extinction[SPSI_MATERIALS_MAX], extinction_sum, value_sum;
     spsi_sample *samples;
 } spsi_point;
@@ -10173,11 +10384,17 @@ static void spsi_point_take(spsi_point *point, int part, double value, double ex
 /* The step of a ray, whose direction is of unit length, from ray->low to ray->high. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
-    double depths[SPSI_SETS_MAX] = {0};
+    double depths[SPSI_SETS_MAX] = {0}, depth[3];
     float appearance[4] = {0, 0, 0, 0};
     spsi_along(ray->origin, ray->direction, 0.5 * (ray->low + ray->high), point->position);
     memcpy(point->direction, ray->direction, sizeof point->direction);
     point->extinction_sum = point->value_sum = 0;
+    point->half = 0.5 * (ray->high - ray->low);
+    point->pixel = sqrt(spsi_length(frame->eye.a) * spsi_length(frame->eye.b));
+    if (frame->eye.perspective) {
+        spsi_to_rays(&frame->eye, ray->direction, depth);
+        point->pixel *= 0.5 * (ray->low + ray->high) * depth[2];
+    }
     for (int m = 0; m < frame->medium_count; ++m) {
         const spsi_material *material = spsi_part_material(frame, m);
         const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
@@ -10196,17 +10413,25 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     }
 }
 
+/* The mean of 1 / r^2 over a step, as the renderer takes it over a part of a slab, in double precision. */
+static double spsi_point_inverse_square(const spsi_point *point, const double from[3]) {
+    double offset[3], foot[3], s, q, x, y;
+    spsi_along(point->position, from, -1, offset);
+    s = spsi_dot(offset, point->direction);
+    spsi_along(offset, point->direction, -s, foot);
+    q = fmax(spsi_length(foot), fmax((double)SPSI_LAMP_PIXELS * point->pixel, DBL_MIN));
+    x = q * q + (s - point->half) * (s + point->half);
+    y = 2 * point->half * q;
+    return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
+}
+
 /* Adds, per unit of length, what all gases at a point answer to one light. */
 static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const sps_light *light,
                                  double source[3]) {
     double travel[3], irradiance = 1;
     spsi_v toward_v[3], travel_v[3], response[3];
     spsi_light_direction(light, point->position, travel);
-    if (light->kind == SPS_LIGHT_POINT) {
-        double offset[3];
-        spsi_along(point->position, light->position, -1, offset);
-        irradiance = 1 / fmax(spsi_dot(offset, offset), 0.25 * marcher->step * marcher->step);
-    }
+    if (light->kind == SPS_LIGHT_POINT) irradiance = spsi_point_inverse_square(point, light->position);
     if (spsi_light_shadows(marcher->frame, light)) {
         if (!spsi_sees_light(marcher->faces, light, point->position, -1)) return;
         irradiance *= spsi_march_light(marcher, light, point->position);

@@ -582,10 +582,12 @@ SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *p
 
 /* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
    optical depth, 1 where it is densest in the middle), for a compressed one nodes (u, transmittance), of all texels one
-   after the other. Six faces follow each other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x
-   or x y; the middles of the outermost texels lie on the cube's edges, so that this is no hardware cube map. Valid
-   until sps_tmap_destroy; NULL before sps_tmap_finish. docs/shadow_maps.md has the code that samples them as
-   sps_tmap_query does. */
+   after the other. A stretch may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is
+   before counts at 0, and at u = 1 all of it does. Where it holds the light, the fourth number is less than 1: only the
+   last part of its chord, that much of it, counts, and u0 is where that begins. Six faces follow each other, +x -x +y
+   -y +z -z, columns and rows along the next two axes, y z, z x or x y; the middles of the outermost texels lie on the
+   cube's edges, so that this is no hardware cube map. Valid until sps_tmap_destroy; NULL before sps_tmap_finish.
+   docs/shadow_maps.md has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Of deep and compressed maps: the number of each texel's first stretch or node, and at the end that of all. NULL for
@@ -1605,7 +1607,9 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 #define SPSI_BEER_LENGTH     1e-6f  /* least length of a Beer map's gas, so that its density stays finite */
 
 /* A stretch of a ray from u0 to u1, of optical depth `depth`: even (soft 0), or as 1 - s^2 with s from -1 to 1 through
-   it (soft 1), which is what a ray meets in a particle. */
+   it (soft 1), which is what a ray meets in a particle. Where the light is in a particle, s begins at 1 - 2 soft: the
+   stretch is the last `soft` of the chord. Its ends may lie outside of 0..1, so that its shape stays exact: what is
+   before 0 counts at 0, and what is behind 1 at 1. */
 typedef struct spsi_stretch {
     float u0, u1, depth, soft;
 } spsi_stretch;
@@ -1613,7 +1617,7 @@ typedef struct spsi_stretch {
 /* The same for a vector of neighbouring texels; depth 0: none there. */
 typedef struct spsi_stretches {
     spsi_v u0, u1, depth;
-    int soft;
+    float soft;
 } spsi_stretches;
 
 /* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map keeps that. Straight lines
@@ -1637,6 +1641,8 @@ typedef struct spsi_technique {
     int least, most, step, usual; /* components: range, step from least, default; all 0 for lists */
     int lists;                    /* 1: a list per texel, of a length that its ray decides */
     int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
+    int points;                   /* 1: what insert adds has no closed form for a soft stretch that is cut, which comes
+                                     as points; 0: takes stretches whose ends lie outside of 0..1 */
     int range;                    /* 1: u is counted from the texel's first occluder to its last, which are its first
                                      two components (the functions below see neither: they get the components after
                                      them and the remapped u). Fourier: settings->texel_range decides instead, -1 */
@@ -1658,14 +1664,25 @@ typedef struct spsi_technique {
 
 /* ---- stretches ---- */
 
+/* The share of a soft stretch in its first `t`. Of a whole chord S(t) = t^2 (3 - 2 t); of the last `soft` of one
+   1 - S(soft (1 - t)) / S(soft), written without a difference of nearly equal numbers. */
+static inline float spsi_soft_share(float soft, float t) {
+    return t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft);
+}
+
 /* The share of a stretch that lies before u. One of no length lies wholly before u as soon as u >= u0, and so does any
    that ends at u: a map's answer at an occluder's back includes it. */
-static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
-    float s;
+static inline float spsi_stretch_share(const spsi_stretch *stretch, float u) {
+    float t;
     if (u < stretch->u0) return 0;
     if (!(u < stretch->u1)) return 1;
-    s = (u - stretch->u0) / (stretch->u1 - stretch->u0);
-    return stretch->soft > 0 ? s * s * (3 - 2 * s) : s;
+    t = (u - stretch->u0) / (stretch->u1 - stretch->u0);
+    return stretch->soft > 0 ? spsi_soft_share(stretch->soft, t) : t;
+}
+
+/* The same as maps answer: at u = 1 what lies behind counts, too. */
+static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
+    return u < 1 ? spsi_stretch_share(stretch, u) : 1;
 }
 
 /* Optical depth before u of a list sorted by u0: the exact answer. Cost: the stretches that begin before u. */
@@ -1723,9 +1740,13 @@ static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *
 /* The shares of a vector of stretches that lie before u, as spsi_stretch_before. */
 static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi_v u) {
     const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(1e-30f));
+    const float soft = stretches->soft;
     spsi_v s = spsi_clamp(spsi_div(spsi_sub(u, stretches->u0), length), spsi_set(0), one);
-    if (stretches->soft) s = spsi_mul(spsi_mul(s, s), spsi_fma(spsi_set(-2), s, spsi_set(3)));
-    s = spsi_select(spsi_less(u, stretches->u1), s, one);
+    if (soft > 0) {
+        const spsi_v bend = spsi_fma(spsi_set(-2 * soft), s, spsi_set(6 * soft - 3));
+        s = spsi_mul(spsi_mul(s, spsi_fma(s, bend, spsi_set(6 * (1 - soft)))), spsi_set(1 / (3 - 2 * soft)));
+    }
+    s = spsi_select(spsi_and(spsi_less(u, stretches->u1), spsi_less(u, one)), s, one);
     return spsi_select(spsi_less(u, stretches->u0), spsi_set(0), s);
 }
 
@@ -1740,7 +1761,7 @@ static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
     return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
 }
 
-/* Where the first of a vector's stretches begins and the last ends; gives 0 if there are none. */
+/* Where the first of a vector's stretches begins and the last ends, within 0..1; gives 0 if there are none. */
 static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
     const spsi_m there = spsi_less(spsi_set(0), stretches->depth);
@@ -1748,20 +1769,23 @@ static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, 
     spsi_store(u0, spsi_select(there, stretches->u0, spsi_set(1)));
     spsi_store(u1, spsi_select(there, stretches->u1, spsi_set(0)));
     for (int i = 1; i < SPSI_LANES; ++i) u0[0] = spsi_lower(u0[0], u0[i]), u1[0] = spsi_higher(u1[0], u1[i]);
-    *first = u0[0];
-    *last = u1[0];
+    *first = spsi_higher(u0[0], 0);
+    *last = spsi_lower(u1[0], 1);
     return 1;
 }
 
 /* ---- curves ---- */
 
-/* Nodes that a curve of `count` stretches may have, a soft one bending it at both ends of its pieces; and stretches
-   that building it takes: two for each piece, and half as many to sort these. */
-#define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count))
-#define SPSI_CURVE_SCRATCH(count, pieces) (3 * (pieces) * (count))
+/* Nodes that a curve of `count` stretches may have, a soft one bending it at both ends of its pieces, and a jump at
+   either end for those that are cut; and stretches that building it takes: two for each piece, one for what lies before
+   or behind, and half as many to sort these. */
+#define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count) + 2)
+#define SPSI_CURVE_SCRATCH(count, pieces) (3 * ((pieces) + 1) * (count))
 
-/* Optical depth of a soft stretch behind which what is left of it is no longer cut finely. */
-#define SPSI_SOFT_DEPTH 8
+/* Optical depth of a soft stretch behind which what is left of it is no longer cut finely; and halves by which that
+   place is found in one that is cut: to a millionth of its length. */
+#define SPSI_SOFT_DEPTH  8
+#define SPSI_SOFT_HALVES 20
 
 /* Even pieces of soft stretches with which transmittance is off by a quarter of epsilon at most: a piece of length h is
    h^2 / 8 times the change of density off, 6 d at either end of a stretch of depth d; those that overlap add up. Behind
@@ -1773,33 +1797,61 @@ static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) 
     return (int)fmin(2 + ceil(sqrt(3 * fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
-/* Where piece i of so many of a stretch ends. A deep one's lie where its light goes, share >= 2 s^2, but the last. */
-static float spsi_soft_cut(const spsi_stretch *stretch, int i, int pieces) {
-    const float length = stretch->u1 - stretch->u0;
-    if (i == pieces) return stretch->u1;
-    if (!(stretch->depth > SPSI_SOFT_DEPTH)) return stretch->u0 + length * ((float)i / (float)pieces);
-    return stretch->u0 + length * sqrtf(SPSI_SOFT_DEPTH / stretch->depth) * ((float)i / (float)(pieces - 1));
+/* Where in a soft stretch, between two places, light is as good as gone: where s^2 = SPSI_SOFT_DEPTH / depth in a whole
+   chord, before which lies more than that depth, as its share is above s^2; in one that is cut, where twice that depth
+   does, which halves find. */
+static float spsi_soft_end(const spsi_stretch *stretch, float from, float to) {
+    const float want = spsi_stretch_share(stretch, from) + 2 * SPSI_SOFT_DEPTH / stretch->depth;
+    if (!(stretch->depth > SPSI_SOFT_DEPTH) || !(spsi_stretch_share(stretch, to) > want)) return to;
+    if (!(stretch->u0 < from) && !(stretch->soft < 1))
+        return spsi_lower(to, from + (stretch->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / stretch->depth));
+    for (int i = 0; i < SPSI_SOFT_HALVES; ++i) {
+        const float middle = 0.5f * (from + to);
+        if (spsi_stretch_share(stretch, middle) > want)
+            to = middle;
+        else
+            from = middle;
+    }
+    return to;
 }
 
-/* The even pieces of a stretch, several of a soft one, each as two bends of the curve: one where it begins, which looks
-   ahead to its end, and one where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve
-   becomes at either. A piece without length is one bend, a jump. */
-static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *bends) {
-    const int pieces = stretch->soft > 0 && stretch->u1 > stretch->u0 ? soft_pieces : 1;
-    const float depth = spsi_lower(stretch->depth, SPSI_DEPTH_MAX);
-    float u = stretch->u0, before = 0;
-    int count = 0;
-    if (!(depth > 0)) return 0;
-    for (int i = 1; i <= pieces; ++i) {
-        const float end = pieces > 1 ? spsi_soft_cut(stretch, i, pieces) : stretch->u1;
-        const float share = spsi_stretch_before(stretch, end); /* where the piece ends once that is a float */
-        const spsi_stretch ahead = {u, end, depth * (share - before), 0}, back = {end, u, ahead.depth, 0};
-        if (!(share > before)) continue;
-        bends[count++] = ahead;
-        if (end > u) bends[count++] = back;
-        u = end, before = share;
+/* The bends of a stretch's curve while it is taken piece by piece: where the last piece ended, and the share of the
+   stretch that lay before that. */
+typedef struct spsi_bends {
+    spsi_stretch *list;
+    int count;
+    float depth, u, share;
+} spsi_bends;
+
+/* An even piece from where the last one ended, as two bends: one where it begins, which looks ahead to its end, and one
+   where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve becomes at either. A piece
+   without length is one bend, a jump. */
+static void spsi_bends_add(spsi_bends *bends, float u, float share) {
+    const spsi_stretch ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
+    const spsi_stretch back = {u, bends->u, ahead.depth, 0};
+    if (!(share > bends->share)) return;
+    bends->list[bends->count++] = ahead;
+    if (u > bends->u) bends->list[bends->count++] = back;
+    bends->u = u, bends->share = share;
+}
+
+/* The bends of what of a stretch lies within 0..1, in several pieces of a soft one; what lies before or behind is a
+   jump. A deep stretch's pieces lie where its light goes, but the last. Gives how many there are. */
+static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *list) {
+    const float first = spsi_higher(spsi_lower(stretch->u0, 1), 0), last = spsi_higher(spsi_lower(stretch->u1, 1), 0);
+    const int pieces = stretch->soft > 0 && last > first ? soft_pieces : 1;
+    const float end = pieces > 1 ? spsi_soft_end(stretch, first, last) : last;
+    const int fine = end < last ? pieces - 1 : pieces;
+    spsi_bends bends = {list, 0, spsi_lower(stretch->depth, SPSI_DEPTH_MAX), first, 0};
+    if (!(bends.depth > 0)) return 0;
+    if (stretch->u0 < 0) spsi_bends_add(&bends, first, spsi_stretch_share(stretch, first));
+    for (int i = 1; i < pieces; ++i) {
+        const float u = first + (end - first) * ((float)i / (float)fine);
+        spsi_bends_add(&bends, u, spsi_stretch_share(stretch, u));
     }
-    return count;
+    if (last > first) spsi_bends_add(&bends, last, spsi_stretch_share(stretch, last));
+    spsi_bends_add(&bends, last, 1);
+    return bends.count;
 }
 
 /* A sum of numbers as far apart as the slopes of thin dense and thick faint gas, of which some are taken away again:
@@ -2042,10 +2094,10 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float 
 /* The mean of cos(2 pi k (u - m)) over a stretch of middle m and half its length h, x = 2 pi k h of sine s and
    cosine c: sin x / x for an even one, 3 (sin x - x cos x) / x^3 for a soft one, whose difference loses its digits
    for small x; its series, cut after x^10, is as good up to 2. */
-static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, int soft) {
+static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
     spsi_v series, closed;
-    if (!soft) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
+    if (!(soft > 0)) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
     series = spsi_set(-1.0f / 172972800);
     series = spsi_fma(series, square, spsi_set(1.0f / 1330560));
     series = spsi_fma(series, square, spsi_set(-1.0f / 15120));
@@ -2482,7 +2534,7 @@ static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, s
     for (int k = 1; k < settings->components; ++k) powers[k] = spsi_mul(powers[k - 1], m);
     for (int j = 1; 2 * j < settings->components; ++j) { /* from each mean to the next */
         const float ratio =
-            stretches->soft ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
+            stretches->soft > 0 ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
         spread[j] = spsi_mul(spread[j - 1], spsi_mul(square, spsi_set(ratio)));
     }
     for (int k = 0; k < settings->components; ++k) {
@@ -2711,9 +2763,11 @@ static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, siz
                              const spsi_stretches *stretches) {
     const spsi_v depth = spsi_stretches_capped(stretches), first = spsi_load(sums), last = spsi_load(sums + stride);
     const spsi_m there = spsi_less(spsi_set(0), depth);
+    const spsi_v u0 = spsi_clamp(stretches->u0, spsi_set(0), spsi_set(1));
+    const spsi_v u1 = spsi_clamp(stretches->u1, spsi_set(0), spsi_set(1));
     (void)settings;
-    spsi_store(sums, spsi_select(there, spsi_min(first, stretches->u0), first));
-    spsi_store(sums + stride, spsi_select(there, spsi_max(last, stretches->u1), last));
+    spsi_store(sums, spsi_select(there, spsi_min(first, u0), first));
+    spsi_store(sums + stride, spsi_select(there, spsi_max(last, u1), last));
     spsi_accumulate(sums + 2 * stride, depth);
 }
 
@@ -2737,20 +2791,20 @@ static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_tex
 
 /* By sps_tmap_technique. */
 static const spsi_technique spsi_techniques[] = {
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depths, NULL, NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, spsi_opacity_depths,
-     NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depths, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
      spsi_opacity_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, spsi_fourier_depths,
-     NULL, NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depths, NULL, NULL},
-    {"a moment map", 5, 9, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, spsi_moment_depth,
-     spsi_moment_bracket},
-    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, NULL, spsi_adaptive_depth, NULL},
-    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depths,
+    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
+     spsi_opacity_depths, NULL, spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL,
+     spsi_fourier_depths, NULL, NULL},
+    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depths, NULL, NULL},
+    {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL,
+     spsi_moment_depth, spsi_moment_bracket},
+    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, NULL, spsi_adaptive_depth, NULL},
+    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depths,
      NULL, NULL},
 };
 
@@ -7681,6 +7735,7 @@ typedef struct spsi_filling {
     char *scratch;             /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
     double slab_u, u_per_slab; /* u of the plane between slabs: slab_u + k u_per_slab */
+    double light_u;            /* of the light's own place, or -infinity */
     double progress;
 } spsi_filling;
 
@@ -7724,20 +7779,29 @@ static size_t spsi_bin_texel(const spsi_bin *bin, int x, int y) {
 }
 
 static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretches *stretches) {
-    const spsi_m some = spsi_less(spsi_set(0), stretches->depth);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_m some = spsi_less(zero, stretches->depth);
     const spsi_v first = spsi_load(bin->ranges + at), last = spsi_load(bin->ranges + bin->stride + at);
-    spsi_store(bin->ranges + at, spsi_select(some, spsi_min(first, stretches->u0), first));
-    spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, stretches->u1), last));
+    const spsi_v u0 = spsi_clamp(stretches->u0, zero, one), u1 = spsi_clamp(stretches->u1, zero, one);
+    spsi_store(bin->ranges + at, spsi_select(some, spsi_min(first, u0), first));
+    spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Counts u from the texel's first occluder to its last. */
+/* How far ends of stretches may lie outside: in u, so that lengths stay finite; and in their texel's range, which may
+   be tiny, where no farther tells anything. */
+#define SPSI_STRETCH_REACH 1e30
+#define SPSI_RANGE_REACH   1e6f
+
+/* Counts u from the texel's first occluder to its last; ends that lie outside of 0..1 stay outside. */
 static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches *stretches) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(bin->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(bin->ranges + bin->stride + at), first);
     const spsi_v inverse =
         spsi_select(spsi_less(zero, length), spsi_div(one, spsi_max(length, spsi_set(FLT_MIN))), zero);
-    stretches->u0 = spsi_clamp(spsi_mul(spsi_sub(stretches->u0, first), inverse), zero, one);
-    stretches->u1 = spsi_clamp(spsi_mul(spsi_sub(stretches->u1, first), inverse), zero, one);
+    stretches->u0 = spsi_mul(spsi_sub(stretches->u0, first), inverse);
+    stretches->u1 = spsi_mul(spsi_sub(stretches->u1, first), inverse);
+    stretches->u0 = spsi_clamp(stretches->u0, spsi_set(-SPSI_RANGE_REACH), one);
+    stretches->u1 = spsi_clamp(stretches->u1, zero, spsi_set(SPSI_RANGE_REACH));
 }
 
 static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
@@ -7750,7 +7814,7 @@ static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stret
     for (int i = 0; i < spsi_least(SPSI_LANES, bin->x0 + bin->width - x); ++i) {
         if (!(lanes[2][i] > 0)) continue;
         if (filling->visit == SPSI_VISIT_LIST) {
-            const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], (float)stretches->soft};
+            const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], stretches->soft};
             filling->stretches[places[i]] = one;
         }
         places[i] += 1;
@@ -7774,76 +7838,129 @@ static void spsi_insert(const spsi_bin *bin, int x, int y, const spsi_stretches 
 
 /* --- particles --- */
 
-static void spsi_insert_one(const spsi_bin *bin, int x, int y, double u0, double u1, double depth) {
+/* A stretch in one texel. */
+static void spsi_insert_one(const spsi_bin *bin, int x, int y, const spsi_stretch *stretch) {
     float lanes[3][SPSI_LANES] = {{0}};
     spsi_stretches one;
-    lanes[0][0] = (float)fmin(fmax(u0, 0), 1);
-    lanes[1][0] = (float)fmin(fmax(u1, 0), 1);
-    lanes[2][0] = (float)depth;
+    if (!(stretch->depth > 0)) return;
+    lanes[0][0] = stretch->u0;
+    lanes[1][0] = stretch->u1;
+    lanes[2][0] = stretch->depth;
     one.u0 = spsi_load(lanes[0]);
     one.u1 = spsi_load(lanes[1]);
     one.depth = spsi_load(lanes[2]);
-    one.soft = 0;
+    one.soft = stretch->soft;
     spsi_insert(bin, x, y, &one);
 }
 
-/* An even piece of a chord that reaches beyond 0..1: what lies before the light is left out, what else is outside
-   counts at either end. `light`: u of the light's own place, or -infinity. */
-static void spsi_insert_piece(const spsi_bin *bin, int x, int y, double u0, double u1, double depth, double light) {
-    const double ends[4] = {-HUGE_VAL, 0, 1, HUGE_VAL};
-    const double per_u = u1 > u0 ? depth / (u1 - u0) : 0;
-    for (int i = 0; i < 3; ++i) {
-        const double from = fmax(fmax(u0, light), ends[i]), to = fmin(u1, ends[i + 1]);
-        if (from < to) spsi_insert_one(bin, x, y, from, to, per_u * (to - from));
-    }
+/* A chord in one texel. */
+typedef struct spsi_cut_chord {
+    double u0, u1, depth;
+    int soft;
+} spsi_cut_chord;
+
+static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
+    const double s = fmin(fmax((u - chord->u0) / (chord->u1 - chord->u0), 0), 1);
+    return chord->soft ? s * s * (3 - 2 * s) : s;
 }
 
-/* A chord that is cut: in even pieces, several of a soft one, whose ends are exact. */
-static void spsi_insert_cut(const spsi_bin *bin, const spsi_ball *ball, int x, int y, const float chord[3]) {
+/* Gauss's rule of six points on -1..1, exact for a soft chord's density, of second degree, times eight powers of u. */
+#define SPSI_GAUSS_POINTS 6
+static const double spsi_gauss_nodes[SPSI_GAUSS_POINTS] = {-0.9324695142031521, -0.6612093864662645,
+                                                           -0.2386191860831969, 0.2386191860831969,
+                                                           0.6612093864662645,  0.9324695142031521};
+static const double spsi_gauss_weights[SPSI_GAUSS_POINTS] = {0.1713244923791704, 0.3607615730481386,
+                                                             0.4679139345726910, 0.4679139345726910,
+                                                             0.3607615730481386, 0.1713244923791704};
+
+/* What of a soft chord lies between two places, as points: for moments exact, for Fourier series good to 1e-6, as no
+   part is longer than a wave. */
+static void spsi_insert_points(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double from, double to) {
     const sps_tmap *map = bin->filling->map;
-    const int count = ball->soft ? SPSI_SOFT_PIECES : 1;
-    const spsi_stretch unit = {0, 1, 1, (float)ball->soft};
-    const double per_t = map->per_depth, length = 2 * (double)chord[1] * per_t / count;
-    const double start = ((double)chord[0] - (double)chord[1]) * per_t;
-    const double light = map->rays[0].perspective ? -map->settings.near_depth * per_t : -HUGE_VAL;
-    for (int i = 0; i < count; ++i) {
-        const float share = spsi_stretch_before(&unit, (float)(i + 1) / (float)count) -
-                            spsi_stretch_before(&unit, (float)i / (float)count);
-        spsi_insert_piece(bin, x, y, start + i * length, start + (i + 1) * length, (double)(share * chord[2]), light);
+    const int waves = map->inner.components / 2;
+    const int parts = map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1);
+    const double half = 0.5 * (to - from) / parts, length = chord->u1 - chord->u0;
+    for (int i = 0; i < parts * SPSI_GAUSS_POINTS; ++i) {
+        const int part = i / SPSI_GAUSS_POINTS, k = i % SPSI_GAUSS_POINTS;
+        const double u = from + half * (2 * part + 1 + spsi_gauss_nodes[k]), s = (u - chord->u0) / length;
+        const double depth = chord->depth * half / length * spsi_gauss_weights[k] * 6 * s * (1 - s);
+        const spsi_stretch point = {(float)u, (float)u, (float)depth, 0};
+        spsi_insert_one(bin, x, y, &point);
     }
 }
 
-/* A row of a ball's texels from x on. Chords that lie within 0..1 go in together, others one by one. */
+/* A chord that is cut, for techniques that take it in parts: what lies before 0 or behind 1 counts there. */
+static void spsi_insert_parts(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double light) {
+    const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
+    const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
+    const double unlit = spsi_cut_chord_share(chord, light);
+    const spsi_stretch front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
+    const spsi_stretch even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
+    const spsi_stretch back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
+    spsi_insert_one(bin, x, y, &front);
+    if (!chord->soft || !(to > from))
+        spsi_insert_one(bin, x, y, &even);
+    else
+        spsi_insert_points(bin, x, y, chord, from, to);
+    spsi_insert_one(bin, x, y, &back);
+}
+
+/* A chord that holds the light, or is cut otherwise and has to be taken in parts: in t, and its optical depth. What
+   lies before the light does not count: the rest is the last part of a chord. */
+static void spsi_insert_cut(const spsi_bin *bin, int soft, int x, int y, const float in_t[3]) {
+    const spsi_filling *filling = bin->filling;
+    const double per_t = filling->map->per_depth, light = filling->light_u;
+    const spsi_cut_chord chord = {((double)in_t[0] - (double)in_t[1]) * per_t,
+                                  ((double)in_t[0] + (double)in_t[1]) * per_t, (double)in_t[2], soft};
+    const double part = (chord.u1 - fmax(chord.u0, light)) / (chord.u1 - chord.u0);
+    if (!(part > 0)) return;
+    if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE) {
+        spsi_insert_parts(bin, x, y, &chord, light);
+    } else {
+        const double share = soft ? part * part * (3 - 2 * part) : part;
+        const double from = fmax(fmax(chord.u0, light), -SPSI_STRETCH_REACH);
+        const spsi_stretch rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_STRETCH_REACH),
+                                   (float)(chord.depth * share), soft ? (float)part : 0};
+        spsi_insert_one(bin, x, y, &rest);
+    }
+}
+
+/* A row of a ball's texels from x on. Chords go in together, but for those that hold the light, and where a technique
+   takes what is cut in parts, those that reach beyond 0..1. */
 static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x, int y, int last) {
-    const sps_tmap *map = bin->filling->map;
+    const spsi_filling *filling = bin->filling;
+    const sps_tmap *map = filling->map;
+    const int parts = map->technique->points;
     const spsi_v per_t = spsi_set((float)map->per_depth), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v low = parts ? zero : spsi_set((float)fmax(filling->light_u, -SPSI_STRETCH_REACH));
+    const spsi_v high = parts ? one : spsi_set((float)SPSI_STRETCH_REACH);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_stretches stretches;
     spsi_chord chord;
-    spsi_v inside;
+    spsi_v whole;
     int bits;
-    spsi_ball_chord(&map->rays[bin->filling->face], ball, x, y, &chord);
+    spsi_ball_chord(&map->rays[filling->face], ball, x, y, &chord);
     stretches.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
     stretches.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
     stretches.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
-    stretches.soft = ball->soft;
+    stretches.soft = (float)ball->soft;
     bits = spsi_bits(spsi_less(zero, stretches.depth));
     if (!bits) return;
-    bits &= spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1));
+    bits &= spsi_bits(spsi_less(stretches.u0, low)) | spsi_bits(spsi_less(high, stretches.u1));
     if (bits) {
         float lanes[3][SPSI_LANES];
         spsi_store(lanes[0], chord.middle);
         spsi_store(lanes[1], chord.half);
         spsi_store(lanes[2], stretches.depth);
         for (int i = 0; i < SPSI_LANES; ++i) {
-            const float cut[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
-            if (bits >> i & 1) spsi_insert_cut(bin, ball, x + i, y, cut);
+            const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
+            if (bits >> i & 1) spsi_insert_cut(bin, ball->soft, x + i, y, in_t);
         }
-        inside = spsi_select(spsi_less(stretches.u0, zero), zero, stretches.depth);
-        stretches.depth = spsi_select(spsi_less(one, stretches.u1), zero, inside);
-        stretches.u0 = spsi_clamp(stretches.u0, zero, one);
-        stretches.u1 = spsi_clamp(stretches.u1, zero, one);
+        whole = spsi_select(spsi_less(stretches.u0, low), zero, stretches.depth);
+        stretches.depth = spsi_select(spsi_less(high, stretches.u1), zero, whole);
     }
+    stretches.u0 = spsi_clamp(stretches.u0, low, one); /* none begins behind 1, where lists end */
+    stretches.u1 = spsi_clamp(stretches.u1, zero, high);
     spsi_insert(bin, x, y, &stretches);
 }
 
@@ -7884,9 +8001,10 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
             u = fmax(t * map->per_depth, 0); /* surfaces may lie behind far_depth */
-            if (!opaque)
-                spsi_insert_one(bin, x, y, u, u, (double)depth);
-            else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
+            if (!opaque) {
+                const spsi_stretch sheet = {(float)fmin(u, 1), (float)fmin(u, 1), depth, 0};
+                spsi_insert_one(bin, x, y, &sheet);
+            } else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
                 surfaces[spsi_bin_texel(bin, x, y)] =
                     spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)fmin(u, 1e29));
         }
@@ -8454,6 +8572,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     for (int i = 0; i < occluders->frame->scene->particles_count; ++i)
         filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
     filling.tiles_x = spsi_tile_columns(&map->rays[0]);
+    filling.light_u = map->rays[0].perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.face = 0; filling.face < map->face_count; ++filling.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;

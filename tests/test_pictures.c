@@ -60,9 +60,10 @@ static void add_lights(check_scene *s, int first, int unshadowed) {
 }
 
 /* A light without shadow beside two that cast them, in every order: on a plate below gas that absorbs, it alone is not
-   dimmed on its way down. Optical depths are RIPPLE off each, on the way down and up. */
+   dimmed on its way down, and ambient light, which counts once, is not either. Optical depths are RIPPLE off each, on
+   the way down and up. */
 static void test_one_light_of_three_without_shadow(void) {
-    const double tau = 0.7, reflectance = 0.6;
+    const double tau = 0.7, reflectance = 0.6, ambient = 0.25;
     for (int first = 0; first < 3; ++first)
         for (int unshadowed = 0; unshadowed < 3; ++unshadowed) {
             check_triangles triangles = {NULL, 0, 0, 0, 0};
@@ -72,10 +73,12 @@ static void test_one_light_of_three_without_shadow(void) {
             add_slab(&s, tau);
             add_plate(&s, &triangles, -0.7, reflectance);
             add_lights(&s, first, unshadowed);
+            check_color(s.scene.ambient, ambient, ambient, ambient);
             if (!check_render(context, &s, image_a)) return;
             for (int n = 0; n < 3; ++n) {
                 const double down = n == unshadowed ? 0 : tau / cosine_of(n);
-                const double exact = reflectance / PI * strengths[n] * cosine_of(n) * exp(-tau - down);
+                const double direct = strengths[n] * cosine_of(n) / PI * exp(-down);
+                const double exact = reflectance * (direct + ambient) * exp(-tau);
                 if (!even(image_a, 16, n, exact, exact * ((tau + down) * ripple[1] + ROUND)))
                     printf("    light %d, unshadowed %d, first %d\n", n, unshadowed, first);
             }
@@ -285,7 +288,6 @@ static void test_light_as_eye(void) {
         through = 1 - (double)image_b[3];
         CHECK(through > 0.05 && through < 0.5);
         even(image_a, 16, 0, through * through, 2 * through * through * (ROUND - log(through) * 2 * ripple[n]));
-        printf("%g %g\n", through * through, image_a[0]);
         check_free_triangles(&triangles);
     }
 }
@@ -340,6 +342,47 @@ static void test_patches(void) {
                 patches |= UINT64_C(1) << (8 * row + column);
             }
         if (!CHECK(spsi_patches(&tile, box[0], box[1], box[2], box[3]) == patches)) return;
+    }
+}
+
+/* --------------------------------------------------------------------------------------------- tiles and patches */
+
+/* Every pixel of a tile, to the last one of its last patch, sees the same even gas, and the same behind a region's
+   offset. */
+static void test_whole_tile(void) {
+    const double tau = 0.6, exact = -expm1(-tau);
+    static float pixels[4 * 64 * 64];
+    check_scene s;
+    check_clear(&s, 64, 64);
+    s.view.ortho_height = 1.6;
+    add_slab(&s, tau);
+    if (!check_render(context, &s, pixels)) return;
+    even(pixels, 64 * 64, 3, exact, exp(-tau) * tau * ripple[1] + ROUND);
+}
+
+/* Beside a patch whose rays have ended in a dense block, faint gas far behind the block is seen for what it is. */
+static void test_beside_what_has_ended(void) {
+    const double tau = 0.4;
+    for (int side = 0; side < 2; ++side) {
+        const double x = side ? 0 : -2;
+        check_scene s;
+        sps_volume *dense, *faint;
+        check_clear(&s, 32, 16);
+        s.view.ortho_height = 1.6;
+        dense = check_add_volume(&s, 20, 20, 10, check_box(x, -1, 4, x + 2, 1, 5));
+        dense->extinction = 50;
+        faint = check_add_volume(&s, 40, 20, 10, check_box(-2, -1, -5, 2, 1, -4));
+        faint->extinction = (float)tau;
+        dense->read_fn = faint->read_fn = check_read_constant;
+        dense->user = faint->user = &one;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 16 * 32; ++i) {
+            const int column =
+                side ? 31 - i % 32 : i % 32; /* the block ends at 16, and its kernels two pixels further */
+            const double alpha = (double)image_a[4 * i + 3];
+            if (column < 13 && !CHECK(alpha >= 1)) return;
+            if (column > 18 && !CHECK_NEAR(alpha, -expm1(-tau), exp(-tau) * tau * ripple[1] + ROUND)) return;
+        }
     }
 }
 
@@ -438,6 +481,8 @@ int main(void) {
     RUN(test_light_as_eye);
     RUN(test_shadow_of_an_earlier_chunk);
     RUN(test_patches);
+    RUN(test_whole_tile);
+    RUN(test_beside_what_has_ended);
     RUN(test_widest_camera);
     RUN(test_closest_light);
     RUN(test_defaults);

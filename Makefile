@@ -3,6 +3,7 @@
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
 # make test-long   the same without leaving anything out, and in more configurations
 # make fuzz        random scenes under sanitizers
+# make mutants     deliberate errors in the header, and which test notices each; LIMIT=2400 seconds, then again to go on
 # make bench       times, as ratios within one run, and error against time
 # make accuracy    error against time alone, into docs/accuracy.md
 # make maps        transmittance maps against each other, into docs/maps.md and docs/maps_*.png
@@ -25,7 +26,7 @@ LIBRARIES = -pthread -lm
 HEADERS = splatshadow.h $(wildcard examples/*.h)
 EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
 
-.PHONY: all demo gallery scans test test-long fuzz format clean
+.PHONY: all demo gallery scans test test-long fuzz mutants format clean
 .DELETE_ON_ERROR:
 
 all: $(EXAMPLES)
@@ -236,7 +237,7 @@ $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.
 .PHONY: run-tests
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
-	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) \
+	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) $(if $(TCC_THERE),build/tests/header.tcc.log)
 endif
 
@@ -290,6 +291,14 @@ build/tests/header.link.log: splatshadow.h
 		gcc -std=c99 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_c -lm && ./link_c && \
 		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp) && \
 		$(ONE_PASSED))
+
+# Whether the entries of the list of mutants still apply to the header.
+build/tests/mutants.log: splatshadow.h $(wildcard tests/mutants.*)
+	@$(call run,mutants,sh tests/mutants.sh check)
+
+# make mutants SECTION="splat shading" LIMIT=600: tests/mutants.sh says more
+mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/render)
+	@COMPILE="$(COMPILE_native)" STB="$(STB)" JOBS="$(JOBS)" sh tests/mutants.sh run
 
 # make fuzz SEED=7 COUNT=5000: random scenes under sanitizers, vectors on
 fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build

@@ -24,19 +24,32 @@ static inline int check_count(int good) {
     return good;
 }
 
+/* The last line of a test program, and its exit status. */
+static inline int check_report(void) {
+    printf("%d passed, %d failed\n", check_passed, check_failed);
+    return check_failed != 0;
+}
+
+/* After a failed check: where the environment has CHECK_STOP, it is the last. */
+static inline int check_failure(void) {
+    if (getenv("CHECK_STOP")) exit(check_report());
+    return 0;
+}
+
 static inline int check_true(int good, const char *text, const char *file, int line) {
-    if (!check_count(good)) printf("%s:%d: failed: %s\n", file, line, text);
-    return good;
+    if (check_count(good)) return 1;
+    printf("%s:%d: failed: %s\n", file, line, text);
+    return check_failure();
 }
 
 /* NaN is never near. Infinity is near itself. */
 static inline int check_near(double value, double exact, double tolerance, const char *text, const char *file,
                              int line) {
     const int good = value == exact || fabs(value - exact) <= tolerance;
-    if (!check_count(good))
-        printf("%s:%d: failed: %s is %.9g, exact %.9g, off by %.3g, allowed %.3g\n", file, line, text, value, exact,
-               value - exact, tolerance);
-    return good;
+    if (check_count(good)) return 1;
+    printf("%s:%d: failed: %s is %.9g, exact %.9g, off by %.3g, allowed %.3g\n", file, line, text, value, exact,
+           value - exact, tolerance);
+    return check_failure();
 }
 
 /* Each gives whether it held, so that a loop can name its case: if (!CHECK(x)) printf("    at angle %d\n", i); */
@@ -47,15 +60,21 @@ static inline int check_near(double value, double exact, double tolerance, const
 
 static inline int check_result(const sps_context *context, sps_result result, const char *text, const char *file,
                                int line) {
-    if (!check_count(result == SPS_OK))
-        printf("%s:%d: failed: %s gives %d: %s\n", file, line, text, (int)result, sps_error(context));
-    return result == SPS_OK;
+    if (check_count(result == SPS_OK)) return 1;
+    printf("%s:%d: failed: %s gives %d: %s\n", file, line, text, (int)result, sps_error(context));
+    return check_failure();
 }
 
-/* Runs one test; names it if it failed, and says how long it took where the environment has CHECK_TIMES. */
+/* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, to be told how long each takes;
+   CHECK_ONLY, the name of the one that runs; and CHECK_STOP, where each is named as it begins, so that a crash has a
+   name, too. */
 static inline void check_run(const char *name, void (*test)(void)) {
     const int failed = check_failed;
-    const clock_t start = clock();
+    const char *only = getenv("CHECK_ONLY");
+    clock_t start;
+    if (only && strcmp(only, name) != 0) return;
+    if (getenv("CHECK_STOP")) printf("running %s\n", name), fflush(stdout);
+    start = clock();
     test();
     if (check_failed > failed) printf("%s: %d failed\n", name, check_failed - failed);
     if (getenv("CHECK_TIMES")) printf("%s: %.2f s\n", name, (double)(clock() - start) / CLOCKS_PER_SEC);
@@ -63,12 +82,6 @@ static inline void check_run(const char *name, void (*test)(void)) {
 }
 
 #define RUN(test) check_run(#test, test)
-
-/* The last line of a test program, and its exit status. */
-static inline int check_report(void) {
-    printf("%d passed, %d failed\n", check_passed, check_failed);
-    return check_failed != 0;
-}
 
 /* ----------------------------------------------------------------------------------- numbers that look random */
 

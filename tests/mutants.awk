@@ -1,0 +1,136 @@
+# What tests/mutants.sh does to text. Files: tests/mutants.txt, then the header. `mode` is one of
+#   check     says which entries do not apply, and ends with `N passed, N failed`
+#   list      a line for each entry: number, section, function (- outside of one), line of the header, of the list
+#   entry     the text of entry number `entry`
+#   order     the tests that can notice what is wrong in section `section_name`, likeliest first
+#   named     all tests that any section names
+#   weak      the header with every function weak, so that another object can replace it
+#   mutated   the same with entry number `entry` applied to it
+#   faces     the header without its functions' bodies; with `entry`, applied to that one
+#   function  the same, but for the function that entry number `entry` is in, which is whole
+# Inline functions are in all of them.
+
+FNR == 1 { ++file }
+
+# ---- the list ----
+
+file == 1 && /^(#|$)/ { next }
+file == 1 && /^tests / {
+    at = substr($2, 1, length($2) - 1)
+    sub(/^tests [^:]*: */, "")
+    order[at] = $0
+    named = named " " $0
+    next
+}
+file == 1 && /^- / { old[count] = substr($0, 3); next }
+file == 1 && /^\+/ { new[count] = substr($0, 3); next }
+file == 1 && /^! / { reason[count] = substr($0, 3); next }
+file == 1 {
+    line_of[++count] = FNR
+    section[count] = substr($0, 1, index($0, ":") - 1)
+    why[count] = substr($0, index($0, ":") + 2)
+    next
+}
+
+# ---- the header ----
+
+/^\/\* =+ >>/ { here = $0; sub(/^.*>>/, "", here); sub(/ .*$/, "", here) }
+{ text[FNR] = $0; section_at[FNR] = here; lines = FNR }
+/^#ifdef SPLATSHADOW_IMPLEMENTATION/ { implementation = FNR }
+
+# Whether a line begins a function that is not inline. A definition's first line has its name and what opens its list of
+# parameters; declarations without a body are the public ones, which come before the implementation.
+function begins(line) {
+    return line > implementation && text[line] ~ /^(static|SPS_API) [^=]*\(/ && text[line] !~ /^static inline / &&
+        text[line] !~ /;$/
+}
+
+# A function ends with a brace at the start of a line, or with the line that opens its body.
+function find_functions(line, name, inside, opened) {
+    for (line = implementation + 1; line <= lines; ++line) {
+        if (!inside && begins(line)) {
+            name = text[line]
+            sub(/\(.*/, "", name)
+            sub(/.*[ *]/, "", name)
+            first[name] = line
+            inside = 1
+            opened = 0
+        }
+        if (!inside) continue
+        function_at[line] = name
+        if (opened ? text[line] ~ /^\}/ : text[line] ~ /\{.*\}$/) inside = 0
+        if (text[line] ~ /\{/) opened = 1
+    }
+}
+
+# Finds what an entry replaces; 0: not exactly one place. Leaves the number of places in `places`.
+function find(n, line, rest, found) {
+    places = 0
+    for (line = 1; line <= lines; ++line) {
+        if (section_at[line] != section[n] || !index(text[line], old[n])) continue
+        for (rest = text[line]; index(rest, old[n]); rest = substr(rest, index(rest, old[n]) + 1)) ++places
+        found = line
+    }
+    return places == 1 ? found : 0
+}
+
+function apply(n, line) {
+    line = find(n)
+    if (!line) exit 1
+    text[line] = substr(text[line], 1, index(text[line], old[n]) - 1) new[n] \
+        substr(text[line], index(text[line], old[n]) + length(old[n]))
+    return line
+}
+
+function check(n, failed) {
+    for (n = 1; n <= count; ++n)
+        if (old[n] == "" || old[n] == new[n] || why[n] == "") {
+            printf "tests/mutants.txt:%d: an entry needs a section, a reason, and two texts that differ\n", line_of[n]
+            ++failed
+        } else if (!find(n)) {
+            printf "tests/mutants.txt:%d: %d places in section %s have: %s\n", line_of[n], places, section[n], old[n]
+            ++failed
+        }
+    printf "%d passed, %d failed\n", count - failed, failed
+    exit failed > 0 || count == 0
+}
+
+# How a function begins in the output: weak, or with its body left out and its name known to all.
+function opening(line, faces) {
+    if (!faces) return line ~ /^static/ ? "__attribute__((weak)) " substr(line, 8) : "__attribute__((weak)) " line
+    sub(/^static /, "", line)
+    return line
+}
+
+function print_header(faces, whole, line, name) {
+    for (line = 1; line <= lines; ++line) {
+        name = function_at[line]
+        if (name == "" || !faces && line != first[name]) { print text[line]; continue }
+        if (!faces) { print opening(text[line], 0); continue }
+        if (name == whole) { print line == first[name] ? opening(text[line], 1) : text[line]; continue }
+        # a face: the lines up to the one that opens the body
+        if (line == first[name]) open = 0
+        if (open) continue
+        open = text[line] ~ /\{/
+        sub(/ *\{.*/, ";", text[line])
+        print line == first[name] ? opening(text[line], 1) : text[line]
+    }
+}
+
+END {
+    if (mode == "check") check()
+    if (mode == "order") print order[section_name]
+    if (mode == "named") print named
+    if (mode == "entry") printf "%s: %s\n- %s\n+ %s\n", section[entry], why[entry], old[entry], new[entry]
+    if (mode == "reason") print reason[entry]
+    find_functions()
+    if (mode == "list")
+        for (n = 1; n <= count; ++n) {
+            line = find(n)
+            print n, section[n], line && function_at[line] != "" ? function_at[line] : "-", line, line_of[n]
+        }
+    if (mode == "weak") print_header(0)
+    if (mode == "mutated") { apply(entry); print_header(0) }
+    if (mode == "faces") { if (entry) apply(entry); print_header(1) }
+    if (mode == "function") print_header(1, function_at[apply(entry)])
+}

@@ -1,0 +1,201 @@
+#!/bin/sh
+# make mutants: builds the deliberate errors of tests/mutants.txt into the header, one at a time, and runs the native
+# tests until one of them notices. Prints a table; fails where fewer than 90 % are noticed, or where one that is not has
+# no reason in the list.
+#
+#   sh tests/mutants.sh check     whether every entry still applies; prints `N passed, N failed`
+#   sh tests/mutants.sh run       all of it; again to go on where LIMIT seconds were too few
+#   sh tests/mutants.sh show 12   what entry 12 changes
+#
+# SECTION="tag tag" runs those sections' alone, JOBS= how many at once, LIMIT= seconds after which none is begun, HANG= seconds
+# of a processor after which a test counts as hanging, COMPILE= the compiler as the Makefile's native tests have it.
+#
+# One object holds all of the header with every function weak, and each test is compiled once, against a header without
+# bodies. A mutant is then the object of one function, which takes the weak one's place: a second, where building the
+# header takes seven. Where the error is in a macro, a type or an inline function, all of it is built anew.
+#
+# build/mutants/results has what came out, keyed by a checksum of header, tests and entry; build/mutants/last which test
+# noticed an entry last, for that one to be first the next time.
+
+set -u
+cd "$(dirname "$0")/.." || exit 1
+LIST=tests/mutants.txt
+STB=${STB:-/usr/include/stb}
+COMPILE=${COMPILE:-gcc -std=c99 -D_POSIX_C_SOURCE=200809L -O2 -march=native}
+JOBS=${JOBS:-2}
+LIMIT=${LIMIT:-2400}
+HANG=${HANG:-60}
+SECTION=${SECTION:-}
+OUT=build/mutants
+INCLUDES="-isystem $STB -Iexamples -Itests"
+TESTS=$(ls tests/test_*.c tests/fuzz.c | sed 's|tests/||; s|\.c$||')
+
+text() { # mode, entry
+    awk -v mode="$1" -v entry="${2:-0}" -v section_name="${3:-}" -f tests/mutants.awk $LIST splatshadow.h
+}
+
+checksum() { cksum | tr ' ' '-'; }
+
+# ---- building ----
+
+# $(compile header folder, source, object)
+compile() { $COMPILE -w -I"$1" $INCLUDES -c "$2" -o "$3"; }
+
+implementation() { # folder, header: its object
+    printf '#define SPLATSHADOW_IMPLEMENTATION\n#include "%s"\n' "$2" > "$1/code.c"
+    compile "$1" "$1/code.c" "$1/code.o"
+}
+
+# What all mutants share. Tests that fail without an error have nothing to tell, so they must not.
+build_common() {
+    [ "$(cat $OUT/common/stamp 2>/dev/null)" = "$STATE" ] && return
+    rm -rf $OUT/common && mkdir -p $OUT/common/faces
+    text weak > $OUT/common/weak.h
+    text faces > $OUT/common/faces/splatshadow.h
+    implementation $OUT/common weak.h || return 1
+    for test in $TESTS; do
+        compile $OUT/common/faces tests/$test.c $OUT/common/$test.o || return 1
+    done
+    good=1
+    for test in $TESTS; do
+        link $OUT/common $test $OUT/common/code.o $OUT/common/$test.o &&
+            run_test $OUT/common/$test $OUT/common/$test.txt || { echo "$test fails without an error"; good=0; }
+    done
+    [ $good = 1 ] && echo "$STATE" > $OUT/common/stamp
+}
+
+link() { # folder, test, objects
+    folder=$1 linked=$2
+    shift 2
+    $COMPILE "$@" -o "$folder/$linked" -pthread -lm
+}
+
+run_test() { # program, output
+    (ulimit -t "$HANG"; ulimit -v 12000000; CHECK_STOP=1 "$1") > "$2" 2>&1
+}
+
+# The mutant's objects in $1: code.o, to be linked before the common one, or instead of it where `whole` is there.
+build_mutant() { # folder, entry, function
+    rm -rf "$1" && mkdir -p "$1/faces"
+    if [ "$3" = - ]; then
+        text mutated "$2" > "$1/whole.h"
+        text faces "$2" > "$1/faces/splatshadow.h"
+        implementation "$1" whole.h
+    else
+        text function "$2" > "$1/part.h"
+        implementation "$1" part.h
+    fi
+}
+
+link_mutant() { # folder, test
+    if [ -e "$1/whole.h" ]; then
+        compile "$1/faces" "tests/$2.c" "$1/$2.o" && link "$1" "$2" "$1/code.o" "$1/$2.o"
+    else
+        link "$1" "$2" "$1/code.o" "$OUT/common/$2.o" $OUT/common/code.o
+    fi
+}
+
+# ---- running ----
+
+# The tests that an entry is shown to: the one that noticed it last, those of its section, and those of none.
+order() { # section, test
+    { echo "$2"; text order 0 "$1"; echo "$UNNAMED"; } | tr ' ' '\n' | awk 'NF && !seen[$1]++'
+}
+
+# Which part of a test failed: the last that it began, or, where it does not name them, the line of the check.
+part() { # output
+    awk '/^running / { name = $2 } /: failed: / && !line { sub(/: failed.*/, ""); sub(/^tests\//, ""); line = $0 }
+        END { print name != "" ? name : line != "" ? line : "crash" }' "$1"
+}
+
+# Prints which test noticed, and which part of it; nothing if none did.
+notice() { # folder, section, file with what noticed it last
+    likely=
+    if [ -e "$3" ] && read -r likely part < "$3" && [ -e "tests/$likely.c" ] && grep -q "RUN($part)" "tests/$likely.c"; then
+        link_mutant "$1" "$likely" || { echo "does not compile"; return; }
+        CHECK_ONLY=$part run_test "$1/$likely" "$1/$likely.txt" || { echo "$likely $part"; return; }
+    fi
+    for test in $(order "$2" "$likely"); do
+        [ -e "$1/$test" ] || link_mutant "$1" "$test" || { echo "does not compile"; return; }
+        run_test "$1/$test" "$1/$test.txt" && continue
+        echo "$test $(part "$1/$test.txt")"
+        return
+    done
+}
+
+result_of() { # entry
+    { echo "$STATE"; text entry "$1"; } | checksum
+}
+
+run_entry() { # worker, entry, section, function
+    result=$OUT/results/$(result_of "$2")
+    last=$OUT/last/$(text entry "$2" | checksum)
+    [ -e "$result" ] && return
+    mkdir "$OUT/taken/$2" 2>/dev/null || return
+    folder=$OUT/work_$1
+    if build_mutant "$folder" "$2" "$4" 2> "$OUT/work_$1.txt"; then
+        notice "$folder" "$3" "$last" > "$result.new" 2>> "$OUT/work_$1.txt"
+    else
+        echo "does not compile" > "$result.new"
+    fi
+    [ -s "$result.new" ] && cp "$result.new" "$last"
+    mv "$result.new" "$result"
+    echo "$2 $3 $4: $(cat "$result")"
+    rm -rf "$folder"
+}
+
+work() { # worker
+    while read -r entry section function rest; do
+        [ $(($(date +%s) - BEGIN)) -ge "$LIMIT" ] && return
+        case " ${SECTION:-$section} " in *" $section "*) ;; *) continue ;; esac
+        run_entry "$1" "$entry" "$section" "$function"
+    done < $OUT/list
+}
+
+report() {
+    while read -r entry section function line rest; do
+        case " ${SECTION:-$section} " in *" $section "*) ;; *) continue ;; esac
+        result=$OUT/results/$(result_of "$entry")
+        if [ ! -e "$result" ]; then said="not run"; elif [ -s "$result" ]; then said=$(cat "$result"); else said=-; fi
+        printf '%s|%s|%s|%s|%s|%s\n' "$entry" "$section" "$line" "$function" "$said" "$(text reason "$entry")"
+    done < $OUT/list | awk -F'|' '
+        { printf "%4d  %-14s %6d  %-32s %s\n", $1, $2, $3, $4, $5 == "-" ? "NOT NOTICED" : $5 }
+        $5 == "not run" { ++waiting; next }
+        $5 == "does not compile" { ++broken; next }
+        $5 == "-" { missed[++misses] = $1 ": " ($6 == "" ? "no reason" : $6); unexplained += $6 == "" }
+        $5 != "-" { ++noticed; if ($6 != "") seen = seen " " $1 }
+        END {
+            if (misses) print "\nNot noticed:"
+            for (i = 1; i <= misses; ++i) print "  " missed[i]
+            if (seen != "") print "Noticed, though the list has a reason why not:" seen
+            if (broken) print broken " do not compile"
+            if (waiting) print waiting " not run yet: run again"
+            all = noticed + misses
+            printf "%d of %d noticed (%.0f %%), %d without a reason\n", noticed, all, all ? 100 * noticed / all : 0, unexplained
+            exit !all || noticed < 0.9 * all || unexplained > 0 || broken > 0 || waiting > 0
+        }'
+}
+
+run() {
+    BEGIN=$(date +%s)
+    STATE=$({ echo "$COMPILE"; cat splatshadow.h tests/*.[ch] examples/*.h; } | checksum)
+    mkdir -p $OUT/results $OUT/last && rm -rf $OUT/taken && mkdir $OUT/taken
+    build_common || exit 1
+    text list > $OUT/list
+    UNNAMED=$(echo "$TESTS" | tr '\n' ' ' | awk -v named=" $(text named) " '{
+        for (i = 1; i <= NF; ++i) if (!index(named, " " $i " ")) print $i }')
+    worker=1
+    while [ $worker -le "$JOBS" ]; do
+        work $worker &
+        worker=$((worker + 1))
+    done
+    wait
+    report
+}
+
+case ${1:-} in
+check) text check ;;
+show) text entry "$2" ;;
+run) run ;;
+*) sed -n '2,/^$/s/^# \{0,1\}//p' "$0"; exit 2 ;;
+esac

@@ -1,0 +1,491 @@
+/* Small scenes for what larger ones hide: lights side by side, what each quality says, what zero stands for. Each has a
+   closed form, or must be another picture bit for bit. Tolerances are derived where they stand, from
+   RIPPLE  how far a constant grid's optical depth is off at draft, medium, high and ultra (test_ripple in
+           test_transport.c): kernels are cut;
+   ROUND   what floats lose on the way of a picture: 6e-8 for each of some ten operations. */
+
+#include "check.h"
+
+#define PI    3.14159265358979323846
+#define ROUND 1e-6
+
+enum { SIDE = 24, PIXELS = SIDE * SIDE };
+static const sps_quality qualities[4] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH, SPS_QUALITY_ULTRA};
+static const double ripple[4] = {0.0152, 0.0037, 0.002, 0.002};
+static sps_context *context;
+static float one = 1;
+static float image_a[4 * PIXELS], image_b[4 * PIXELS];
+
+/* A slab of voxels of 0.1 about the origin, of optical depth tau along z, absorbing only. */
+static sps_volume *add_slab(check_scene *s, double tau) {
+    sps_volume *volume = check_add_volume(s, 35, 35, 6, check_box(-1.75, -1.75, -0.3, 1.75, 1.75, 0.3));
+    volume->read_fn = check_read_constant;
+    volume->user = &one;
+    volume->extinction = (float)(tau / 0.6);
+    return volume;
+}
+
+/* A grey plate across the view at height z, wide enough for all that these tests look at. */
+static void add_plate(check_scene *s, check_triangles *triangles, double z, double reflectance) {
+    const double origin[3] = {-4, -4, z}, u[3] = {8, 0, 0}, v[3] = {0, 8, 0};
+    check_add_quad(triangles, origin, u, v);
+    check_add_mesh(s, triangles, reflectance);
+}
+
+/* All pixels of a channel are `exact`. */
+static int even(const float *image, int pixels, int channel, double exact, double tolerance) {
+    int good = 1;
+    for (int i = 0; i < pixels && good; ++i) good = CHECK_NEAR((double)image[4 * i + channel], exact, tolerance);
+    return good;
+}
+
+/* ------------------------------------------------------------------------------------------------ several lights */
+
+/* Directions of three lights, of which each shines in one channel alone. */
+static const double ways[3][3] = {{0.3, 0, -1}, {-0.25, 0.1, -1}, {0, 0.4, -1}};
+static const double strengths[3] = {2, 3, 5};
+
+static double cosine_of(int light) {
+    return 1 / sqrt(ways[light][0] * ways[light][0] + ways[light][1] * ways[light][1] + 1);
+}
+
+/* The three lights in the scene's order `first`, `first + 1`, ..; the one with number `unshadowed` casts none. */
+static void add_lights(check_scene *s, int first, int unshadowed) {
+    for (int i = 0; i < 3; ++i) {
+        const int n = (first + i) % 3;
+        sps_light *light = check_add_directional(s, ways[n][0], ways[n][1], ways[n][2], 0);
+        light->color[n] = (float)strengths[n];
+        light->no_shadow = n == unshadowed;
+    }
+}
+
+/* A light without shadow beside two that cast them, in every order: on a plate below gas that absorbs, it alone is not
+   dimmed on its way down, and ambient light, which counts once, is not either. Optical depths are RIPPLE off each, on
+   the way down and up. */
+static void test_one_light_of_three_without_shadow(void) {
+    const double tau = 0.7, reflectance = 0.6, ambient = 0.25;
+    for (int first = 0; first < 3; ++first)
+        for (int unshadowed = 0; unshadowed < 3; ++unshadowed) {
+            check_triangles triangles = {NULL, 0, 0, 0, 0};
+            check_scene s;
+            check_clear(&s, 4, 4);
+            s.view.ortho_height = 0.2;
+            add_slab(&s, tau);
+            add_plate(&s, &triangles, -0.7, reflectance);
+            add_lights(&s, first, unshadowed);
+            check_color(s.scene.ambient, ambient, ambient, ambient);
+            if (!check_render(context, &s, image_a)) return;
+            for (int n = 0; n < 3; ++n) {
+                const double down = n == unshadowed ? 0 : tau / cosine_of(n);
+                const double direct = strengths[n] * cosine_of(n) / PI * exp(-down);
+                const double exact = reflectance * (direct + ambient) * exp(-tau);
+                if (!even(image_a, 16, n, exact, exact * ((tau + down) * ripple[1] + ROUND)))
+                    printf("    light %d, unshadowed %d, first %d\n", n, unshadowed, first);
+            }
+            check_free_triangles(&triangles);
+        }
+}
+
+/* The same in gas so thin that nothing shades: each light counts once, and so do ambient light and emission. What
+   shading there is takes less than all of the way in and out, 2.2 tau. */
+static void test_three_lights_in_thin_gas(void) {
+    const double tau = 0.002, albedo = 0.8, ambient = 0.3, emission = 0.002;
+    for (int first = 0; first < 3; ++first)
+        for (int unshadowed = -1; unshadowed < 3; ++unshadowed) {
+            check_scene s;
+            sps_volume *gas;
+            check_clear(&s, 4, 4);
+            s.view.ortho_height = 0.2;
+            gas = add_slab(&s, tau);
+            check_color(gas->albedo, albedo, albedo, albedo);
+            check_color(gas->emission, emission, emission, emission);
+            check_color(s.scene.ambient, ambient, ambient, ambient);
+            add_lights(&s, first, unshadowed);
+            if (!check_render(context, &s, image_a)) return;
+            for (int n = 0; n < 3; ++n) {
+                const double exact = tau * albedo * (strengths[n] / (4 * PI) + ambient) + 0.6 * emission;
+                if (!even(image_a, 16, n, exact, exact * (2.2 * tau + ripple[1] + ROUND)))
+                    printf("    light %d, unshadowed %d, first %d\n", n, unshadowed, first);
+            }
+        }
+}
+
+/* ----------------------------------------------------------------------------------------- what each quality says */
+
+/* Rays end at the transmittance that the quality says, and not before: 2.2 times as much is seen for what it is. */
+static void test_rays_end(void) {
+    static const double thresholds[4] = {0.01, 0.003, 0.0005, 0.00005};
+    for (int n = 0; n < 4; ++n) {
+        const double through = 2.2 * thresholds[n], tau = -log(through);
+        check_scene s;
+        check_clear(&s, 4, 4);
+        s.view.ortho_height = 0.2;
+        s.view.quality = qualities[n];
+        add_slab(&s, tau);
+        check_color(s.scene.background, 1, 1, 1);
+        if (!check_render(context, &s, image_a)) return;
+        even(image_a, 16, 0, through, through * (exp(tau * ripple[n]) - 1) + ROUND);
+    }
+}
+
+/* Slabs are as many voxels thick, and texels as small, as the quality says. Kernels reach 2.5 voxels beyond the box on
+   either side; a light's sheets have two texels of border. Up to one more is rounding up. */
+static void test_slabs_and_texels(void) {
+    static const double slabs[2][4] = {{2, 1, 0.5, 0.25}, {1.4, 0.7, 0.4, 0.2}}, texels[4] = {0.75, 1, 2, 4};
+    const double voxels = 20 + 2 * 2.5;
+    const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 5}};
+    sps_transfer transfer;
+    memset(&transfer, 0, sizeof transfer);
+    transfer.points = points;
+    transfer.point_count = 2;
+    for (int classified = 0; classified < 2; ++classified)
+        for (int n = 0; n < 4; ++n) {
+            sps_plan_report plan;
+            check_scene s;
+            sps_volume *volume;
+            check_clear(&s, 8, 8);
+            s.view.ortho_height = 3;
+            s.view.quality = qualities[n];
+            volume = check_add_volume(&s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
+            volume->read_fn = check_read_constant;
+            volume->user = &one;
+            volume->extinction = 1;
+            volume->albedo[0] = 1;
+            volume->transfer = classified ? &transfer : NULL;
+            check_add_directional(&s, 0, 0, -1, 1);
+            if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+            CHECK_NEAR(plan.slab_count, voxels / slabs[classified][n] + 0.5, 0.5 + ROUND);
+            CHECK_NEAR(plan.shadow_width, voxels * texels[n] + 4 + 0.5, 0.5 + ROUND);
+            CHECK(plan.shadow_height == plan.shadow_width);
+        }
+}
+
+/* sps_particles.read_fn: balls of radius *(float *)user in a row along z, from -1 to 1, all but the middle one. */
+static int read_row(void *user, size_t first, size_t count, sps_particle *out) {
+    for (size_t i = 0; i < count; ++i) {
+        out[i].position[2] = first + i == 0 ? -1.0f : 1.0f;
+        out[i].radius = *(const float *)user;
+        out[i].optical_depth = 1;
+    }
+    return 0;
+}
+
+/* What stands for a voxel of particles: 0.7 radii, or, where they are small in a large cloud, a 200th of the root of
+   the mean square of their distance from their middle, which is 1 here. Up to one more slab is rounding up. */
+static void test_slabs_of_particles(void) {
+    static const float radii[2] = {0.1f, 0.001f};
+    for (int i = 0; i < 2; ++i) {
+        const double radius = (double)radii[i], edge = fmax(0.7 * radius, 1.0 / 200);
+        float user = radii[i];
+        sps_particles particles;
+        sps_stats_report stats;
+        check_scene s;
+        check_clear(&s, 8, 8);
+        memset(&particles, 0, sizeof particles);
+        particles.read_fn = read_row;
+        particles.user = &user;
+        particles.count = 2;
+        s.scene.particles = &particles;
+        s.scene.particles_count = 1;
+        if (!check_render(context, &s, image_a)) return;
+        sps_stats(context, &stats);
+        CHECK_NEAR((double)stats.slabs, 2 * (1 + radius) / edge + 0.5, 0.5 + 1e-3);
+    }
+}
+
+/* The grid of a light's rays holds what it is fitted to, with two texels of border all round but for rounding up, and
+   the light at its middle, with point lights as with directional ones. */
+static void test_border(void) {
+    const spsi_bounds bounds = {{-1, -2, -0.5}, {1.5, 1, 0.75}};
+    for (int point = 0; point < 2; ++point) {
+        double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+        spsi_rays rays;
+        sps_light light;
+        memset(&light, 0, sizeof light);
+        memset(&rays, 0, sizeof rays);
+        light.kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
+        check_set3(light.direction, -1, -2, -3);
+        check_set3(light.position, 2, 4, 6);
+        if (!CHECK(spsi_rays_fit(&light, &bounds, 0.05, 0, 4096, &rays))) return;
+        for (int corner = 0; corner < 8; ++corner) {
+            double at[3], q[3];
+            spsi_bounds_corner(&bounds, corner, at);
+            spsi_project(&rays, at, q);
+            for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+        }
+        for (int k = 0; k < 2; ++k) {
+            const double size = k == 0 ? rays.width : rays.height;
+            CHECK_NEAR(low[k], 2, 0.5 + ROUND); /* 1.5 from the outermost texel's middle, and half of rounding up */
+            CHECK_NEAR(high[k], size - 3, 0.5 + ROUND);
+        }
+    }
+}
+
+/* ----------------------------------------------------------------------------------------------- parts of a slab */
+
+/* The integral of 1 + 2 x - 3 x^2 from a to b. */
+static double integral(double a, double b) { return b - a + b * b - a * a - (b * b * b - a * a * a); }
+
+/* A parabola is known from its means over three slabs, and so is its mean over each part of the one in the middle. */
+static void test_parabola(void) {
+    const spsi_parabola p =
+        spsi_parabola_through(spsi_set((float)integral(-1.5, -0.5)), spsi_set((float)integral(-0.5, 0.5)),
+                              spsi_set((float)integral(0.5, 1.5)));
+    for (int part = 0; part < SPSI_PARTS; ++part) {
+        const double from = (double)part / SPSI_PARTS - 0.5;
+        float lanes[SPSI_LANES];
+        spsi_store(lanes, spsi_parabola_mean(&p, part));
+        CHECK_NEAR((double)lanes[0], SPSI_PARTS * integral(from, from + 1.0 / SPSI_PARTS), ROUND);
+    }
+}
+
+/* A plate below a slab that shows only where its value is close to 1, lit from the side by a point light: the light's
+   rays cross slabs at angles that change from texel to texel, and a value is mass per way through a slab. Errors are
+   second order in slabs and texels, so that from high to ultra they fall to a quarter, and ultra is off by a third of
+   what the two differ; as much again is allowed, and RIPPLE of three ways through the gas, at which extinction changes
+   ten times as fast as the value. */
+static void test_light_through_what_is_classified(void) {
+    static const sps_transfer_point points[3] = {{0.9f, {0, 0, 0}, 0}, {1, {0, 0, 0}, 1}, {1.1f, {0, 0, 0}, 0}};
+    static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
+    check_triangles triangles = {NULL, 0, 0, 0, 0};
+    float reference[4 * 16];
+    check_scene s;
+    check_clear(&s, 4, 4);
+    s.view.ortho_height = 0.8;
+    add_slab(&s, 1)->transfer = &transfer;
+    add_plate(&s, &triangles, -0.7, 1);
+    check_add_point(&s, 1.6, 1.2, 2.4, 5);
+    s.view.quality = SPS_QUALITY_HIGH;
+    if (!check_render(context, &s, image_a)) return;
+    s.view.quality = SPS_QUALITY_ULTRA;
+    if (!check_render(context, &s, image_b)) return;
+    if (!check_march(context, &s, 0.1, reference, NULL)) return;
+    for (int i = 0; i < 16; ++i) {
+        const double ultra = (double)image_b[4 * i], high = (double)image_a[4 * i];
+        CHECK_NEAR(ultra, (double)reference[4 * i], 2.0 / 3 * fabs(high - ultra) + 10 * 3 * 0.6 * ripple[3] * ultra);
+    }
+    check_free_triangles(&triangles);
+}
+
+/* Light passes a slab that shows at its faces alone, whose values rise within two voxels, as the eye does: a plate
+   below sends the square of what the background sends. Values are RIPPLE off, extinction twice that of its most. */
+static void test_light_as_eye(void) {
+    static const sps_transfer_point points[3] = {{0, {0, 0, 0}, 0}, {0.45f, {0, 0, 0}, 5}, {0.9f, {0, 0, 0}, 0}};
+    static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
+    for (int n = 0; n < 4; ++n) {
+        check_triangles triangles = {NULL, 0, 0, 0, 0};
+        double through;
+        check_scene s;
+        check_clear(&s, 4, 4);
+        s.view.ortho_height = 0.8;
+        s.view.quality = qualities[n];
+        add_slab(&s, 1)->transfer = &transfer;
+        add_plate(&s, &triangles, -0.7, 1);
+        check_add_directional(&s, 0, 0, -1, PI);
+        if (!check_render(context, &s, image_a)) return;
+        s.scene.mesh_count = s.scene.light_count = 0;
+        if (!check_render(context, &s, image_b)) return;
+        through = 1 - (double)image_b[3];
+        CHECK(through > 0.05 && through < 0.5);
+        even(image_a, 16, 0, through * through, 2 * through * through * (ROUND - log(through) * 2 * ripple[n]));
+        check_free_triangles(&triangles);
+    }
+}
+
+/* Two blocks of gas above each other's sides, far apart and in different tiles of the light's sheets; a plate at the
+   height of the lower one lies in the shadow of the upper one, whose planes no longer change there. */
+static void test_shadow_of_an_earlier_chunk(void) {
+    const double tau = 0.8, origin[3] = {-3, -1, -1.5}, u[3] = {3, 0, 0}, v[3] = {0, 2, 0};
+    check_triangles triangles = {NULL, 0, 0, 0, 0};
+    check_scene s;
+    check_clear(&s, 4, 4);
+    check_set3(s.view.position, -1.5, 0, 10);
+    check_set3(s.view.target, -1.5, 0, 0);
+    s.view.ortho_height = 0.2;
+    s.view.shadow_size = 256;
+    for (int i = 0; i < 2; ++i) {
+        const double x = i == 0 ? -2 : 1, z = i == 0 ? 1 : -2;
+        sps_volume *volume = check_add_volume(&s, 10, 10, 10, check_box(x, -0.5, z, x + 1, 0.5, z + 1));
+        volume->read_fn = check_read_constant;
+        volume->user = &one;
+        volume->extinction = (float)tau;
+    }
+    check_add_quad(&triangles, origin, u, v);
+    check_add_mesh(&s, &triangles, 1);
+    check_add_directional(&s, 0, 0, -1, PI);
+    if (check_render(context, &s, image_a))
+        even(image_a, 16, 0, exp(-2 * tau), exp(-2 * tau) * (2 * tau * ripple[1] + ROUND));
+    check_free_triangles(&triangles);
+}
+
+/* The patches of a tile that a box meets, margin and all, one by one. */
+static void test_patches(void) {
+    check_random random = {7};
+    for (int n = 0; n < 2000; ++n) {
+        const int margin = n % 2;
+        uint64_t patches = 0;
+        int box[4];
+        spsi_tile tile;
+        memset(&tile, 0, sizeof tile);
+        tile.x0 = 128 - margin;
+        tile.y0 = 64 - margin;
+        tile.margin = margin;
+        for (int k = 0; k < 2; ++k) {
+            const int corner = k == 0 ? 128 : 64;
+            box[k] = corner + (int)(check_next(&random) * SPSI_TILE_WIDTH);
+            box[k + 2] = box[k] + (int)(check_next(&random) * (corner + SPSI_TILE_WIDTH - box[k]));
+        }
+        for (int y = box[1] - margin; y <= box[3] + margin; ++y)
+            for (int x = box[0] - margin; x <= box[2] + margin; ++x) {
+                const int column = (int)fmin(fmax(x - 128, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH;
+                const int row = (int)fmin(fmax(y - 64, 0), SPSI_TILE_HEIGHT - 1) / SPSI_PATCH;
+                patches |= UINT64_C(1) << (8 * row + column);
+            }
+        if (!CHECK(spsi_patches(&tile, box[0], box[1], box[2], box[3]) == patches)) return;
+    }
+}
+
+/* --------------------------------------------------------------------------------------------- tiles and patches */
+
+/* Every pixel of a tile, to the last one of its last patch, sees the same even gas, and the same behind a region's
+   offset. */
+static void test_whole_tile(void) {
+    const double tau = 0.6, exact = -expm1(-tau);
+    static float pixels[4 * 64 * 64];
+    check_scene s;
+    check_clear(&s, 64, 64);
+    s.view.ortho_height = 1.6;
+    add_slab(&s, tau);
+    if (!check_render(context, &s, pixels)) return;
+    even(pixels, 64 * 64, 3, exact, exp(-tau) * tau * ripple[1] + ROUND);
+}
+
+/* Beside a patch whose rays have ended in a dense block, faint gas far behind the block is seen for what it is. */
+static void test_beside_what_has_ended(void) {
+    const double tau = 0.4;
+    for (int side = 0; side < 2; ++side) {
+        const double x = side ? 0 : -2;
+        check_scene s;
+        sps_volume *dense, *faint;
+        check_clear(&s, 32, 16);
+        s.view.ortho_height = 1.6;
+        dense = check_add_volume(&s, 20, 20, 10, check_box(x, -1, 4, x + 2, 1, 5));
+        dense->extinction = 50;
+        faint = check_add_volume(&s, 40, 20, 10, check_box(-2, -1, -5, 2, 1, -4));
+        faint->extinction = (float)tau;
+        dense->read_fn = faint->read_fn = check_read_constant;
+        dense->user = faint->user = &one;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 16 * 32; ++i) {
+            const int column =
+                side ? 31 - i % 32 : i % 32; /* the block ends at 16, and its kernels two pixels further */
+            const double alpha = (double)image_a[4 * i + 3];
+            if (column < 13 && !CHECK(alpha >= 1)) return;
+            if (column > 18 && !CHECK_NEAR(alpha, -expm1(-tau), exp(-tau) * tau * ripple[1] + ROUND)) return;
+        }
+    }
+}
+
+/* ----------------------------------------------------------------------------------------------- what is refused */
+
+/* A camera amid gas is refused if it sees across more than 168.5 degrees, 2 acos(0.1), from the middle of one corner's
+   pixel to that of the other: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
+static void test_widest_camera(void) {
+    const double limit = 2 * atan(tan(acos(0.1)) / sqrt(2.0) * SIDE / (SIDE - 1));
+    for (int wide = 0; wide < 2; ++wide) {
+        sps_image image = {image_a, NULL, 0};
+        check_scene s;
+        check_clear(&s, SIDE, SIDE);
+        add_slab(&s, 1);
+        check_set3(s.view.position, 0, 0, 0);
+        check_set3(s.view.target, 0, 0, -1);
+        s.view.field_of_view = limit + (wide ? 1e-4 : -1e-4);
+        CHECK(sps_render(context, &s.scene, &s.view, &image) == (wide ? SPS_ERROR_UNSUPPORTED : SPS_OK));
+    }
+}
+
+/* A point light is let pass if it sees gas within 78.46 degrees, acos(0.2), of its middle, and refused beyond. The gas
+   reaches 2.5 voxels beyond the middles of its outermost voxels. */
+static void test_closest_light(void) {
+    const double side = 1.7 + 0.25, limit = sqrt(2 * side * side) * 0.2 / sqrt(1 - 0.04);
+    for (int close = 0; close < 2; ++close) {
+        sps_image image = {image_a, NULL, 0};
+        check_scene s;
+        check_clear(&s, 8, 8);
+        check_color(add_slab(&s, 1)->albedo, 1, 1, 1);
+        check_add_point(&s, 0, 0, 0.25 + 0.25 + limit * (close ? 0.999 : 1.001), 1);
+        CHECK(sps_render(context, &s.scene, &s.view, &image) == (close ? SPS_ERROR_UNSUPPORTED : SPS_OK));
+    }
+}
+
+/* ------------------------------------------------------------------------------------------- what zero stands for */
+
+static double ball(const void *user, const double p[3]) {
+    (void)user;
+    return fmax(0, 0.4 * (1 - sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])));
+}
+
+/* A shaded ball whose values fall by 0.04 a voxel, so that it is four parts surface and one part gas, with a highlight.
+   Every field that has a default is 0. */
+static sps_volume *add_ball(check_scene *s, check_field *field) {
+    static const sps_transfer_point points[3] = {
+        {0.08f, {0.8f, 0.5f, 0.3f}, 0}, {0.2f, {0.7f, 0.6f, 0.4f}, 9}, {0.4f, {1, 1, 1}, 20}};
+    static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
+    sps_volume *volume = check_add_volume(s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
+    memset(field, 0, sizeof *field);
+    field->value_fn = ball;
+    volume->eval_fn = check_eval_field;
+    volume->user = field;
+    volume->transfer = &transfer;
+    volume->shading = SPS_SHADING_SURFACE;
+    volume->specular = 0.5f;
+    check_add_directional(s, -0.4, -0.5, -1, 3);
+    s->view.ortho_height = 2.4;
+    return volume;
+}
+
+/* What the header's comments say of 0, said in full, is the same picture bit for bit. `change` is the field. */
+static void test_defaults(void) {
+    static const sps_lobe lobe = {0, 7};
+    for (int change = 0; change < 7; ++change) {
+        check_scene s;
+        check_field field;
+        sps_volume *volume;
+        check_clear(&s, SIDE, SIDE);
+        volume = add_ball(&s, &field);
+        if (change == 6) s.view.ortho_height = 0;
+        if (!check_render(context, &s, image_a)) return;
+        if (change == 0) volume->shininess = 32;
+        if (change == 1) volume->gradient_full = 0.05f;
+        if (change == 2) s.view.quality = SPS_QUALITY_MEDIUM;
+        if (change == 3) volume->lobes = &lobe, volume->lobe_count = 1;
+        if (change == 4) s.view.slab = 0.7;
+        if (change == 5) s.view.region[2] = s.view.region[3] = SIDE;
+        if (change == 6) s.view.ortho_height = 1;
+        if (!check_render(context, &s, image_b)) return;
+        if (!CHECK(memcmp(image_a, image_b, sizeof image_a) == 0)) printf("    change %d\n", change);
+    }
+}
+
+int main(void) {
+    context = check_context(NULL);
+    if (!context) return 1;
+    RUN(test_one_light_of_three_without_shadow);
+    RUN(test_three_lights_in_thin_gas);
+    RUN(test_rays_end);
+    RUN(test_slabs_and_texels);
+    RUN(test_slabs_of_particles);
+    RUN(test_border);
+    RUN(test_parabola);
+    RUN(test_light_through_what_is_classified);
+    RUN(test_light_as_eye);
+    RUN(test_shadow_of_an_earlier_chunk);
+    RUN(test_patches);
+    RUN(test_whole_tile);
+    RUN(test_beside_what_has_ended);
+    RUN(test_widest_camera);
+    RUN(test_closest_light);
+    RUN(test_defaults);
+    sps_destroy(context);
+    return check_report();
+}

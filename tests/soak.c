@@ -93,6 +93,7 @@ static void judge(soak *s, const outcome *o) {
 static void soak_scene(sps_context *context, soak *s, long number) {
     static random_scene x;
     check_random random;
+    int voxels, pixels;
     clock_t start;
     outcome o;
     memset(&o, 0, sizeof o);
@@ -100,7 +101,9 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     random.state = (s->seed * 1000003u + (uint64_t)number) * 0x9e3779b97f4a7c15u;
     check_next(&random);
     draw_levels(&random, o.levels);
-    build_scene(&x, o.levels, random.state, 9 + draw_below(&random, 8), 40 + draw_below(&random, 25));
+    pixels = 40 + draw_below(&random, 25);
+    voxels = 9 + draw_below(&random, 8);
+    build_scene(&x, o.levels, random.state, voxels, pixels);
     start = clock();
     o.report = measure_scene(context, &x);
     o.seconds = (double)(clock() - start) / CLOCKS_PER_SEC;

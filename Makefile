@@ -3,6 +3,7 @@
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
 # make test-long   the same without leaving anything out, and in more configurations
 # make fuzz        random scenes under sanitizers
+# make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and which test notices each; LIMIT=2400 seconds, then again to go on
 # make bench       times, as ratios within one run, and error against time
 # make accuracy    error against time alone, into docs/accuracy.md
@@ -156,9 +157,9 @@ COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# What runs where: natively all of it, with random scenes, the same three hundred each time (`make fuzz` for others);
+# What runs where: natively all of it, with random scenes, the same ones each time (`make fuzz`, `make soak` for others);
 # under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
-TESTS_native    = $(TESTS) fuzz
+TESTS_native    = $(TESTS) fuzz soak
 TESTS_sanitized = test_extremes test_plan test_transmittance test_watertight
 TESTS_wide_sanitized = test_engineering test_particles test_polygons test_tmaps
 TESTS_plain     = test_tmaps
@@ -168,7 +169,7 @@ TESTS_readme    = test_polygons test_watertight
 TESTS_fused     = test_tmaps
 TESTS_clang     = test_watertight
 ifdef SPLATSHADOW_LONG
-$(foreach configuration,$(CONFIGURATIONS),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
+$(foreach configuration,$(filter-out native,$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 endif
 
 # The header by itself, with every warning an error: compiler_standard_variant; examples likewise. In C99 to an object,
@@ -304,6 +305,12 @@ mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/render)
 fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build
 	$(COMPILE_wide_sanitized) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/fuzz $(LIBRARIES)
 	build/fuzz $(or $(SEED),1) $(or $(COUNT),1000)
+
+# make soak SEED=7 COUNT=1000: random scenes against the reference; FIRST is the number of the first of them
+.PHONY: soak
+soak: tests/soak.c $(HEADERS) $(wildcard tests/*.h) | build
+	$(COMPILE_native) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/soak $(LIBRARIES)
+	build/soak $(or $(SEED),1) $(or $(COUNT),200) $(or $(FIRST),0)
 
 # ---------------------------------------------------------------------------------------------------- the rest
 

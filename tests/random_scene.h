@@ -1,0 +1,924 @@
+/* Scenes put together from features, each of which has a few levels: what kind of volume there is, which light, which
+   source of shadows, which camera and so on. A scene is wholly determined by its levels, a seed, and its size in voxels
+   and pixels. All are sane: nothing in them is stranger than what a user means to render. soak draws the levels at
+   random, test_pairs goes through all pairs of them, and both compare what sps_render makes of a scene with what
+   sps_reference does. */
+
+#ifndef RANDOM_SCENE_H
+#define RANDOM_SCENE_H
+
+#include "check.h"
+
+#define SCENE_PI 3.14159265358979323846
+
+/* ---------------------------------------------------------------------------------------------- features */
+
+typedef enum feature {
+    VOLUME,
+    FIELD,
+    SOURCE,
+    PLACEMENT,
+    SECOND,
+    MESH,
+    PARTICLES,
+    LIGHT,
+    SHADOW,
+    SIDE,
+    OTHERS,
+    CAMERA,
+    NEAR_PLANE,
+    SURROUNDINGS,
+    OUTPUT,
+    WORLD,
+    FEATURES
+} feature;
+
+enum { VOLUME_NONE, VOLUME_GAS, VOLUME_LOBES, VOLUME_GLOW, VOLUME_CLASSIFIED, VOLUME_SURFACE, VOLUME_CURVE };
+enum { FIELD_BLOB, FIELD_NOISE, FIELD_BALL, FIELD_CONSTANT, FIELD_SHELL };
+enum { SOURCE_READ, SOURCE_EVAL, SOURCE_RANGE };
+enum { PLACEMENT_BOX, PLACEMENT_ROTATED, PLACEMENT_SHEARED, PLACEMENT_PLATE, PLACEMENT_LONG };
+enum { SECOND_NONE, SECOND_GAS, SECOND_SURFACE, SECOND_COARSE, SECOND_TWO };
+enum { MESH_NONE, MESH_GROUND, MESH_PLAIN, MESH_WALL, MESH_BALL, MESH_HALL, MESH_SOUP, MESH_SLIVERS };
+enum { PARTICLES_NONE, PARTICLES_EVEN, PARTICLES_SOFT, PARTICLES_TWO };
+enum { LIGHT_NONE, LIGHT_SUN, LIGHT_LAMP, LIGHT_NEAR, LIGHT_WITHIN };
+enum { SHADOW_SLABS, SHADOW_NONE, SHADOW_DEEP, SHADOW_COMPRESSED, SHADOW_OPACITY };
+enum { SIDE_BEHIND, SIDE_ACROSS, SIDE_AGAINST };
+enum { OTHERS_NONE, OTHERS_UNSHADOWED, OTHERS_SHADOWED, OTHERS_MAP, OTHERS_THREE };
+enum { CAMERA_USUAL, CAMERA_NARROW, CAMERA_WIDE, CAMERA_FLAT, CAMERA_MATRIX, CAMERA_FLAT_MATRIX, CAMERA_INSIDE };
+enum { NEAR_NONE, NEAR_AMID };
+enum { SURROUNDINGS_BLACK, SURROUNDINGS_AMBIENT, SURROUNDINGS_SKY };
+enum { OUTPUT_COLOUR, OUTPUT_DEPTH, OUTPUT_ROWS, OUTPUT_REGION };
+enum { WORLD_UNIT, WORLD_SMALL, WORLD_LARGE, WORLD_FAR };
+
+enum { LEVELS_MAX = 8 };
+
+/* In the order of the enumerations. */
+static const struct {
+    const char *name, *levels[LEVELS_MAX + 1];
+} scene_features[FEATURES] = {
+    {"volume", {"none", "gas", "lobes", "glow", "classified", "surface", "curve"}},
+    {"field", {"blob", "noise", "ball", "constant", "shell"}},
+    {"source", {"read", "eval", "range"}},
+    {"placement", {"box", "rotated", "sheared", "plate", "long"}},
+    {"second", {"none", "gas", "surface", "coarse", "two"}},
+    {"mesh", {"none", "ground", "plain", "wall", "ball", "hall", "soup", "slivers"}},
+    {"particles", {"none", "even", "soft", "two"}},
+    {"light", {"none", "sun", "lamp", "near", "within"}},
+    {"shadow", {"slabs", "none", "deep", "compressed", "opacity"}},
+    {"side", {"behind", "across", "against"}},
+    {"others", {"none", "unshadowed", "shadowed", "map", "three"}},
+    {"camera", {"usual", "narrow", "wide", "flat", "matrix", "flat_matrix", "inside"}},
+    {"near", {"none", "amid"}},
+    {"surroundings", {"black", "ambient", "sky"}},
+    {"output", {"colour", "depth", "rows", "region"}},
+    {"world", {"unit", "small", "large", "far"}},
+};
+
+static inline int level_count(int f) {
+    int count = 0;
+    while (scene_features[f].levels[count]) ++count;
+    return count;
+}
+
+/* Two levels that do not go together, and why. */
+typedef struct scene_exclusion {
+    int feature_a, level_a, feature_b, level_b;
+    const char *reason;
+} scene_exclusion;
+
+static const scene_exclusion scene_exclusions[] = {
+    {LIGHT, LIGHT_WITHIN, SHADOW, SHADOW_SLABS, "slabs do not serve a light amid the gas: documented at sps_light"},
+    {LIGHT, LIGHT_NONE, SURROUNDINGS, SURROUNDINGS_BLACK, "nothing would be seen"},
+    {WORLD, WORLD_FAR, PARTICLES, PARTICLES_EVEN, "particles' positions are floats"},
+    {WORLD, WORLD_FAR, PARTICLES, PARTICLES_SOFT, "particles' positions are floats"},
+    {WORLD, WORLD_FAR, PARTICLES, PARTICLES_TWO, "particles' positions are floats"},
+};
+
+/* Why two levels do not go together, or NULL. */
+static inline const char *scene_excluded(int feature_a, int level_a, int feature_b, int level_b) {
+    for (size_t i = 0; i < sizeof scene_exclusions / sizeof *scene_exclusions; ++i) {
+        const scene_exclusion *e = &scene_exclusions[i];
+        if (e->feature_a == feature_a && e->level_a == level_a && e->feature_b == feature_b && e->level_b == level_b)
+            return e->reason;
+        if (e->feature_a == feature_b && e->level_a == level_b && e->feature_b == feature_a && e->level_b == level_a)
+            return e->reason;
+    }
+    return NULL;
+}
+
+static inline void print_levels(const int levels[FEATURES]) {
+    for (int f = 0; f < FEATURES; ++f)
+        printf("%s%s %s", f ? ", " : "", scene_features[f].name, scene_features[f].levels[levels[f]]);
+    printf("\n");
+}
+
+/* --------------------------------------------------------------------------------------- numbers that are drawn */
+
+static inline double draw(check_random *random, double low, double high) {
+    return low + (high - low) * check_next(random);
+}
+static inline int draw_below(check_random *random, int count) { return (int)(check_next(random) * count); }
+static inline int one_in(check_random *random, int count) { return draw_below(random, count) == 0; }
+/* Evenly spread logarithms. */
+static inline double draw_log(check_random *random, double low, double high) {
+    return low * pow(high / low, check_next(random));
+}
+
+static inline void draw_direction(check_random *random, double out[3]) {
+    double length;
+    do {
+        for (int i = 0; i < 3; ++i) out[i] = draw(random, -1, 1);
+        length = spsi_length(out);
+    } while (length > 1 || length < 0.1);
+    spsi_normalise(out);
+}
+
+static inline void draw_color(check_random *random, double low, double high, float out[3]) {
+    for (int c = 0; c < 3; ++c) out[c] = (float)draw(random, low, high);
+}
+
+/* ------------------------------------------------------------------------------------------------ the scene */
+
+enum { SCENE_VOLUMES = 3, SCENE_LIGHTS = 4, SCENE_SETS = 2, SCENE_PARTICLES = 160, SCENE_PIXELS = 64 * 64 };
+
+/* What a volume holds, as a formula of the place in the world; half a world unit wide at scale 1. */
+typedef struct scene_formula {
+    int shape; /* FIELD_* */
+    double centre[3], scale;
+    uint64_t seed;
+} scene_formula;
+
+typedef struct scene_crowd {
+    sps_particle list[SCENE_PARTICLES];
+} scene_crowd;
+
+/* The pointers inside refer to the struct itself: it stays where it was built. */
+typedef struct random_scene {
+    int levels[FEATURES];
+    int voxels; /* along a volume's edge */
+    check_random random;
+    double scale, offset[3];
+    double eye[3]; /* unit vector from the scene's middle to the camera */
+    check_scene s;
+    scene_formula formulas[SCENE_VOLUMES];
+    check_field fields[SCENE_VOLUMES];
+    sps_transfer transfers[SCENE_VOLUMES];
+    sps_transfer_point points[SCENE_VOLUMES][4];
+    sps_lobe lobes[SCENE_VOLUMES + SCENE_SETS][2];
+    check_triangles triangles;
+    sps_particles sets[SCENE_SETS];
+    scene_crowd crowds[SCENE_SETS];
+    sps_tmap_settings maps[SCENE_LIGHTS];
+    double matrix[16];
+} random_scene;
+
+/* From the scene's own coordinates, in which it lies about the origin and is 1 wide, to the world. */
+static inline void scene_to_world(const random_scene *x, const double local[3], double world[3]) {
+    for (int i = 0; i < 3; ++i) world[i] = x->offset[i] + x->scale * local[i];
+}
+
+/* --- volumes --- */
+
+static inline double lattice_number(uint64_t seed, int x, int y, int z) {
+    check_random random;
+    random.state = seed + (uint64_t)((x * 73 + y) * 151 + z) * 0x9e3779b97f4a7c15u;
+    check_next(&random);
+    return check_next(&random);
+}
+
+/* Random numbers on a lattice, with straight lines between them. */
+static inline double lattice_noise(uint64_t seed, const double p[3]) {
+    const double x = floor(p[0]), y = floor(p[1]), z = floor(p[2]);
+    double sum = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        const int i = corner & 1, j = corner >> 1 & 1, k = corner >> 2;
+        const double weight = fabs(1 - i - (p[0] - x)) * fabs(1 - j - (p[1] - y)) * fabs(1 - k - (p[2] - z));
+        sum += weight * lattice_number(seed, (int)x + i, (int)y + j, (int)z + k);
+    }
+    return sum;
+}
+
+/* check_field.value_fn */
+static inline double formula_value(const void *user, const double position[3]) {
+    const scene_formula *formula = (const scene_formula *)user;
+    double p[3], r, noise;
+    for (int i = 0; i < 3; ++i) p[i] = 2 * (position[i] - formula->centre[i]) / formula->scale;
+    r = spsi_length(p);
+    for (int i = 0; i < 3; ++i) p[i] *= 4;
+    noise = lattice_noise(formula->seed, p);
+    switch (formula->shape) {
+    case FIELD_BLOB: return exp(-5 * r * r);
+    case FIELD_NOISE: return fmax(0, 2 * (1 - r) * noise - 0.1);
+    case FIELD_BALL: return r < 0.75;
+    case FIELD_CONSTANT: return 1;
+    default: return fmax(0, 1 - 30 * (r - 0.7) * (r - 0.7)) * (0.4 + 0.6 * noise);
+    }
+}
+
+/* sps_volume.range_fn: no formula leaves 0..2. */
+static inline int formula_range(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
+    (void)user, (void)lo, (void)size;
+    out_min_max[0] = 0;
+    out_min_max[1] = 2;
+    return 0;
+}
+
+/* sps_transfer.eval_fn */
+static inline int smooth_curve(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    const float most = *(const float *)user;
+    for (size_t i = 0; i < count; ++i) {
+        const float t = fminf(1, fmaxf(0, (values[i] - 0.15f) / 0.6f));
+        check_color(out[i].color, 0.3 + 0.6 * (double)t, 0.8, 0.9 - 0.5 * (double)t);
+        out[i].extinction = most * t * t * (3 - 2 * t);
+    }
+    return 0;
+}
+
+/* Rows of a random rotation, by a unit quaternion. */
+static inline void draw_rotation(check_random *random, double rows[3][3]) {
+    double q[4], length = 0;
+    for (int i = 0; i < 4; ++i) q[i] = draw(random, -1, 1) + draw(random, -1, 1), length += q[i] * q[i];
+    length = sqrt(length);
+    for (int i = 0; i < 4; ++i) q[i] /= length;
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        rows[i][i] = 1 - 2 * (q[1 + j] * q[1 + j] + q[1 + k] * q[1 + k]);
+        rows[i][j] = 2 * (q[1 + i] * q[1 + j] - q[0] * q[1 + k]);
+        rows[i][k] = 2 * (q[1 + i] * q[1 + k] + q[0] * q[1 + j]);
+    }
+}
+
+/* A box about a middle, cut into voxels that are `voxels` to a scene's width: cubes, but for long ones. A plate is
+   thin; long voxels are 4 to 10 times as long as wide, half of them under a gantry's tilt. */
+static inline void place_volume(random_scene *x, int placement, double voxels, const double middle[3],
+                                sps_volume *volume) {
+    check_random *random = &x->random;
+    double rows[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    const int odd = draw_below(random, 3);
+    const double stretch = draw(random, 4, 10);
+    if (placement != PLACEMENT_BOX) draw_rotation(random, rows);
+    for (int a = 0; a < 3; ++a) {
+        double edge = draw(random, 0.75, 1.1);
+        if (placement == PLACEMENT_PLATE && a == odd) edge *= 0.25;
+        volume->size[a] = (int)fmax(2, edge * voxels);
+        if (placement == PLACEMENT_LONG && a == odd) volume->size[a] = (int)fmax(2, edge * voxels / stretch);
+        for (int k = 0; k < 3; ++k) volume->placement.axis[a][k] = x->scale * edge * rows[a][k];
+    }
+    if (placement == PLACEMENT_SHEARED || (placement == PLACEMENT_LONG && one_in(random, 2))) {
+        const double shear = draw(random, -0.7, 0.7);
+        double *axis = volume->placement.axis[(odd + 1) % 3];
+        for (int k = 0; k < 3; ++k) axis[k] += shear * volume->placement.axis[odd][k];
+    }
+    scene_to_world(x, middle, volume->placement.origin);
+    for (int a = 0; a < 3; ++a)
+        for (int k = 0; k < 3; ++k) volume->placement.origin[k] -= 0.5 * volume->placement.axis[a][k];
+}
+
+static inline void fill_volume(random_scene *x, int n, int shape, int source, const double middle[3]) {
+    sps_volume *volume = &x->s.volume[n];
+    check_field *field = &x->fields[n];
+    x->formulas[n].shape = shape;
+    x->formulas[n].scale = x->scale;
+    x->formulas[n].seed = x->random.state;
+    scene_to_world(x, middle, x->formulas[n].centre);
+    field->value_fn = formula_value;
+    field->user = &x->formulas[n];
+    memcpy(field->size, volume->size, sizeof field->size);
+    field->placement = volume->placement;
+    volume->user = field;
+    if (source == SOURCE_EVAL)
+        volume->eval_fn = check_eval_field;
+    else
+        volume->read_fn = check_read_field;
+    if (source == SOURCE_RANGE) volume->range_fn = formula_range;
+}
+
+/* Length of a voxel's longest edge. */
+static inline double voxel_edge(const sps_volume *volume) {
+    double longest = 0;
+    for (int a = 0; a < 3; ++a) longest = fmax(longest, spsi_length(volume->placement.axis[a]) / volume->size[a]);
+    return longest;
+}
+
+static inline void draw_lobes(check_random *random, sps_lobe lobes[2]) {
+    lobes[0].asymmetry = (float)draw(random, 0, 0.8);
+    lobes[1].asymmetry = (float)draw(random, -0.5, 0);
+    for (int i = 0; i < 2; ++i) lobes[i].weight = (float)draw(random, 0.2, 1);
+}
+
+/* Steps that lie where a field has its slopes, and colours that differ; the first is empty. */
+static inline void draw_transfer(random_scene *x, int n, int kind, double extinction) {
+    sps_volume *volume = &x->s.volume[n];
+    sps_transfer *transfer = &x->transfers[n];
+    volume->transfer = transfer;
+    volume->extinction = (float)extinction; /* does not count; the curve reads it */
+    volume->shading = kind == VOLUME_SURFACE ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
+    if (one_in(&x->random, 2)) volume->specular = (float)draw(&x->random, 0, 0.6);
+    if (kind == VOLUME_CURVE) {
+        transfer->eval_fn = smooth_curve;
+        transfer->user = &volume->extinction;
+        return;
+    }
+    transfer->points = x->points[n];
+    transfer->point_count = 4;
+    for (int i = 0; i < 4; ++i) {
+        x->points[n][i].value = 0.2f + 0.25f * (float)i;
+        x->points[n][i].extinction = (float)(i == 0 ? 0 : i == 2 ? 0.6 * extinction : extinction);
+        draw_color(&x->random, 0.2, 1, x->points[n][i].color);
+    }
+}
+
+/* Optical depths of 0.02 to 0.4 a voxel: above that, a silhouette's fraction of a voxel is the documented limit. */
+static inline void draw_looks(random_scene *x, int n, int kind) {
+    check_random *random = &x->random;
+    sps_volume *volume = &x->s.volume[n];
+    const double extinction = draw_log(random, 0.02, 0.4) / voxel_edge(volume);
+    draw_color(random, 0.3, 1, volume->albedo);
+    volume->extinction = (float)extinction;
+    if (kind == VOLUME_LOBES) {
+        draw_lobes(random, x->lobes[n]);
+        volume->lobes = x->lobes[n];
+        volume->lobe_count = 2;
+    }
+    if (kind == VOLUME_GLOW) {
+        draw_color(random, 0.1, 1, volume->emission);
+        for (int c = 0; c < 3; ++c) volume->emission[c] /= (float)x->scale;
+        if (one_in(random, 2)) volume->extinction = 0;
+    }
+    if (kind >= VOLUME_CLASSIFIED) draw_transfer(x, n, kind, extinction);
+}
+
+static inline void add_volume(random_scene *x, int kind, int shape, int source, int placement, double voxels,
+                              const double middle[3]) {
+    const int n = x->s.scene.volume_count++;
+    place_volume(x, placement, voxels, middle, &x->s.volume[n]);
+    fill_volume(x, n, shape, source, middle);
+    draw_looks(x, n, kind);
+}
+
+static inline void add_volumes(random_scene *x) {
+    static const int kinds[] = {VOLUME_NONE, VOLUME_GAS, VOLUME_SURFACE, VOLUME_GAS, VOLUME_CLASSIFIED};
+    const int *levels = x->levels, second = levels[SECOND];
+    check_random *random = &x->random;
+    const double centre[3] = {0, 0, 0};
+    double middle[3];
+    if (levels[VOLUME] != VOLUME_NONE)
+        add_volume(x, levels[VOLUME], levels[FIELD], levels[SOURCE], levels[PLACEMENT], x->voxels, centre);
+    if (second == SECOND_NONE) return;
+    for (int i = 0; i < 3; ++i) middle[i] = draw(random, -0.25, 0.25);
+    add_volume(x, kinds[second], draw_below(random, 5), SOURCE_READ, draw_below(random, 3),
+               second == SECOND_COARSE ? 0.5 * x->voxels : x->voxels, middle);
+    if (second != SECOND_TWO) return;
+    for (int i = 0; i < 3; ++i) middle[i] = draw(random, -0.25, 0.25);
+    add_volume(x, one_in(random, 2) ? VOLUME_LOBES : VOLUME_SURFACE, draw_below(random, 5), SOURCE_EVAL,
+               draw_below(random, 3), x->voxels, middle);
+}
+
+/* --- polygons, in the scene's own coordinates, which the mesh's placement takes to the world --- */
+
+/* The rectangle middle +- u +- v. */
+static inline void add_rectangle(random_scene *x, double mx, double my, double mz, const double u[3],
+                                 const double v[3]) {
+    const double middle[3] = {mx, my, mz};
+    double origin[3], edges[2][3];
+    for (int i = 0; i < 3; ++i) {
+        origin[i] = middle[i] - u[i] - v[i];
+        edges[0][i] = 2 * u[i];
+        edges[1][i] = 2 * v[i];
+    }
+    check_add_quad(&x->triangles, origin, edges[0], edges[1]);
+}
+
+static inline void add_ground(random_scene *x, double half, double height) {
+    const double u[3] = {half, 0, 0}, v[3] = {0, 0, half};
+    add_rectangle(x, 0, height, 0, u, v);
+}
+
+static inline void add_wall(random_scene *x) {
+    const double angle = draw(&x->random, 0, SCENE_PI), half = draw(&x->random, 0.2, 0.6);
+    const double u[3] = {half * cos(angle), 0, half * sin(angle)}, v[3] = {0, half, 0};
+    add_rectangle(x, draw(&x->random, -0.4, 0.4), draw(&x->random, -0.3, 0.3), draw(&x->random, -0.4, 0.4), u, v);
+}
+
+/* A floor and three walls, open above and towards +z. */
+static inline void add_hall(random_scene *x) {
+    const double half = draw(&x->random, 0.7, 1.5), low = -0.6, middle = 0.3;
+    const double along_x[3] = {half, 0, 0}, up[3] = {0, middle - low, 0}, along_z[3] = {0, 0, half};
+    add_ground(x, half, low);
+    add_rectangle(x, 0, middle, -half, along_x, up);
+    add_rectangle(x, -half, middle, 0, up, along_z);
+    add_rectangle(x, half, middle, 0, up, along_z);
+}
+
+/* A point of the unit sphere, as both position and normal. */
+static inline void set_ball_corner(sps_triangle *t, int corner, const double middle[3], double radius, double polar,
+                                   double azimuth) {
+    const double n[3] = {sin(polar) * cos(azimuth), cos(polar), sin(polar) * sin(azimuth)};
+    for (int i = 0; i < 3; ++i) {
+        t->position[corner][i] = (float)(middle[i] + radius * n[i]);
+        t->normal[corner][i] = (float)n[i];
+        t->color[corner][i] = (float)(0.5 + 0.3 * n[i]);
+    }
+}
+
+static inline void add_ball(random_scene *x) {
+    const int n = 5 + draw_below(&x->random, 8);
+    const double radius = draw(&x->random, 0.15, 0.35);
+    double middle[3];
+    for (int i = 0; i < 3; ++i) middle[i] = draw(&x->random, -0.3, 0.3);
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j < 2 * n; ++j)
+            for (int half = 0; half < 2; ++half) {
+                sps_triangle *t = check_add_triangle(&x->triangles);
+                const double low = SCENE_PI * i / n, high = SCENE_PI * (i + 1) / n;
+                const double left = SCENE_PI * j / n, right = SCENE_PI * (j + 1) / n;
+                set_ball_corner(t, 0, middle, radius, low, left);
+                set_ball_corner(t, 1, middle, radius, half ? high : low, right);
+                set_ball_corner(t, 2, middle, radius, high, half ? left : right);
+            }
+}
+
+/* Triangles at random places; slivers are long and a hundredth as wide. */
+static inline void add_soup(random_scene *x, int count, int slivers) {
+    for (int n = 0; n < count; ++n) {
+        double corners[3][3], along[3], across[3];
+        draw_direction(&x->random, along);
+        draw_direction(&x->random, across);
+        for (int i = 0; i < 3; ++i) {
+            const double from = draw(&x->random, -0.5, 0.5);
+            corners[0][i] = from - (slivers ? 0.6 * along[i] : 0);
+            corners[1][i] = from + (slivers ? 0.6 : 0.3) * along[i];
+            corners[2][i] = from + (slivers ? 0.012 : 0.3) * across[i];
+        }
+        check_add_corners(&x->triangles, corners[0], corners[1], corners[2]);
+    }
+}
+
+static inline void add_mesh(random_scene *x) {
+    const int kind = x->levels[MESH];
+    sps_mesh *mesh = &x->s.mesh[0];
+    if (kind == MESH_NONE) return;
+    if (kind == MESH_GROUND) add_ground(x, draw_log(&x->random, 1, 20), draw(&x->random, -0.6, -0.2));
+    if (kind == MESH_PLAIN) add_ground(x, draw_log(&x->random, 100, 1e6), draw(&x->random, -0.6, -0.2));
+    if (kind == MESH_WALL) add_wall(x);
+    if (kind == MESH_BALL) add_ball(x);
+    if (kind == MESH_HALL) add_hall(x);
+    if (kind == MESH_SOUP) add_soup(x, 12 + draw_below(&x->random, 40), 0);
+    if (kind == MESH_SLIVERS) add_soup(x, 4 + draw_below(&x->random, 12), 1);
+    check_add_mesh(&x->s, &x->triangles, 0.5);
+    draw_color(&x->random, 0.2, 0.9, mesh->color);
+    for (int a = 0; a < 3; ++a) mesh->placement.axis[a][a] = x->scale;
+    memcpy(mesh->placement.origin, x->offset, sizeof x->offset);
+    if (kind != MESH_BALL) return;
+    mesh->has_normals = mesh->has_colors = 1;
+    mesh->placement.axis[draw_below(&x->random, 3)][draw_below(&x->random, 3)] += 0.4 * x->scale;
+}
+
+/* --- particles --- */
+
+/* sps_particles.read_fn */
+static inline int read_scene_crowd(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, ((const scene_crowd *)user)->list + first, count * sizeof *out);
+    return 0;
+}
+
+static inline void add_set(random_scene *x, int soft) {
+    const int n = x->s.scene.particles_count++;
+    check_random *random = &x->random;
+    sps_particles *set = &x->sets[n];
+    const double radius = draw_log(random, 0.05, 0.25);
+    set->count = (size_t)draw_log(random, 1, SCENE_PARTICLES);
+    set->read_fn = read_scene_crowd;
+    set->user = &x->crowds[n];
+    set->soft = soft;
+    set->is_extinction = one_in(random, 3);
+    draw_color(random, 0.3, 1, set->albedo);
+    if (one_in(random, 4)) draw_color(random, 0, 0.5, set->emission);
+    if (one_in(random, 2)) {
+        draw_lobes(random, x->lobes[SCENE_VOLUMES + n]);
+        set->lobes = x->lobes[SCENE_VOLUMES + n];
+        set->lobe_count = 1;
+    }
+    for (size_t i = 0; i < set->count; ++i) {
+        sps_particle *p = &x->crowds[n].list[i];
+        double place[3], world[3];
+        draw_direction(random, place);
+        for (int k = 0; k < 3; ++k) place[k] *= 0.45 * cbrt(check_next(random));
+        scene_to_world(x, place, world);
+        for (int k = 0; k < 3; ++k) p->position[k] = (float)world[k];
+        p->radius = (float)(x->scale * radius * draw(random, 0.6, 1.4));
+        p->optical_depth = (float)draw_log(random, 0.03, 1.5);
+        if (set->is_extinction) p->optical_depth /= 2 * p->radius;
+    }
+}
+
+static inline void add_particles(random_scene *x) {
+    const int kind = x->levels[PARTICLES];
+    x->s.scene.particles = x->sets;
+    if (kind == PARTICLES_EVEN || kind == PARTICLES_TWO) add_set(x, 0);
+    if (kind == PARTICLES_SOFT || kind == PARTICLES_TWO) add_set(x, 1);
+}
+
+/* --- camera --- */
+
+/* Rows 0, 1 and 3 of a camera's matrix are its own axes, and row 2 a depth of -1 at the eye (flat) or a unit before it;
+   it comes to 1 a hundred units further. */
+static inline void set_matrix(random_scene *x, double half_height, int flat) {
+    const sps_view *view = &x->s.view;
+    const double aspect = (double)view->width / view->height;
+    double forward[3], rows[4][3];
+    spsi_along(view->target, view->position, -1, forward);
+    spsi_normalise(forward);
+    spsi_cross(forward, view->up, rows[0]);
+    spsi_normalise(rows[0]);
+    spsi_cross(rows[0], forward, rows[1]);
+    for (int i = 0; i < 3; ++i) {
+        rows[0][i] /= half_height * aspect;
+        rows[1][i] /= half_height;
+        rows[2][i] = forward[i] * (flat ? 0.02 / x->scale : 1);
+        rows[3][i] = flat ? 0 : forward[i];
+    }
+    for (int r = 0; r < 4; ++r) {
+        memcpy(x->matrix + 4 * r, rows[r], sizeof rows[r]);
+        x->matrix[4 * r + 3] = -spsi_dot(rows[r], view->position);
+    }
+    if (flat) x->matrix[11] -= 1, x->matrix[15] = 1;
+    x->s.view.world_to_clip = x->matrix;
+    memset(x->s.view.target, 0, sizeof x->s.view.target); /* none of these count now */
+    memset(x->s.view.position, 0, sizeof x->s.view.position);
+}
+
+/* Above a ground, and before a hall's open side; otherwise anywhere. */
+static inline void draw_eye(random_scene *x) {
+    const int mesh = x->levels[MESH];
+    const double elevation = draw(&x->random, 0.1, 1.1);
+    const double azimuth = mesh == MESH_HALL ? draw(&x->random, -0.6, 0.6) : draw(&x->random, -SCENE_PI, SCENE_PI);
+    draw_direction(&x->random, x->eye);
+    if (mesh != MESH_HALL && mesh != MESH_GROUND && mesh != MESH_PLAIN) return;
+    check_set3(x->eye, cos(elevation) * sin(azimuth), sin(elevation), cos(elevation) * cos(azimuth));
+}
+
+/* Far enough that the scene, half of which is 0.6 units, fills the picture, or within it. */
+static inline void set_camera(random_scene *x) {
+    const int kind = x->levels[CAMERA], flat = kind == CAMERA_FLAT || kind == CAMERA_FLAT_MATRIX;
+    check_random *random = &x->random;
+    sps_view *view = &x->s.view;
+    const double angle = kind == CAMERA_NARROW                          ? draw(random, 0.03, 0.2)
+                         : kind == CAMERA_WIDE || kind == CAMERA_INSIDE ? draw(random, 1.1, 1.6)
+                                                                        : draw(random, 0.4, 0.8);
+    const double half = draw(random, 0.5, 0.75);
+    double distance = fmax(half / tan(0.5 * angle), 0.85), place[3], target[3];
+    if (kind == CAMERA_INSIDE) distance = draw(random, 0.1, 0.4);
+    for (int i = 0; i < 3; ++i) {
+        target[i] = draw(random, -0.1, 0.1);
+        place[i] = distance * x->eye[i];
+        if (kind == CAMERA_INSIDE) target[i] -= x->eye[i];
+    }
+    scene_to_world(x, place, view->position);
+    scene_to_world(x, target, view->target);
+    draw_direction(random, view->up);
+    view->field_of_view = flat ? 0 : angle;
+    view->ortho_height = flat ? 2 * half * x->scale : 0;
+    if (x->levels[NEAR_PLANE] == NEAR_AMID) view->near_distance = x->scale * distance * draw(random, 0.75, 1.05);
+    if (kind == CAMERA_MATRIX) set_matrix(x, tan(0.5 * angle), 0);
+    if (kind == CAMERA_FLAT_MATRIX) set_matrix(x, half * x->scale, 1);
+}
+
+static inline void set_output(random_scene *x, int pixels) {
+    sps_view *view = &x->s.view;
+    view->width = pixels - draw_below(&x->random, 1 + pixels / 4);
+    view->height = pixels - draw_below(&x->random, 1 + pixels / 4);
+    if (x->levels[OUTPUT] != OUTPUT_REGION) return;
+    view->region[0] = draw_below(&x->random, view->width / 4);
+    view->region[1] = draw_below(&x->random, view->height / 4);
+    view->region[2] = view->width / 2 + draw_below(&x->random, view->width / 4);
+    view->region[3] = view->height / 2 + draw_below(&x->random, view->height / 4);
+}
+
+/* --- lights --- */
+
+/* The way a light travels: with the eye's view (from behind the camera), across it, or against it; downwards where
+   there is a ground, as far as that can be had. */
+static inline void draw_travel(random_scene *x, int side, double out[3]) {
+    const int below = x->levels[MESH] == MESH_GROUND || x->levels[MESH] == MESH_PLAIN || x->levels[MESH] == MESH_HALL;
+    for (int attempt = 0; attempt < 200; ++attempt) {
+        double cosine;
+        draw_direction(&x->random, out);
+        cosine = -spsi_dot(out, x->eye);
+        if (below && out[1] > -0.15 && attempt < 100) continue;
+        if (side == SIDE_BEHIND ? cosine > 0.4 : side == SIDE_ACROSS ? fabs(cosine) < 0.3 : cosine < -0.4) return;
+    }
+}
+
+static inline void set_shadow(random_scene *x, sps_light *light, int n, int shadow) {
+    static const sps_tmap_technique techniques[] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_OPACITY};
+    sps_tmap_settings *map = &x->maps[n];
+    light->no_shadow = shadow == SHADOW_NONE;
+    if (shadow < SHADOW_DEEP) return;
+    light->shadow_map = map;
+    map->technique = techniques[shadow - SHADOW_DEEP];
+    if (map->technique == SPS_TMAP_COMPRESSED) map->epsilon = 0.003f;
+    if (map->technique == SPS_TMAP_OPACITY) map->components = 65, map->cubic = one_in(&x->random, 2);
+}
+
+static inline void add_scene_light(random_scene *x, int kind, int shadow, int side) {
+    const int n = x->s.scene.light_count;
+    check_random *random = &x->random;
+    sps_light *light = check_add_light(&x->s, kind == LIGHT_SUN ? SPS_LIGHT_DIRECTIONAL : SPS_LIGHT_POINT, 1);
+    const double distance = kind == LIGHT_WITHIN ? draw(random, 0.05, 0.35)
+                            : kind == LIGHT_NEAR ? draw(random, 1, 1.6)
+                                                 : draw_log(random, 2, 50);
+    double travel[3], place[3];
+    draw_travel(x, side, travel);
+    draw_color(random, 0.5, 3, light->color);
+    set_shadow(x, light, n, shadow);
+    memcpy(light->direction, travel, sizeof travel);
+    if (kind == LIGHT_SUN) return;
+    for (int i = 0; i < 3; ++i) place[i] = -distance * travel[i];
+    scene_to_world(x, place, light->position);
+    for (int c = 0; c < 3; ++c) light->color[c] *= (float)(x->scale * distance * x->scale * distance);
+}
+
+static inline void add_lights(random_scene *x) {
+    const int *levels = x->levels, others = levels[OTHERS];
+    check_random *random = &x->random;
+    if (levels[LIGHT] == LIGHT_NONE) return;
+    add_scene_light(x, levels[LIGHT], levels[SHADOW], levels[SIDE]);
+    if (others == OTHERS_UNSHADOWED || others == OTHERS_THREE)
+        add_scene_light(x, LIGHT_SUN, SHADOW_NONE, draw_below(random, 3));
+    if (others == OTHERS_SHADOWED || others == OTHERS_THREE)
+        add_scene_light(x, LIGHT_LAMP, SHADOW_SLABS, draw_below(random, 3));
+    if (others == OTHERS_MAP || others == OTHERS_THREE)
+        add_scene_light(x, LIGHT_SUN, SHADOW_DEEP + draw_below(random, 3), draw_below(random, 3));
+}
+
+/* sps_scene.background_fn */
+static inline int scene_sky(void *user, size_t count, const float *directions, float *out_rgb) {
+    (void)user;
+    for (size_t i = 0; i < 3 * count; ++i) out_rgb[i] = 0.12f + 0.1f * directions[i];
+    return 0;
+}
+
+static inline void set_surroundings(random_scene *x) {
+    sps_scene *scene = &x->s.scene;
+    if (x->levels[SURROUNDINGS] == SURROUNDINGS_BLACK) return;
+    draw_color(&x->random, 0.02, 0.2, scene->ambient);
+    if (x->levels[SURROUNDINGS] == SURROUNDINGS_SKY)
+        scene->background_fn = scene_sky;
+    else if (one_in(&x->random, 2))
+        draw_color(&x->random, 0, 0.2, scene->background);
+}
+
+static inline void set_world(random_scene *x) {
+    static const double scales[] = {1, 1e-3, 1e3, 1};
+    x->scale = scales[x->levels[WORLD]];
+    if (x->levels[WORLD] != WORLD_FAR) return;
+    for (int i = 0; i < 3; ++i) x->offset[i] = draw(&x->random, -1e6, 1e6);
+}
+
+/* Free it with free_scene. */
+static inline void build_scene(random_scene *x, const int levels[FEATURES], uint64_t seed, int voxels, int pixels) {
+    memset(x, 0, sizeof *x);
+    memcpy(x->levels, levels, sizeof x->levels);
+    x->voxels = voxels;
+    x->random.state = seed;
+    for (int i = 0; i < 4; ++i) check_next(&x->random);
+    check_clear(&x->s, 0, 0);
+    set_world(x);
+    draw_eye(x);
+    set_output(x, pixels);
+    set_camera(x);
+    add_volumes(x);
+    add_mesh(x);
+    add_particles(x);
+    add_lights(x);
+    set_surroundings(x);
+}
+
+static inline void free_scene(random_scene *x) { check_free_triangles(&x->triangles); }
+
+/* ------------------------------------------------------------------------------------------------ comparing */
+
+/* A picture and what it was compared with. Packed: the region's rows one after the other. */
+typedef struct scene_picture {
+    float rgba[4 * SCENE_PIXELS], depth[SCENE_PIXELS];
+} scene_picture;
+
+/* Root mean squares over the pixels that are judged, and the light's mean difference. */
+typedef struct scene_error {
+    double light, bias;       /* as shares of the reference's mean */
+    double coverage;          /* 0..1 */
+    double depth;             /* as a share of the distance, weighted by coverage; 0 where no depth was rendered */
+    double mean;              /* the reference's */
+    int pixels, edges, lamps; /* judged; left out at polygons' edges, and about lamps */
+} scene_error;
+
+static inline int scene_width(const random_scene *x) {
+    return x->s.view.region[2] ? x->s.view.region[2] : x->s.view.width;
+}
+static inline int scene_height(const random_scene *x) {
+    return x->s.view.region[2] ? x->s.view.region[3] : x->s.view.height;
+}
+
+/* Renders (step 0) or marches, by the scene's way of asking for an image. */
+static inline sps_result scene_render(sps_context *context, const random_scene *x, double step, scene_picture *out) {
+    enum { MORE = 3 };
+    static float rgba[4 * (SCENE_PIXELS + 64 * MORE)], depth[SCENE_PIXELS + 64 * MORE];
+    const int more = x->levels[OUTPUT] == OUTPUT_ROWS ? MORE : 0, width = scene_width(x);
+    const int deep = x->levels[OUTPUT] == OUTPUT_DEPTH || x->levels[OUTPUT] == OUTPUT_ROWS;
+    sps_image image;
+    sps_result result;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    image.depth = deep ? depth : NULL;
+    image.row_pixels = more ? (size_t)(width + more) : 0;
+    result = step > 0 ? sps_reference(context, &x->s.scene, &x->s.view, step, &image)
+                      : sps_render(context, &x->s.scene, &x->s.view, &image);
+    memset(out, 0, sizeof *out);
+    for (int y = 0; y < scene_height(x) && result == SPS_OK; ++y) {
+        memcpy(out->rgba + 4 * y * width, rgba + 4 * y * (width + more), (size_t)width * 4 * sizeof(float));
+        if (deep) memcpy(out->depth + y * width, depth + y * (width + more), (size_t)width * sizeof(float));
+    }
+    return result;
+}
+
+/* sps_mesh.read_fn: the triangles of another mesh, each in a colour that is its number. */
+static inline int read_numbered(void *user, size_t first, size_t count, sps_triangle *out) {
+    const sps_mesh *mesh = (const sps_mesh *)user;
+    const int failed = mesh->read_fn(mesh->user, first, count, out);
+    for (size_t i = 0; i < count; ++i)
+        for (int corner = 0; corner < 3; ++corner)
+            check_color(out[i].color[corner], (double)(first + i + 1) / 1024, 0, 0);
+    return failed;
+}
+
+/* The number, from 1 on, of the triangle that each pixel shows, or 0. */
+static inline sps_result scene_triangles(sps_context *context, const random_scene *x, double step, int *numbers) {
+    static random_scene bare;
+    static scene_picture picture;
+    sps_result result;
+    bare = *x;
+    bare.s.scene.meshes = bare.s.mesh;
+    bare.s.scene.volume_count = bare.s.scene.particles_count = bare.s.scene.light_count = 0;
+    bare.s.scene.background_fn = NULL;
+    memset(bare.s.scene.background, 0, sizeof bare.s.scene.background);
+    check_color(bare.s.scene.ambient, 1, 1, 1);
+    for (int i = 0; i < bare.s.scene.mesh_count; ++i) {
+        bare.s.mesh[i].read_fn = read_numbered;
+        bare.s.mesh[i].user = (void *)(uintptr_t)&x->s.mesh[i];
+        bare.s.mesh[i].has_colors = 1;
+    }
+    result = scene_render(context, &bare, step, &picture);
+    for (int i = 0; i < scene_width(x) * scene_height(x); ++i)
+        numbers[i] = (int)(1024 * (double)picture.rgba[4 * i] + 0.5);
+    return result;
+}
+
+/* Pixels whose ray passes a lamp at less than the reference's step h. On a ray at distance b the midpoint rule takes
+   the integral of 1 / (l^2 + b^2) wrong by a share of 2 exp(-2 pi b / h): 0.4 % from here on, and anything before. */
+static inline int near_lamp(const random_scene *x, const spsi_rays *eye, int pixel_x, int pixel_y, double h) {
+    double origin[3], direction[3], offset[3];
+    spsi_ray_point(eye, pixel_x, pixel_y, 0, origin);
+    spsi_ray_direction(eye, pixel_x, pixel_y, direction);
+    spsi_normalise(direction);
+    for (int i = 0; i < x->s.scene.light_count; ++i) {
+        if (x->s.light[i].kind != SPS_LIGHT_POINT) continue;
+        spsi_along(x->s.light[i].position, origin, -1, offset);
+        spsi_along(offset, direction, -spsi_dot(offset, direction), offset);
+        if (spsi_length(offset) < h) return 1;
+    }
+    return 0;
+}
+
+/* The reference's step, or more: it takes `step` of the shortest voxel edge, or less where there are particles. */
+static inline double step_length(const random_scene *x, double step) {
+    double shortest = x->scale / x->voxels;
+    for (int i = 0; i < x->s.scene.volume_count; ++i)
+        for (int a = 0; a < 3; ++a)
+            shortest = fmin(shortest, spsi_length(x->s.volume[i].placement.axis[a]) / x->s.volume[i].size[a]);
+    return step * shortest;
+}
+
+/* Marks the pixels that are judged. Those are left out which show another triangle than the reference's, since the
+   ray passes an edge within rounding (test_polygons looks at these), and those about lamps. */
+static inline sps_result judge_pixels(sps_context *context, const random_scene *x, double step, unsigned char *judged,
+                                      scene_error *error) {
+    static int mine[SCENE_PIXELS], exact[SCENE_PIXELS];
+    const int width = scene_width(x), count = width * scene_height(x);
+    spsi_rays eye;
+    memset(&eye, 0, sizeof eye);
+    eye.width = x->s.view.width, eye.height = x->s.view.height;
+    if (x->s.view.world_to_clip)
+        spsi_rays_from_matrix(&eye, x->s.view.world_to_clip);
+    else
+        spsi_rays_from_camera(&eye, &x->s.view);
+    memset(mine, 0, sizeof mine);
+    memset(exact, 0, sizeof exact);
+    if (x->s.scene.mesh_count > 0) {
+        const sps_result result = scene_triangles(context, x, 0, mine);
+        if (result != SPS_OK || scene_triangles(context, x, 1, exact) != SPS_OK) return result;
+    }
+    error->edges = error->lamps = 0;
+    for (int i = 0; i < count; ++i) {
+        const int edge = mine[i] != exact[i];
+        const int lamp =
+            near_lamp(x, &eye, x->s.view.region[0] + i % width, x->s.view.region[1] + i / width, step_length(x, step));
+        judged[i] = !edge && !lamp;
+        error->edges += edge;
+        error->lamps += lamp && !edge;
+    }
+    return SPS_OK;
+}
+
+static inline double square(double a) { return a * a; }
+
+static inline void compare_pictures(const random_scene *x, const scene_picture *picture, const scene_picture *exact,
+                                    const unsigned char *judged, scene_error *error) {
+    const int count = scene_width(x) * scene_height(x);
+    double light = 0, bias = 0, coverage = 0, depth = 0, sum = 0;
+    error->pixels = 0;
+    for (int i = 0; i < count; ++i) {
+        const float *a = picture->rgba + 4 * i, *b = exact->rgba + 4 * i;
+        const double away = (double)exact->depth[i];
+        if (!judged[i]) continue;
+        ++error->pixels;
+        for (int c = 0; c < 3; ++c) {
+            light += square((double)(a[c] - b[c]));
+            bias += (double)(a[c] - b[c]);
+            sum += (double)b[c];
+        }
+        coverage += square((double)(a[3] - b[3]));
+        if (away > 0 && b[3] > 0.01f && away < HUGE_VAL)
+            depth += square((double)b[3] * ((double)picture->depth[i] - away) / away);
+    }
+    error->mean = sum / fmax(1, 3 * error->pixels);
+    error->light = sqrt(light / fmax(1, 3 * error->pixels)) / error->mean;
+    error->bias = bias / fmax(1, 3 * error->pixels) / error->mean;
+    error->coverage = sqrt(coverage / fmax(1, error->pixels));
+    error->depth = sqrt(depth / fmax(1, error->pixels));
+}
+
+/* Medium and high quality against the reference. */
+typedef struct scene_report {
+    sps_result result; /* of rendering; what is below counts where it is SPS_OK */
+    scene_error medium, high;
+    double step, own; /* the reference's, and what its error changed by when the step was last halved; 0: it was not */
+} scene_report;
+
+/* Light: 3 % of the reference's mean at medium, or what halves from medium to high and so converges. Coverage:
+   medium ends rays at a transmittance of 0.003, and what is cut from kernels ripples by 0.004, so that transmittance
+   is off by 0.004 tau exp(-tau), 0.0015 at most, and more where kernels are cut at silhouettes; distances follow. */
+#define SCENE_BOUND    0.03
+#define SCENE_COVERAGE 0.01
+
+/* The darkest grey of a display that is not black is 1 / 255 / 12.92: what is darker on average is not judged. */
+#define SCENE_DARK 3e-4
+
+/* Whether there is something to judge, and not most of it too near a lamp for the reference. */
+static inline int scene_shown(const scene_report *r) {
+    return r->result == SPS_OK && r->high.mean >= SCENE_DARK && 4 * r->high.lamps <= r->high.pixels;
+}
+
+static inline int scene_good(const scene_report *r) {
+    return (r->medium.light <= SCENE_BOUND || r->high.light <= 0.5 * r->medium.light) &&
+           r->medium.coverage <= SCENE_COVERAGE && r->medium.depth <= SCENE_COVERAGE;
+}
+
+/* Compares both pictures with the reference, whose step is halved where a scene does not come out well, until that
+   changes the reference by less than a tenth of the error at high quality: it may be the one that is off. */
+static inline void compare_with_reference(sps_context *context, const random_scene *x, const scene_picture *medium,
+                                          const scene_picture *high, scene_report *report) {
+    static scene_picture exact, coarser;
+    static unsigned char judged[SCENE_PIXELS];
+    scene_error change;
+    report->step = 0.7;
+    CHECK_OK(context, judge_pixels(context, x, report->step, judged, &report->medium));
+    report->high = change = report->medium;
+    CHECK_OK(context, scene_render(context, x, report->step, &exact));
+    for (;;) {
+        compare_pictures(x, medium, &exact, judged, &report->medium);
+        compare_pictures(x, high, &exact, judged, &report->high);
+        if (scene_good(report) || report->step < 0.1) return;
+        if (report->own > 0 && report->own < 0.1 * report->high.light) return;
+        coarser = exact;
+        report->step *= 0.5;
+        if (!CHECK_OK(context, scene_render(context, x, report->step, &exact))) return;
+        compare_pictures(x, &coarser, &exact, judged, &change);
+        report->own = change.light;
+    }
+}
+
+static inline scene_report measure_scene(sps_context *context, random_scene *x) {
+    static scene_picture medium, high;
+    scene_report report;
+    memset(&report, 0, sizeof report);
+    x->s.view.quality = SPS_QUALITY_MEDIUM;
+    report.result = scene_render(context, x, 0, &medium);
+    if (report.result != SPS_OK) return report;
+    x->s.view.quality = SPS_QUALITY_HIGH;
+    report.result = scene_render(context, x, 0, &high);
+    if (report.result == SPS_OK) compare_with_reference(context, x, &medium, &high, &report);
+    return report;
+}
+
+#endif /* RANDOM_SCENE_H */

@@ -40,13 +40,14 @@ CONTENTS (search for the tag)
     >>kernel        5  the voxel kernel                   >>view          6  rays of a camera or a light
     >>transfer      7  transfer functions, phase          >>transmittance 8  optical depth along a ray
     >>scene         9  checking and measuring a scene     >>gather        10 voxels, particles into lists
-    >>polygons      11 triangles, depth maps              >>balls         12 particles as rays see them
-    >>tmaps         13 maps, and how they are asked       >>slicing       14 slabs and sweeps
-    >>splat         15 footprints into sheets             >>lightsheets   16 optical depth towards a light
-    >>shading       17 light leaving a sheet              >>sweep         18 chunks of slabs, tiles
-    >>occluders     19 filling transmittance maps         >>frame         20 sweep after sweep, the image
-    >>plan          21 what a scene calls for             >>reference     22 brute-force ray marching
-    >>public        23 the public functions               >>licence
+    >>trees         11 trees of boxes, for rays           >>polygons      12 triangles, shadow rays
+    >>balls         13 particles as rays see them         >>tmaps         14 maps, and how they are asked
+    >>slicing       15 slabs and sweeps                   >>splat         16 footprints into sheets
+    >>lightsheets   17 optical depth towards a light      >>shading       18 light leaving a sheet
+    >>sweep         19 chunks of slabs, tiles             >>occluders     20 filling transmittance maps
+    >>frame         21 sweep after sweep, the image       >>plan          22 what a scene calls for
+    >>reference     23 brute-force ray marching           >>public        24 the public functions
+    >>licence
 
 WHAT IT DOES NOT DO
     No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
@@ -73,15 +74,15 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_ASSERT(c)                assert(c); for errors of the library and of parallel_for_fn, bad input is a sps_result
     SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
     SPS_SNPRINTF                 snprintf; writes the error sentences
-    SPS_ALLOW_FAST_MATH          compile under -ffast-math, -ffinite-math-only or /fp:fast, which is an #error otherwise:
-                                 invalid data pass unnoticed then, and polygons may show gaps
-    SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
-                                 compiler is told to use (-march=native, /arch:AVX2, ...)
+    SPS_ALLOW_FAST_MATH          compile under -ffast-math, -ffinite-math-only or /fp:fast, which is an #error
+otherwise: invalid data pass unnoticed then, and polygons may show gaps SPS_NO_SIMD                  plain C only.
+Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the compiler is told to use (-march=native, /arch:AVX2,
+...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
-    about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 24 to 60 per
-    pixel, 76 per texel of shadow buffer, and per worker a tile of sheets (0.3 MB per kind of gas or classified
-    volume). sps_plan says how much, before; a memory_limit is never passed.
+    about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 168 per triangle
+    and 68 more where lights cast shadows, 24 to 60 per pixel, 76 per texel of shadow buffer, and per worker a tile of
+sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much, before; a memory_limit is never passed.
 ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
     failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
@@ -90,8 +91,9 @@ THREADS   A context serves one call at a time; any number of contexts can run at
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
     several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
 LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
-    voxels are told apart from 1e-14 to 1e10 world units, and polygons' shadows from point lights up to 1e7 times as far
-    away as what they light is wide.
+    voxels are told apart from 1e-14 to 1e10 world units, and polygons' shadows in gas from point lights up to 1e7 times
+    as far away as it is wide. A polygon shades what is farther behind it than its corners are rounded by as floats in
+    their mesh, 1.2e-7 of how far they reach from its origin.
     Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
     0; a polygon counts as 1e15. Where a volume's optical depth is well above 1 per voxel, its silhouette shrinks by a
     fraction of a voxel, since kernels are cut, and what is classified wants slabs of 0.7 voxels or less.
@@ -102,6 +104,8 @@ PAPERS
       A-buffer Techniques", SIGGRAPH 1990 >>transfer
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
+    I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
+    J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>polygons
     T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
     T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
     C. Yuksel, J. Keyser, "Deep Opacity Maps", Eurographics 2008 >>transmittance
@@ -240,7 +244,8 @@ typedef struct sps_triangle {
     float color[3][3];    /* read where has_colors; replaces the mesh's colour; 0..1 */
 } sps_triangle;
 
-/* Opaque triangles, lit on both sides. Degenerate triangles are left out; non-finite ones are an error. */
+/* Opaque triangles, lit on both sides. Their shadows on each other are exact rays to the light; those in gas are as
+   sharp as sps_view.shadow_size. Degenerate triangles are left out; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
@@ -324,9 +329,9 @@ typedef enum sps_tmap_technique {
        exact at u = 1. n 5, 7 or 9, by default 5; insertion costs n, a query a small matrix and the roots of a
        polynomial, ten times as much as others. */
     SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .. . Of all
-       nodes of the curve the one that changes the area least goes, again and again, until n / 2 are left: no bound, but
-       1.3 to 1.5 times the rms error of the best nodes there are. n 4, 6 .. 64, by default 16; made from lists; a
+    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .. . Of
+       all nodes of the curve the one that changes the area least goes, again and again, until n / 2 are left: no bound,
+       but 1.3 to 1.5 times the rms error of the best nodes there are. n 4, 6 .. 64, by default 16; made from lists; a
        query searches. */
     SPS_TMAP_ADAPTIVE,
     /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
@@ -382,8 +387,7 @@ typedef struct sps_light {
     int no_shadow;       /* 1: shines through everything */
     /* NULL: gas shades by slabs. Else it shades by a transmittance map made with these settings, which knows no limit
        of slicing: around a point light that is among what it lights, the map has six faces. The range of depths is
-       fitted to the gas, and surfaces shade by their own depth map either way: near_depth, far_depth and surface_bias
-       must be 0. */
+       fitted to the gas, and polygons shade as they do without it: near_depth, far_depth and surface_bias must be 0. */
     const sps_tmap_settings *shadow_map;
     int shadow_map_size; /* texels on its longer side, or a face's, up to 16384; 0: shadow_size, or from quality */
     uint32_t end_canary; /* leave 0 */
@@ -437,8 +441,9 @@ typedef struct sps_view {
        voxel of 0.7 radii, the radius being the geometric mean of all, but no less than lets 500 such span a cloud;
        where there are voxels too, the smaller of the two counts. */
     double slab;
-    /* Texels on the longer side of a light's sheets and of its polygons' depth map, up to 16384; 0: from quality. The
-       depth map has at least 512, 1024, 2048, 4096 by quality, and sheets of particles alone that many at most. */
+    /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
+       from quality. The depth map, which is fitted to the gas, has at least 512, 1024, 2048, 4096 by quality, and
+       sheets of particles alone that many at most. Shadows on polygons have no texels. */
     int shadow_size;
     int no_shadows;      /* 1: as no_shadow on every light */
     uint32_t end_canary; /* leave 0 */
@@ -551,7 +556,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    shadow rays at every sample, and meets polygons and particles by exact intersection: a step takes the optical depth
    that balls have on it, all of it lit as the step's middle is. `step` is in voxels, or 0.7 of particles' geometric
    mean radius where that is less (> 0); the error is second order in it. No slicing limit: any light, any camera. Holds
-   all voxels, triangles and particles in memory, of the latter 136 bytes each. Particles below a pixel's size are not
+   all voxels, triangles and particles in memory, of the latter 68 bytes each. Particles below a pixel's size are not
    widened. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
@@ -1674,7 +1679,8 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      within epsilon                            [Lokovic & Veach 2000]
 
    Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
-   (components), but n log n for an adaptive map or a compressed list; a query what its function says. T stands for exp(-optical depth). */
+   (components), but n log n for an adaptive map or a compressed list; a query what its function says. T stands for
+   exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* most floats a texel */
 #define SPSI_SOFT_PIECES     8      /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
@@ -3288,7 +3294,7 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
                                "it and near_depth must be 0: the range is fitted to the gas");
     if (settings->surface_bias > 0)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
-                               "it must be 0: surfaces shade by their own depth map");
+                               "it must be 0: surfaces shade by rays and a depth map of their own");
     return SPS_OK;
 }
 
@@ -4186,7 +4192,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
    spread most [Wald 2007]. That stays good where a ground is a million times as wide as what stands on it, since area
    sets such outliers apart at once. Boxes are floats about a centre, rounded outwards; rays are widened by what their
    own floats may be off, so that a box is never missed by rounding: it only says which items deserve an exact test.
-   Cost: 0.1 us an item to build; 64 bytes an item of memory, and 32 more while it is made. */
+   Cost: items times levels to build, some 0.3 us an item of a million; 36 bytes an item, and 28 while it is made. */
 
 #define SPSI_TREE_LEAF  4  /* items in a leaf, at most; 2 at least, where there are so many */
 #define SPSI_TREE_BINS  16
@@ -4244,7 +4250,9 @@ static float spsi_tree_area(const float low[3], const float high[3], float unit)
 }
 
 /* Twice an item's centre along an axis. */
-static inline float spsi_tree_middle(const spsi_tree_item *item, int axis) { return item->low[axis] + item->high[axis]; }
+static inline float spsi_tree_middle(const spsi_tree_item *item, int axis) {
+    return item->low[axis] + item->high[axis];
+}
 
 typedef struct spsi_tree_bin {
     float low[3], high[3];
@@ -5027,7 +5035,8 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     stack[top++] = 0;
     while (top > 0 && packet->open) {
         const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        for (int i = 0; i < node->count; ++i) spsi_packet_meet_face(faces, tree->order[node->first + i], packet->open, packet);
+        for (int i = 0; i < node->count; ++i)
+            spsi_packet_meet_face(faces, tree->order[node->first + i], packet->open, packet);
         for (int child = node->first; child < node->first + 2 && node->count == 0; ++child)
             if (spsi_packet_meets(packet, &tree->nodes[child], reach)) stack[top++] = child;
     }
@@ -5073,7 +5082,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 }
 
 /* ================================================================================================ >>balls
-   12 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
+   13 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
    t = C.e / e.e, of half length sqrt(1 - d^2) r, d r = |C x e| / |e|. All of it is counted from the ball's own centre,
    in pixels and in t, where these are short polynomials with no difference of large numbers: floats do. Balls that the
    rays' origin is in, or close to, are met one ray at a time. Cost: 15 operations for a vector of pixels. */
@@ -5280,7 +5289,7 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
 }
 
 /* =============================================================================================== >>tmaps
-   13 Transmittance maps: a light's texels, and how they are asked. Each of up to six faces is a grid of rays; u is the
+   14 Transmittance maps: a light's texels, and how they are asked. Each of up to six faces is a grid of rays; u is the
    share of the way from near_depth to far_depth along t. Six faces share the rays of their common edges, and t is the
    largest coordinate from the light, the same seen from either side: so nothing changes suddenly from face to face.
    What is opaque is kept apart, as a depth per texel: no technique could hold it without harm to all else. */
@@ -5594,7 +5603,7 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 }
 
 /* ============================================================================================== >>slicing
-   14 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
+   15 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
    normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
    always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
    4] */
@@ -5772,8 +5781,8 @@ static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *med
 }
 
 /* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
-   any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along s;
-   a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
+   any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along
+   s; a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
 static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *eye,
                               const spsi_sweep *sweep) {
     const double extent = spsi_voxel_extent(medium, sweep->normal), flattest = 1.0 / 16;
@@ -5790,8 +5799,8 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium
     return fmin(extent, fmax(chord, flattest * extent));
 }
 
-/* Cuts the bounds of volumes and particles into slabs; `for_particles`: 1: thin enough for these, and for the camera; 0:
-   a map's, whose rays are the sweep's own. */
+/* Cuts the bounds of volumes and particles into slabs; `for_particles`: 1: thin enough for these, and for the camera;
+   0: a map's, whose rays are the sweep's own. */
 static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, int for_particles,
                                    spsi_sweep *sweep) {
     double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
@@ -5828,7 +5837,8 @@ static double spsi_voxel_across(const spsi_frame *frame, const double right[3], 
 /* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
    for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
    Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
-   come and go in pairs at the borders: errors that jump would be seen. Gives 0 where a point light does not see the bounds within a cone. */
+   come and go in pairs at the borders: errors that jump would be seen. Gives 0 where a point light does not see the
+   bounds within a cone. */
 static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -5929,7 +5939,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>splat
-   15 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
+   16 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
    is a 2D Gaussian in the pixel plane, and the share of it between two slab planes is the difference of
    spsi_kernel_share at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
@@ -6622,7 +6632,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 }
 
 /* ========================================================================================== >>lightsheets
-   16 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
+   17 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
    through when it enters slab k. The planes of texels that a chunk does not touch all hold the depth so far. Polygons
    are not in here: what lies behind an opaque one is dark by its depth map, whatever the planes say there. */
 
@@ -6699,7 +6709,8 @@ static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
 
 /* Look-up by cubics through 4 x 4 values, within the range of the four nearest so that nothing overshoots. What is
    classified bends within a voxel: straight lines from texel to texel would lie above the bend everywhere, and darken
-   surfaces by 3 % where there is a texel a voxel. The grid is at least 4 x 4; its border is left to the values there. */
+   surfaces by 3 % where there is a texel a voxel. The grid is at least 4 x 4; its border is left to the values there.
+ */
 static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
     const spsi_v cy = spsi_clamp(y, spsi_set(1), spsi_set((float)(height - 2)));
@@ -6824,7 +6835,7 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
 }
 
 /* ============================================================================================== >>shading
-   17 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
+   18 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
    A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
    way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
    polygon in the light's way ends that share; one in the eye's way cuts the slab (>>splat) and shares with it.
@@ -6990,7 +7001,8 @@ static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_pix
 static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                           spsi_v d1) {
     const spsi_rays *rays = &map->rays[face];
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f), origin = spsi_set((float)rays->depth_reference);
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
+                 origin = spsi_set((float)rays->depth_reference);
     spsi_v q[2][3], middle[3], rise[3], ix, iy, share[4], depth[4], slope[2][4];
     spsi_m inside;
     for (int i = 0; i < 3; ++i) {
@@ -7020,7 +7032,8 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
     middle[0] = spsi_sub(middle[0], ix);
     middle[1] = spsi_sub(middle[1], iy);
     for (int i = 0; i < 4; ++i) {
-        const spsi_v dx = spsi_sub(middle[0], spsi_set((float)(i & 1))), dy = spsi_sub(middle[1], spsi_set((float)(i >> 1)));
+        const spsi_v dx = spsi_sub(middle[0], spsi_set((float)(i & 1))),
+                     dy = spsi_sub(middle[1], spsi_set((float)(i >> 1)));
         const spsi_v bent = rays->perspective ? spsi_div(one, spsi_add(depth[i], origin)) : zero;
         spsi_v up = spsi_fma(slope[0][i], dx, spsi_mul(slope[1][i], dy)), ahead, per;
         ahead = spsi_div(up, spsi_max(spsi_sub(one, spsi_mul(up, bent)), spsi_set(1e-6f)));
@@ -7028,7 +7041,9 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
         per = spsi_abs(spsi_sub(spsi_fma(slope[0][i], rise[0], spsi_mul(slope[1][i], rise[1])), rise[2]));
         share[i] = spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
     }
-    return spsi_select(inside, spsi_mix(spsi_mix(share[0], share[1], middle[0]), spsi_mix(share[2], share[3], middle[0]), middle[1]), one);
+    return spsi_select(
+        inside, spsi_mix(spsi_mix(share[0], share[1], middle[0]), spsi_mix(share[2], share[3], middle[0]), middle[1]),
+        one);
 }
 
 /* Whether a face of a depth map may hold something that shades any of the ways from d0 to d1: a look at one cell that
@@ -7147,12 +7162,13 @@ static void spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *t
 }
 
 /* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
-   outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2) - 22 m0) / 8
-   and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
+   outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2)
+   - 22 m0) / 8 and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
 static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
     const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
     const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
-    along->value = spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
+    along->value =
+        spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
     along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
     along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
     along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
@@ -7328,8 +7344,8 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
 }
 
 /* The mean of 1 / r^2 along a stretch of a ray, r being the distance to a point: the angle under which the point sees
-   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point to
-   the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
+   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point
+   to the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
    which needs no q. [d(angle) = q ds / r^2] */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
@@ -7341,16 +7357,17 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
 }
 
-/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a pixel's
-   area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray that
-   passes nearer than the inverse of that, in pixels, is taken as passing there. */
+/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a
+   pixel's area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray
+   that passes nearer than the inverse of that, in pixels, is taken as passing there. */
 #define SPSI_LAMP_PIXELS 0.28364f
 
 /* World length of a pixel at depth d. */
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
     const spsi_v size = spsi_set((float)sqrt(spsi_length(rays->a) * spsi_length(rays->b)));
-    return rays->perspective ? spsi_mul(spsi_max(spsi_add(d, spsi_set((float)rays->depth_reference)), spsi_set(0)), size)
-                             : size;
+    return rays->perspective
+               ? spsi_mul(spsi_max(spsi_add(d, spsi_set((float)rays->depth_reference)), spsi_set(0)), size)
+               : size;
 }
 
 /* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
@@ -7531,7 +7548,8 @@ static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, do
     double w[3];
     spsi_hit_weights(hit, w);
     for (int c = 0; c < 3; ++c)
-        colour[c] = w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
+        colour[c] =
+            w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
 }
 
 /* What is known of a pixel's polygon and a light. */
@@ -7569,8 +7587,8 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0, int x1, 
             memcpy(toward, job->toward, sizeof toward);
             if (!is_direction) spsi_along(job->light->position, surface.start, -1, toward);
             if (spsi_dot(surface.normal, toward) > 0)
-                spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start, toward,
-                                &packet);
+                spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start,
+                                toward, &packet);
         }
     asked = packet.open;
     if (!asked) return;
@@ -7815,7 +7833,7 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
 }
 
 /* ================================================================================================ >>sweep
-   18 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
+   19 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
    look up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so
    every pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the
    list; tiles without bricks cost one comparison per brick of the chunk. Once the rays through a patch of 8 x 8 pixels
@@ -7875,8 +7893,8 @@ typedef struct spsi_run {
     float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
 } spsi_run;
 
-/* Slabs before and after a chunk that a tile takes in too: what is classified follows its profile from slab to slab, and
-   the eye's gradients take two slabs to either side. */
+/* Slabs before and after a chunk that a tile takes in too: what is classified follows its profile from slab to slab,
+   and the eye's gradients take two slabs to either side. */
 static int spsi_slab_margin(const spsi_frame *frame, int for_light) {
     return frame->classifies + (frame->has_gradient && !for_light);
 }
@@ -8681,7 +8699,7 @@ static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *f
 }
 
 /* =========================================================================================== >>occluders
-   19 Filling transmittance maps. A band of tiles at a time, each tile a task of its own that takes volumes, particles
+   20 Filling transmittance maps. A band of tiles at a time, each tile a task of its own that takes volumes, particles
    and triangles in their order, so that bits do not depend on the number of workers. What meets a vector of texels is
    always a vector of stretches; what becomes of it depends on the visit: sums of a technique that takes them in any
    order; the texel's range, before that, where the technique wants it; or a list that is first counted, then filled,
@@ -9039,8 +9057,8 @@ static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
             const spsi_m here = spsi_less(at, spsi_set((float)(bin->x0 + bin->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (run->shader.first_slab + k) * filling->u_per_slab;
-                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + run->slab_margin[1]) * tile->sheet_size,
-                                                length, per_slab, slabs);
+                spsi_v depth = spsi_light_sheet(
+                    shader, tile, from + (size_t)(k + run->slab_margin[1]) * tile->sheet_size, length, per_slab, slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
                 stretches.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
@@ -9958,7 +9976,7 @@ static sps_tmap *spsi_light_tmap_build(sps_context *context, const spsi_frame *f
 }
 
 /* ================================================================================================ >>frame
-   20 The frame: sweep after sweep, and the image. */
+   21 The frame: sweep after sweep, and the image. */
 
 /* --- the image --- */
 
@@ -10125,7 +10143,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   21 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
+   22 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
    calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
@@ -10367,11 +10385,11 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   22 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
+   23 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, triangles and balls met exactly through trees of boxes,
    all in double precision. Shares with the renderer how a sample answers to light, and which triangles stop a ray
-   towards a light (>>polygons); otherwise nothing about where light goes. Second order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
-   voxels. */
+   towards a light (>>polygons); otherwise nothing about where light goes. Second order in the step. Cost: pixels *
+   samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
 
 #define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the mass is beyond */
 #define SPSI_REFERENCE_TAPS  8
@@ -11016,7 +11034,7 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
     return SPS_OK;
 }
 /* =============================================================================================== >>public
-   23 The public functions: they check what they are handed and make one call down. */
+   24 The public functions: they check what they are handed and make one call down. */
 
 #ifdef __GNUC__ /* with SPS_API static, those that a program does not call are no reason to warn */
 #pragma GCC diagnostic push

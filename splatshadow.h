@@ -4835,7 +4835,7 @@ typedef struct spsi_surface {
    it. A float's depth would be too coarse: light that grazes would find the point behind the plane. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
-    const double facing = spsi_dot(plane, ray), grazing = 1e-6; /* the square of a cosine */
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* the square of a cosine: below, a float tells more */
     double offset[3], way;
     spsi_along(face->position[0], rasterised, -1, offset);
     way = spsi_dot(plane, offset);

@@ -4731,7 +4731,7 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         sum += weights[i];
     }
     if (!certain && !spsi_face_hit_exactly(e, x, y)) return 0;
-    if (!(sum > 0)) return 0;
+    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* met along its plane: somewhere on it */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
 }

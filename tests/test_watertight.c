@@ -203,6 +203,39 @@ static void test_any_triangle(void) {
     CHECK(hits > 500);
 }
 
+/* Triangles in the plane of a row of pixels, seen edge-on but for rounding, with corners near and far: whether a ray
+   meets them is what all three exact signs say, even where it meets them at no one place. */
+static void test_edge_on(void) {
+    static const double origin[3] = {0.1, 0.2, 0.3}, ahead[3] = {0.4, -0.3, -1};
+    const spsi_rays rays = look(origin, ahead, 1, 0);
+    check_random random = {13};
+    int hits = 0;
+    for (int n = 0; n < 20000; ++n) {
+        const int y = (int)(SIDE * check_next(&random));
+        const double off = pow(10, -9 - n % 8); /* a row is about 32, of which rounding takes 4e-15 */
+        double p[3][3];
+        spsi_face face;
+        spsi_faces faces;
+        spsi_edges edges;
+        for (int i = 0; i < 3; ++i) {
+            double d[3];
+            spsi_ray_direction(&rays, SIDE * check_next(&random), y + off * (check_next(&random) - 0.5), d);
+            spsi_along(origin, d, pow(10, 6 * check_next(&random) - 3), p[i]);
+        }
+        add_face(&face, p[0], p[1], p[2]);
+        faces.list = &face;
+        faces.count = 1;
+        spsi_face_edges(&faces, 0, &rays, &edges);
+        for (int x = 0; x < SIDE; x += 4) {
+            double w[3];
+            const int met = spsi_face_hit(&edges, x, y, w);
+            if (!CHECK(met == spsi_face_hit_exactly(&edges, x, y))) printf("    row %d pixel %d of %d\n", y, x, n);
+            hits += met;
+        }
+    }
+    CHECK(hits > 100);
+}
+
 /* What a triangle that reaches behind the eye may take of the screen. */
 static void test_boxes_behind(void) {
     static const double origin[3] = {0, 0, 0}, ahead[3] = {0, 0, -1};
@@ -326,6 +359,7 @@ int main(void) {
     RUN(test_ground_of_whole_numbers);
     RUN(test_squares_on_pixels);
     RUN(test_any_triangle);
+    RUN(test_edge_on);
     RUN(test_boxes_behind);
     RUN(test_pictures_and_maps);
     RUN(test_closed_body);

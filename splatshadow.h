@@ -157,9 +157,11 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as it was asked for */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    int (*progress_fn)(void *user, float fraction);          /* called often, 0..1, never falling; non-zero cancels */
-    void (*message_fn)(void *user, const char *text);        /* one line without newline: errors (being cancelled is
-                                                                none), replaced data */
+    /* 0..1, never falling; non-zero cancels, if not at once. Called amid all work, every few milliseconds of it at most
+       sizes. */
+    int (*progress_fn)(void *user, float fraction);
+    void (*message_fn)(void *user, const char *text); /* one line without newline: errors (being cancelled is none),
+                                                         replaced data */
     double (*clock_fn)(void *user);                          /* seconds; NULL: sps_stats reports no times */
     size_t memory_limit;                                     /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
@@ -355,7 +357,8 @@ typedef struct sps_tmap_settings {
     size_t byte_budget; /* what the finished map may take at most, surfaces too; 0: no limit */
     /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
        far, that all gas is to lie between: what lies before or behind counts as at either end, where Fourier maps mix
-       it up and cosine maps lose it. Opaque surfaces may lie behind. */
+       it up and cosine maps lose it. Opaque surfaces shade from where they are, before near_depth and behind
+       far_depth, too; but points before near_depth are lit. */
     double near_depth, far_depth;
     int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
     /* Opacity: u of each plane, rising from above 0 to 1, copied: as many as `components` (deep opacity: two less),
@@ -616,8 +619,8 @@ SPS_API const float *sps_tmap_texels(const sps_tmap *map);
    other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* u of each texel's first opaque surface, 1e30 where there is none, one float a texel in the same order; NULL where
-   there is none in all of the map. */
+/* u of each texel's first opaque surface, below 0 before near_depth, 1e30 where there is none, one float a texel in the
+   same order; NULL where there is none in all of the map. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
 /* Where a world point is on a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y, z, 1). Its texel
@@ -1115,6 +1118,7 @@ struct sps_context {
     sps_result result;
     char error[256];
     float progress;
+    int cancelled; /* progress_fn wants to stop, which takes effect at the next spsi_progress */
     double clock_start;
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
@@ -1189,6 +1193,23 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     return data;
 }
 
+/* Calls progress_fn amid work, so that it is called often enough whatever tasks take. */
+static void spsi_tick(sps_context *context) {
+    if (context->config.progress_fn && !context->cancelled)
+        context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
+}
+
+#define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
+
+/* memcpy of what may be much. */
+static void spsi_copy(sps_context *context, void *to, const void *from, size_t bytes) {
+    for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
+        const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
+        memcpy((char *)to + at, (const char *)from + at, some);
+        if (bytes > SPSI_COPY_BYTES) spsi_tick(context);
+    }
+}
+
 static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     spsi_release(context, buffer->data, buffer->size);
     buffer->data = NULL;
@@ -1213,7 +1234,7 @@ static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_
     if (buffer->data && held >= count) return buffer->data;
     data = spsi_acquire(context, wanted, size);
     if (!data) return NULL;
-    if (kept > 0) memcpy(data, buffer->data, kept * size);
+    spsi_copy(context, data, buffer->data, kept * size);
     spsi_release(context, buffer->data, buffer->size);
     buffer->data = data;
     buffer->size = wanted * size;
@@ -1233,13 +1254,38 @@ static int spsi_worker_count(const sps_context *context) {
     return context->config.parallel_for_fn && context->config.worker_count > 0 ? context->config.worker_count : 1;
 }
 
-/* Runs task(data, i, worker) for i = 0..count-1. Tasks write to disjoint places, so the order does not matter. */
+#define SPSI_TICK_TASKS 4 /* per worker: fewer would leave workers idle at the end of each group */
+
+/* Tasks from `first` on, as a group of their own. */
+typedef struct spsi_task_group {
+    sps_task_fn task;
+    void *data;
+    int first;
+} spsi_task_group;
+
+static void spsi_group_task(void *data, int index, int worker) {
+    const spsi_task_group *group = (const spsi_task_group *)data;
+    group->task(group->data, group->first + index, worker);
+}
+
+/* Runs task(data, i, worker) for i = 0..count-1, in groups with a call of progress_fn after each. Tasks write to
+   disjoint places, so the order does not matter. */
 static void spsi_parallel(sps_context *context, int count, sps_task_fn task, void *data) {
-    if (context->config.parallel_for_fn && count > 1) {
-        context->config.parallel_for_fn(context->config.parallel_user, count, task, data);
+    spsi_task_group group = {task, data, 0};
+    int some = count;
+    if (!context->config.parallel_for_fn || count <= 1) {
+        for (int i = 0; i < count; ++i) {
+            task(data, i, 0);
+            spsi_tick(context);
+        }
         return;
     }
-    for (int i = 0; i < count; ++i) task(data, i, 0);
+    if (context->config.progress_fn) some = SPSI_TICK_TASKS * spsi_worker_count(context);
+    for (; group.first < count; group.first += some) {
+        const int here = spsi_least(some, count - group.first);
+        context->config.parallel_for_fn(context->config.parallel_user, here, spsi_group_task, &group);
+        spsi_tick(context);
+    }
 }
 
 /* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its light's map. */
@@ -1264,7 +1310,8 @@ static double spsi_clock(const sps_context *context) {
 static sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
     context->progress = now;
-    if (context->config.progress_fn && context->config.progress_fn(context->config.progress_user, now))
+    spsi_tick(context);
+    if (context->cancelled)
         return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
     return SPS_OK;
 }
@@ -2451,126 +2498,6 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     return cut < end;
 }
 
-#define SPSI_ADAPTIVE_STEPS 64 /* cuts of a curve from all light to none: good to 1/4096 of it */
-
-/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; what leaving a node out changes of the area
-   below the curve, and its place in the heap. */
-typedef struct spsi_adaptive_node {
-    spsi_node node;
-    double cost;
-    int before, after, place;
-} spsi_adaptive_node;
-
-/* The heap holds inner nodes, the one that costs least at its top. */
-typedef struct spsi_adaptive {
-    spsi_adaptive_node *nodes;
-    int *heap;
-    int count, heap_count;
-} spsi_adaptive;
-
-/* Nodes that a curve of `count` is cut into at most (spsi_compressed_most), and their bytes. */
-static int spsi_adaptive_most(int count) { return 2 + count + 2 * SPSI_ADAPTIVE_STEPS; }
-
-static size_t spsi_adaptive_bytes(int count) {
-    return (size_t)spsi_adaptive_most(count) * (sizeof(spsi_adaptive_node) + sizeof(int));
-}
-
-/* Ends stay. */
-static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
-
-static void spsi_adaptive_price(spsi_adaptive *map, int i) {
-    spsi_adaptive_node *own = &map->nodes[i];
-    const spsi_node *a = &map->nodes[own->before].node, *b = &own->node, *c = &map->nodes[own->after].node;
-    own->cost = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
-                     ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
-}
-
-static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
-    const double first = map->nodes[a].cost, second = map->nodes[b].cost;
-    return first < second || (!(second < first) && a < b);
-}
-
-static void spsi_adaptive_place(spsi_adaptive *map, int place, int i) {
-    map->heap[place] = i;
-    map->nodes[i].place = place;
-}
-
-/* Puts node i, whose cost may have changed, from a place in the heap to where it belongs. */
-static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
-    int child;
-    for (; place > 0 && spsi_adaptive_less(map, i, map->heap[(place - 1) / 2]); place = (place - 1) / 2)
-        spsi_adaptive_place(map, place, map->heap[(place - 1) / 2]);
-    for (; (child = 2 * place + 1) < map->heap_count; place = child) {
-        if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
-        if (!spsi_adaptive_less(map, map->heap[child], i)) break;
-        spsi_adaptive_place(map, place, map->heap[child]);
-    }
-    spsi_adaptive_place(map, place, i);
-}
-
-static void spsi_adaptive_append(spsi_adaptive *map, float u, double through) {
-    const float rounded = (float)through;
-    spsi_adaptive_node *own = &map->nodes[map->count];
-    if (map->count > 0 && !(own[-1].node.u < u) && !(rounded < own[-1].node.value)) return;
-    own->node.u = u, own->node.value = rounded;
-    own->before = map->count - 1, own->after = map->count + 1;
-    map->count += 1;
-}
-
-/* Takes out the node that costs least. */
-static void spsi_adaptive_remove(spsi_adaptive *map) {
-    const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
-    const int sides[2] = {gone->before, gone->after};
-    map->heap_count -= 1;
-    if (map->heap_count > 0) spsi_adaptive_sift(map, 0, map->heap[map->heap_count]);
-    map->nodes[sides[0]].after = sides[1];
-    map->nodes[sides[1]].before = sides[0];
-    for (int k = 0; k < 2; ++k) {
-        if (!spsi_adaptive_is_inner(map, sides[k])) continue;
-        spsi_adaptive_price(map, sides[k]);
-        spsi_adaptive_sift(map, map->nodes[sides[k]].place, sides[k]);
-    }
-}
-
-/* Curves are cut before, as T is no straight line between their nodes. Then the node whose leaving changes the area
-   least goes, of all that are left, until there are few enough. [Salvi et al. 2010 do so as nodes come, where few are
-   seen at a time: with 4 nodes that errs twice as much.] */
-static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
-                              float *texel) {
-    const int most = settings->components / 2;
-    spsi_adaptive map;
-    spsi_cuts cuts;
-    int at = 0;
-    map.nodes = (spsi_adaptive_node *)scratch;
-    map.heap = (int *)(void *)(map.nodes + spsi_adaptive_most(count));
-    map.count = map.heap_count = 0;
-    spsi_adaptive_append(&map, count > 0 ? curve[0].u : 0, 1);
-    spsi_cuts_begin(&cuts);
-    for (int i = 0; i < count; ++i) {
-        int more = 1;
-        for (spsi_cuts_piece(&cuts, curve, i); more;) {
-            more = spsi_cuts_next(&cuts, 1.0 / SPSI_ADAPTIVE_STEPS);
-            spsi_adaptive_append(&map, cuts.u, cuts.through);
-        }
-    }
-    for (int i = 1; i < map.count - 1; ++i) {
-        spsi_adaptive_price(&map, i);
-        map.heap_count += 1;
-        spsi_adaptive_sift(&map, map.heap_count - 1, i);
-    }
-    while (map.heap_count + 2 > most && map.heap_count > 0) spsi_adaptive_remove(&map);
-    for (int i = 0; i < most; ++i) {
-        texel[2 * i] = map.nodes[at].node.u;
-        texel[2 * i + 1] = map.nodes[at].node.value;
-        at = spsi_least(map.nodes[at].after, map.count - 1);
-    }
-}
-
-static float spsi_adaptive_depth(const sps_tmap_settings *settings, const float *texel, float u) {
-    const spsi_node *nodes = (const spsi_node *)(const void *)texel;
-    return spsi_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
-}
-
 /* A deep shadow map while it is made: the last node, the slopes of a line from there that have stayed within the error
    so far, and where they were last looked at. */
 typedef struct spsi_compressor {
@@ -2658,6 +2585,122 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
 /* What compressed nodes say: -log T. */
 static float spsi_compressed_depth(const spsi_node *nodes, uint32_t count, float u) {
     return spsi_depth_of(spsi_nodes_transmittance(nodes, count, u));
+}
+
+/* ---- adaptive maps ---- */
+
+#define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* what lines that nodes are chosen from may be off */
+
+/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; what leaving a node out changes of the area
+   below the curve, and its place in the heap. */
+typedef struct spsi_adaptive_node {
+    spsi_node node;
+    double cost;
+    int before, after, place;
+} spsi_adaptive_node;
+
+/* The heap holds inner nodes, the one that costs least at its top. */
+typedef struct spsi_adaptive {
+    spsi_adaptive_node *nodes;
+    int *heap;
+    int count, heap_count;
+} spsi_adaptive;
+
+static size_t spsi_adaptive_bytes(int count) {
+    const size_t most = (size_t)spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
+    return most * (sizeof(spsi_adaptive_node) + sizeof(spsi_node) + sizeof(int));
+}
+
+/* Ends stay. */
+static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
+
+static void spsi_adaptive_price(spsi_adaptive *map, int i) {
+    spsi_adaptive_node *own = &map->nodes[i];
+    const spsi_node *a = &map->nodes[own->before].node, *b = &own->node, *c = &map->nodes[own->after].node;
+    own->cost = fabs(((double)b->u - (double)a->u) * ((double)c->value - (double)a->value) -
+                     ((double)c->u - (double)a->u) * ((double)b->value - (double)a->value));
+}
+
+static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
+    const double first = map->nodes[a].cost, second = map->nodes[b].cost;
+    return first < second || (!(second < first) && a < b);
+}
+
+static void spsi_adaptive_place(spsi_adaptive *map, int place, int i) {
+    map->heap[place] = i;
+    map->nodes[i].place = place;
+}
+
+/* Puts node i, whose cost may have changed, from a place in the heap to where it belongs. */
+static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
+    int child;
+    for (; place > 0 && spsi_adaptive_less(map, i, map->heap[(place - 1) / 2]); place = (place - 1) / 2)
+        spsi_adaptive_place(map, place, map->heap[(place - 1) / 2]);
+    for (; (child = 2 * place + 1) < map->heap_count; place = child) {
+        if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
+        if (!spsi_adaptive_less(map, map->heap[child], i)) break;
+        spsi_adaptive_place(map, place, map->heap[child]);
+    }
+    spsi_adaptive_place(map, place, i);
+}
+
+/* Takes out the node that costs least. */
+static void spsi_adaptive_remove(spsi_adaptive *map) {
+    const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
+    const int sides[2] = {gone->before, gone->after};
+    map->heap_count -= 1;
+    if (map->heap_count > 0) spsi_adaptive_sift(map, 0, map->heap[map->heap_count]);
+    map->nodes[sides[0]].after = sides[1];
+    map->nodes[sides[1]].before = sides[0];
+    for (int k = 0; k < 2; ++k) {
+        if (!spsi_adaptive_is_inner(map, sides[k])) continue;
+        spsi_adaptive_price(map, sides[k]);
+        spsi_adaptive_sift(map, map->nodes[sides[k]].place, sides[k]);
+    }
+}
+
+/* A compressed curve, whose last node is made exact again: all light that gets through. */
+static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nodes) {
+    const int made = spsi_curve_compress(curve, count, SPSI_ADAPTIVE_EPSILON, nodes);
+    const float last = made > 0 ? (float)exp(-(double)spsi_lower(curve[count - 1].value, SPSI_DEPTH_MAX)) : 1;
+    for (int i = made - 1; i >= 0 && (i == made - 1 || nodes[i].value < last); --i) nodes[i].value = last;
+    return made;
+}
+
+/* Few lines that are as good as the curve first; then, of all nodes left, the one whose leaving changes the area least
+   goes, until there are few enough. [Salvi et al. 2010 do so as nodes come, where few are seen at a time: with 4 nodes
+   that errs twice as much.] */
+static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
+                              float *texel) {
+    const int most = settings->components / 2, room = spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
+    spsi_node *line;
+    spsi_adaptive map;
+    int at = 0;
+    map.nodes = (spsi_adaptive_node *)scratch;
+    line = (spsi_node *)(void *)(map.nodes + room);
+    map.heap = (int *)(void *)(line + room);
+    map.heap_count = 0;
+    map.count = spsi_adaptive_begin(curve, count, line);
+    for (int i = 0; i < map.count; ++i) {
+        map.nodes[i].node = line[i];
+        map.nodes[i].before = i - 1, map.nodes[i].after = i + 1;
+    }
+    for (int i = 1; i < map.count - 1; ++i) {
+        spsi_adaptive_price(&map, i);
+        map.heap_count += 1;
+        spsi_adaptive_sift(&map, map.heap_count - 1, i);
+    }
+    while (map.heap_count + 2 > most && map.heap_count > 0) spsi_adaptive_remove(&map);
+    for (int i = 0; i < most; ++i) {
+        texel[2 * i] = map.count > 0 ? map.nodes[at].node.u : 0;
+        texel[2 * i + 1] = map.count > 0 ? map.nodes[at].node.value : 1;
+        at = map.count > 0 ? spsi_least(map.nodes[at].after, map.count - 1) : 0;
+    }
+}
+
+static float spsi_adaptive_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+    const spsi_node *nodes = (const spsi_node *)(const void *)texel;
+    return spsi_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
 }
 
 /* ---- moments ---- */
@@ -9010,13 +9053,14 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
             if (rays->perspective && !(t + rays->depth_reference > 0)) continue;
-            u = fmax(t * map->per_depth, 0); /* surfaces may lie behind far_depth */
+            u = t * map->per_depth; /* surfaces may lie before near_depth and behind far_depth */
             if (!opaque) {
-                const spsi_stretch sheet = {(float)fmin(u, 1), (float)fmin(u, 1), depth, 0};
+                const float at = (float)fmin(fmax(u, 0), 1);
+                const spsi_stretch sheet = {at, at, depth, 0};
                 spsi_insert_one(bin, x, y, &sheet);
             } else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
                 surfaces[spsi_bin_texel(bin, x, y)] =
-                    spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)fmin(u, 1e29));
+                    spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)fmin(fmax(u, -1e29), 1e29));
         }
 }
 
@@ -9263,14 +9307,16 @@ static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
            nodes * sizeof(spsi_node));
 }
 
+/* The texels of a row of a tile: a tile would take too long where lists are long. */
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_fitting fitting;
     spsi_bin bin;
-    spsi_bin_place(filling, index, &bin);
+    if (filling->context->cancelled) return;
+    spsi_bin_place(filling, index % filling->tiles_x, &bin);
     spsi_fitting_place(filling, worker, &fitting);
-    for (int i = 0; i < bin.width * bin.height; ++i) {
-        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i % bin.width, bin.y0 + i / bin.width);
+    for (int i = 0; i < bin.width; ++i) {
+        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i, bin.y0 + index / filling->tiles_x);
         if (filling->has_sizes)
             spsi_fit_again(&fitting, texel);
         else
@@ -9305,7 +9351,8 @@ static sps_result spsi_append_band(spsi_filling *filling) {
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
     if (!spsi_buffer_extend(filling->context, &map->texels, held, (size_t)sum, item)) return filling->context->result;
     if (map->settings.technique == SPS_TMAP_DEEP)
-        memcpy((spsi_stretch *)map->texels.data + held, filling->stretches, ((size_t)sum - held) * item);
+        spsi_copy(filling->context, (spsi_stretch *)map->texels.data + held, filling->stretches,
+                  ((size_t)sum - held) * item);
     return SPS_OK;
 }
 
@@ -9314,6 +9361,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     const sps_tmap *map = filling->map;
     const spsi_technique *technique = map->technique;
     uint64_t bytes;
+    int tasks;
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
@@ -9332,13 +9380,14 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
         (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
     if (!filling->scratch) return context->result;
     filling->has_sizes = 0;
-    spsi_parallel(context, filling->tiles_x, spsi_fit_task, filling);
-    if (!technique->lists) return SPS_OK;
+    tasks = filling->tiles_x * spsi_filling_height(filling);
+    spsi_parallel(context, tasks, spsi_fit_task, filling);
+    if (spsi_progress(context, filling->progress) || !technique->lists) return context->result;
     if (spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
     if (map->settings.technique == SPS_TMAP_COMPRESSED)
-        spsi_parallel(context, filling->tiles_x, spsi_fit_task, filling);
-    return SPS_OK;
+        spsi_parallel(context, tasks, spsi_fit_task, filling);
+    return spsi_progress(context, filling->progress);
 }
 
 /* --- particles into tiles --- */
@@ -9660,7 +9709,7 @@ static sps_result spsi_tmap_trim(sps_tmap *map) {
     spsi_buffer exact = {NULL, 0};
     if (map->texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
-    memcpy(exact.data, map->texels.data, count * item);
+    spsi_copy(map->context, exact.data, map->texels.data, count * item);
     spsi_buffer_release(map->context, &map->texels);
     map->texels = exact;
     return SPS_OK;
@@ -10894,6 +10943,7 @@ static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, 
     for (int64_t i = 0; i < count; ++i) {
         spsi_block_place(&block, m, &plain, i);
         if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
+        spsi_tick(context);
         for (int z = block.core_low[2]; z < block.core_high[2]; ++z)
             for (int y = block.core_low[1]; y < block.core_high[1]; ++y) {
                 const size_t to =
@@ -10902,7 +10952,7 @@ static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, 
                        (size_t)block.size[0] * sizeof(float));
             }
     }
-    for (int z = 0; z < grid->size[2]; ++z)
+    for (int z = 0; z < grid->size[2]; spsi_tick(context), ++z)
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
@@ -11084,6 +11134,7 @@ static void spsi_begin(sps_context *context) {
     context->result = SPS_OK;
     context->error[0] = 0;
     context->progress = 0;
+    context->cancelled = 0;
 }
 
 /* Images know opaque meshes only. */

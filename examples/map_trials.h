@@ -160,10 +160,16 @@ typedef struct set_up {
     sps_view view, light_view;
     sps_tmap_settings range;
     int map_size;
-    double *points;       /* in the gas, then on the ground below it */
-    float *exact;         /* transmittance there */
-    float *exact_rgba;    /* the picture */
-    double slabs_seconds; /* of the picture without a map */
+    double *points;                     /* in the gas, then on the ground below it */
+    float *exact;                       /* transmittance there */
+    float *exact_rgba;                  /* the picture */
+    double slabs_seconds;               /* of the picture without a map */
+    spread slabs_apart;                 /* that picture from the exact map's */
+    double exact_bytes, shade, covered; /* of the exact map, mean T in the gas, share of texels that see gas */
+    /* Rms errors in the gas of layouts that the library does not have, made from the exact map's lists: deep opacity as
+       in the thesis, by how many numbers a texel, and its difference from its own run with 24; Beer as engines have it
+     */
+    double thesis_rms[COUNTS], thesis_own[COUNTS], beer_rms;
     trials trials;
 } set_up;
 

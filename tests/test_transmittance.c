@@ -127,7 +127,7 @@ static int curve_build_of(const column *c, int pieces) {
 }
 
 /* As aligned as what is made in it. */
-static double fit_memory[(SPSI_CURVE_NODES(MOST, SPSI_SOFT_PIECES) + 200) * 5];
+static double fit_memory[(SPSI_CURVE_NODES(MOST, SPSI_SOFT_PIECES) + 200) * 12];
 static char *const fit_scratch = (char *)fit_memory;
 
 static int curve_build(const column *c) { return curve_build_of(c, SPSI_SOFT_PIECES); }

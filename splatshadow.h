@@ -1352,6 +1352,18 @@ static inline spsi_v spsi_kernel_share(spsi_v v) {
     return spsi_fma(p, x, spsi_set(0.5f));
 }
 
+/* Its derivative. */
+static inline spsi_v spsi_kernel_slope(spsi_v v) {
+    const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
+    spsi_v p = spsi_set(13 * 0.915625417f);
+    p = spsi_fma(p, x2, spsi_set(11 * -4.38040258f));
+    p = spsi_fma(p, x2, spsi_set(9 * 8.9310312f));
+    p = spsi_fma(p, x2, spsi_set(7 * -10.2611645f));
+    p = spsi_fma(p, x2, spsi_set(5 * 7.45445085f));
+    p = spsi_fma(p, x2, spsi_set(3 * -3.6912726f));
+    return spsi_fma(p, x2, spsi_set(1.53173222f));
+}
+
 /* The mean of exp(-x) for x between a and b (any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
    Light that enters a sheet with optical depth a behind it and leaves with b, so summed over a sheet of depth t that
    sends c per unit of depth, is c t spsi_mean_transmittance(a, b): exact where extinction is constant in the sheet,
@@ -3076,7 +3088,11 @@ typedef struct spsi_frame {
     int lit_count;                 /* lights that are not black */
     int shadow_count;              /* of these, lights that cast shadows */
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
+    int gradient_reach; /* pixels to either side that gradients take: 1, or 2 where voxels are not much wider, */
+    int splats_slopes;  /* or 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
 } spsi_frame;
+
+#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
 
@@ -3672,6 +3688,45 @@ static void spsi_resolve_lights(spsi_frame *frame) {
     if (frame->lit_count == 0) frame->has_gradient = 0;
 }
 
+/* The breadth of a voxel's kernel in pixels in the middle of the volumes' depths; `near_by`: whether the eye is so near
+   to them that kernels may be taken along each pixel's own ray. */
+static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medium, int *near_by) {
+    const spsi_rays *eye = &frame->eye;
+    double across[2][3], forward[3], low = HUGE_VAL, high = 0, q[3];
+    const double pixel = sqrt(spsi_length(eye->a) * spsi_length(eye->b));
+    memcpy(forward, eye->inverse[2], sizeof forward);
+    spsi_normalise(forward);
+    spsi_basis(forward, across[0], across[1]);
+    *near_by = 0;
+    if (!eye->perspective) return spsi_voxel_breadth(medium, across[0], across[1]) / pixel;
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3];
+        spsi_bounds_corner(&frame->volume_bounds, corner, point);
+        spsi_along(point, eye->origin, -1, point);
+        spsi_to_rays(eye, point, q);
+        low = fmin(low, q[2]);
+        high = fmax(high, q[2]);
+    }
+    *near_by = low < SPSI_NEAR_REACHES * frame->cut * SPSI_SIGMA * spsi_voxel_extent(medium, eye->inverse[2]);
+    return spsi_voxel_breadth(medium, across[0], across[1]) / (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
+}
+
+/* What gradients are made of. Differences over two pixels are 3 % short where a voxel has a pixel, over four they are
+   right to 1 %; below that they take sheets of their own, at three times the cost of splatting. */
+static void spsi_resolve_gradients(spsi_frame *frame) {
+    double pixels = HUGE_VAL;
+    int near_by = 0;
+    for (int i = 0; i < frame->medium_count && frame->has_gradient; ++i) {
+        const spsi_material *material = &frame->materials[frame->media[i].channel];
+        int here;
+        if (!material->table || material->shading != SPS_SHADING_SURFACE) continue;
+        pixels = fmin(pixels, spsi_voxel_pixels(frame, &frame->media[i], &here));
+        near_by |= here;
+    }
+    frame->gradient_reach = frame->has_gradient ? 1 + (pixels < 2) : 0;
+    frame->splats_slopes = pixels < 0.9 && !near_by;
+}
+
 /* 1 where every colour in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
     const sps_scene *scene = frame->scene;
@@ -3703,6 +3758,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
         return NULL;
     if (view->width > 0 && view->height > 0 && spsi_resolve_view(context, frame)) return NULL;
     spsi_resolve_lights(frame);
+    if (view->width > 0 && view->height > 0) spsi_resolve_gradients(frame);
     frame->has_ambient = !spsi_black(scene->ambient);
     frame->channels = spsi_count_channels(frame);
     return frame;
@@ -5988,10 +6044,11 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
    Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near
    a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is taken
-   instead. Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14
+   instead. Footprints are widened to a pixel by its filter, but for the eye's of what is classified: a transfer function
+   of a mean is not the mean of a transfer function, so that is sampled once a pixel, as polygons are, and where voxels
+   are smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes).
+   Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14
    vector operations per vector of fragments and section, and 25 per row. */
-
-#define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
@@ -6003,6 +6060,7 @@ typedef struct spsi_splatter {
     float covariance[6];          /* of the kernel there: 00 01 02 11 12 22 */
     float weight;                 /* integral for value 1, but for what depends on the footprint */
     float cut;                    /* standard deviations at which footprints end */
+    float filter;                 /* least variance of a footprint, in pixels */
     float reach_depth;            /* kernel radius in t */
     float reach_slabs;            /* kernel radius along s */
     float near_depth;             /* t below which the near case applies */
@@ -6047,6 +6105,7 @@ typedef struct spsi_tile {
     float nearest_limit;    /* least depth of a polygon in the tile */
     const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
+    float *slopes;              /* where the sheets of d/dx, and behind these d/dy, of the channel at hand are; or NULL */
     uint64_t open;              /* patches that are not opaque yet; footprints that meet none are passed over */
     int margin;                 /* pixels beyond the patches, which belong to the patches at the edge */
     float eye_slab;             /* slab coordinate of the eye, for the near case */
@@ -6109,6 +6168,7 @@ static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays,
     splatter->sign = 1;
     splatter->weight = (float)weight;
     splatter->cut = (float)cut;
+    splatter->filter = (float)(SPSI_PIXEL_SIGMA * SPSI_PIXEL_SIGMA);
     splatter->reach_depth = (float)(cut * sqrt(covariance[2][2]));
     splatter->reach_slabs = (float)(cut * SPSI_SIGMA * sqrt(reach));
     splatter->near_depth = rays->perspective ? (float)(SPSI_NEAR_REACHES * cut * sqrt(covariance[2][2])) : -FLT_MAX;
@@ -6142,7 +6202,7 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
     rxy = spsi_mul(rxy, square);
     least = spsi_mul(half, spsi_sub(rxx, ryy));
     least = spsi_sub(spsi_mul(half, spsi_add(rxx, ryy)), spsi_sqrt(spsi_fma(least, least, spsi_mul(rxy, rxy))));
-    widen = spsi_max(spsi_set(0), spsi_sub(spsi_set((float)(SPSI_PIXEL_SIGMA * SPSI_PIXEL_SIGMA)), least));
+    widen = spsi_max(spsi_set(0), spsi_sub(spsi_set(s->filter), least));
     rxx = spsi_add(rxx, widen);
     ryy = spsi_add(ryy, widen);
     determinant =
@@ -6201,6 +6261,40 @@ static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count,
     if (!ends) return;
     after = clamped ? spsi_kernel_share(high) : spsi_set(1);
     spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
+}
+
+/* One row vector of sections as spsi_add_sections takes them, with the derivatives along x and y of the logarithm of
+   their weight and of v. */
+typedef struct spsi_sections {
+    int count, starts, ends, clamped;
+    spsi_v weight, v, per_slab, low, high, log_slope[2];
+    float v_slope[2];
+} spsi_sections;
+
+/* Adds the derivatives of sections along x and y: w (S(b) - S(a)) changes by w' (S(b) - S(a)) + w (S'(b) b' - S'(a) a').
+   A plane beyond a limit does not move the section's end. */
+static void spsi_add_slopes(const spsi_tile *tile, const spsi_sections *s, float *sheet) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v v = s->v, share[2], slope[2];
+    for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_slab)) {
+        const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
+        const spsi_v at = s->clamped ? spsi_clamp(v, s->low, s->high) : v;
+        const spsi_v outermost = s->clamped ? spsi_kernel_share(first ? s->low : s->high) : spsi_set(last ? 1.0f : 0.0f);
+        const spsi_m free_end = spsi_and(spsi_less(spsi_sub(at, v), spsi_set(1e-6f)),
+                                         spsi_less(spsi_sub(v, at), spsi_set(1e-6f)));
+        share[1] = first || last ? outermost : spsi_kernel_share(at);
+        slope[1] = !first && !last ? spsi_select(free_end, spsi_kernel_slope(at), zero) : zero;
+        if (k >= 0) {
+            const spsi_v held = spsi_sub(share[1], share[0]), moved = spsi_sub(slope[1], slope[0]);
+            for (int axis = 0; axis < 2; ++axis) {
+                float *to = sheet + (size_t)axis * tile->channel_size + (size_t)k * tile->sheet_size;
+                const spsi_v change = spsi_fma(s->log_slope[axis], held, spsi_mul(moved, spsi_set(s->v_slope[axis])));
+                spsi_store(to, spsi_fma(s->weight, change, spsi_load(to)));
+            }
+        }
+        share[0] = share[1];
+        slope[0] = slope[1];
+    }
 }
 
 /* Rows of one footprint, a vector of rows at a time: where each begins and ends, in pixels and in slabs. */
@@ -6294,6 +6388,16 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
                           spsi_add(v_column, spsi_set(rows->v[r])), per_slab, rows->starts[r], rows->ends[r], clamped,
                           low, high);
+        if (tile->slopes) {
+            const float dy = rows->dy[r];
+            const spsi_sections sections = {
+                slabs, rows->starts[r], rows->ends[r], clamped, weight, spsi_add(v_column, spsi_set(rows->v[r])),
+                per_slab, low, high,
+                {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
+                {f->slope_x[i], f->slope_y[i]}};
+            spsi_add_slopes(tile, &sections,
+                            tile->slopes + (row - channel) + (size_t)rows->first[r] * tile->sheet_size);
+        }
     }
 }
 
@@ -6929,13 +7033,14 @@ typedef struct spsi_line {
     int x, y;
     spsi_v at;          /* x coordinates */
     spsi_v base, scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
+    spsi_v slabs;       /* per d: 1 / |scale| */
     spsi_v polygon;     /* d of the polygon, or infinity */
 } spsi_line;
 
 /* What a vector of pixels knows about its rays. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line around[4]; /* of the neighbours at x - 1, x + 1, y - 1, y + 1, where there are gradients */
+    spsi_line around[8]; /* of the neighbours at x - 1, x + 1, y - 1, y + 1, where there are gradients, and at twice that */
     spsi_v length;       /* world length per t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
     spsi_v toward[3];    /* unit direction from the eye */
@@ -6977,6 +7082,7 @@ static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi
     slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
     line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
     line->scale = spsi_div(spsi_set(1), slope);
+    line->slabs = spsi_abs(slope);
     line->polygon = spsi_hit_depths(shader->hits, shader->frame->eye.width, shader->frame->eye.height, x, y);
 }
 
@@ -7130,7 +7236,13 @@ static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile 
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const size_t at =
         (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
+    const spsi_v first = spsi_plane_depth(line, k), nearest = spsi_min(first, spsi_add(first, line->scale));
     spsi_v enter, leave, way;
+    if (!tile->clamped && !spsi_bits(spsi_less(nearest, spsi_set(spsi_rays_begin(&shader->frame->eye))))) {
+        *middle = spsi_fma(spsi_set(0.5f), line->scale, first); /* nothing cuts the slab */
+        *value = spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
+        return spsi_less(spsi_set(0), spsi_set(1));
+    }
     spsi_slab_range(shader, line, k, &enter, &leave);
     way = spsi_sub(leave, enter);
     *middle = spsi_mul(spsi_set(0.5f), spsi_add(enter, leave));
@@ -7190,18 +7302,22 @@ typedef struct spsi_means {
     spsi_m all;
 } spsi_means;
 
-/* Values and the place of a neighbour in three slabs; those of the own ray where a polygon cuts the neighbour away. */
-static void spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *tile, const spsi_line *line, int k,
+/* Values and the place of a neighbour in three slabs; those of the own ray where a polygon cuts the neighbour away.
+   Gives where it cuts none. */
+static spsi_m spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *tile, const spsi_line *line, int k,
                                    int channel, const spsi_v own[3], const spsi_v own_place[3], spsi_v value[3],
                                    spsi_v place[3]) {
+    spsi_m all = spsi_less(spsi_set(0), spsi_set(1));
     for (int n = 0; n < 3; ++n) {
         spsi_v middle;
         const spsi_m good = spsi_mean_value(shader, tile, channel, line, k + n - 1, &value[n], &middle);
+        all = spsi_and(all, good);
         value[n] = spsi_select(good, value[n], own[n]);
         if (n != 1) continue;
         spsi_position_at(shader, line->at, (float)line->y, middle, place);
         for (int c = 0; c < 3; ++c) place[c] = spsi_select(good, place[c], own_place[c]);
     }
+    return all;
 }
 
 /* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
@@ -7215,6 +7331,64 @@ static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2]
     along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
     along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
     along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
+}
+
+/* The differences between the neighbours to either side, and the places of these. With two on each side, the change is
+   that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. */
+static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                               int channel, int axis, const spsi_means *means, const spsi_v own_place[3],
+                               spsi_v place[2][3], spsi_parabola *aside) {
+    spsi_v value[4][3], unused[3];
+    spsi_m all = spsi_less(spsi_set(0), spsi_set(1));
+    for (int i = 0; i < 2 * shader->frame->gradient_reach; ++i)
+        all = spsi_and(all, spsi_profile_neighbour(shader, tile, &p->around[4 * (i >> 1) + 2 * axis + (i & 1)], k,
+                                                   channel, means->own, own_place, value[i], i < 2 ? place[i] : unused));
+    for (int n = 0; n < 3; ++n) {
+        const spsi_v change = spsi_sub(value[1][n], value[0][n]);
+        value[0][n] = change;
+        if (shader->frame->gradient_reach < 2) continue;
+        value[2][n] = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), spsi_sub(value[3][n], value[2][n])));
+        value[0][n] = spsi_select(all, value[2][n], change);
+    }
+    *aside = spsi_parabola_through(value[0][0], value[0][1], value[0][2]);
+}
+
+/* The sheets of d/dx, before those of d/dy, of a material's sheets of values. */
+static int spsi_slope_channel(const spsi_frame *frame, int channel) { return frame->material_count + 2 * channel; }
+
+/* Twice the change per pixel of a slab's mean, by its sheets of slopes: the mean is their sum by the way through the
+   slab, which changes by -slope' / slope of itself. */
+static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
+                                    const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
+                         (size_t)(k + margin) * tile->sheet_size +
+                         (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
+    spsi_v enter, leave, way;
+    spsi_slab_range(shader, line, k, &enter, &leave);
+    way = spsi_max(spsi_sub(leave, enter), spsi_mul(spsi_abs(line->scale), spsi_set(1e-6f)));
+    for (int axis = 0; axis < 2; ++axis) {
+        const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
+        const spsi_v sum = spsi_div(spsi_load(sheet + (size_t)axis * tile->channel_size), way);
+        slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
+    }
+}
+
+/* The changes aside and their ways, by sheets of slopes. */
+static void spsi_profile_slopes(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                                int channel, const spsi_means *means, spsi_profile *profile, spsi_v place[2][2][3]) {
+    spsi_v slopes[3][2];
+    for (int n = 0; n < 3; ++n)
+        spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means->own[n], slopes[n]);
+    for (int axis = 0; axis < 2; ++axis) {
+        for (int n = 0; n < 3; n += 2) slopes[n][axis] = spsi_select(means->all, slopes[n][axis], slopes[1][axis]);
+        profile->aside[axis] = spsi_parabola_through(slopes[0][axis], slopes[1][axis], slopes[2][axis]);
+        for (int side = 0; side < 2; ++side) {
+            const spsi_line *line = &p->around[2 * axis + side];
+            const spsi_v middle = spsi_mul(spsi_sub(spsi_set((float)k + 0.5f), line->base), line->scale);
+            spsi_position_at(shader, line->at, (float)line->y, middle, place[axis][side]);
+        }
+    }
 }
 
 /* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not square to
@@ -7232,14 +7406,9 @@ static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *ti
     profile->along.slope = spsi_select(all, along.slope, spsi_mul(spsi_set(4), profile->value.bend));
     profile->along.bend = spsi_select(all, along.bend, zero);
     spsi_position_at(shader, p->line.at, (float)p->line.y, means->middle[1], own_place);
-    for (int axis = 0; axis < 2; ++axis) {
-        spsi_v value[2][3];
-        for (int side = 0; side < 2; ++side)
-            spsi_profile_neighbour(shader, tile, &p->around[2 * axis + side], k, channel, means->own, own_place,
-                                   value[side], place[axis][side]);
-        for (int n = 0; n < 3; ++n) value[1][n] = spsi_sub(value[1][n], value[0][n]);
-        profile->aside[axis] = spsi_parabola_through(value[1][0], value[1][1], value[1][2]);
-    }
+    if (shader->frame->splats_slopes) spsi_profile_slopes(shader, tile, p, k, channel, means, profile, place);
+    for (int axis = 0; axis < 2 && !shader->frame->splats_slopes; ++axis)
+        spsi_profile_aside(shader, tile, p, k, channel, axis, means, own_place, place[axis], &profile->aside[axis]);
     for (int side = 0; side < 2; ++side)
         spsi_position_at(shader, p->line.at, (float)p->line.y, means->middle[2 * side], place[2][side]);
     for (int axis = 0; axis < 3; ++axis)
@@ -7861,8 +8030,10 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, s
     slab.plane = -1;
     slab.plane_light = spsi_set(0);
     spsi_pixels_build(shader, x, y, &p);
-    for (int i = 0; i < 4 && slab_count > 0 && shader->frame->has_gradient; ++i)
-        spsi_line_build(shader, x + (i == 1) - (i == 0), y + (i == 3) - (i == 2), &p.around[i]);
+    for (int i = 0; i < 4 * shader->frame->gradient_reach && slab_count > 0; ++i) {
+        const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
+        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &p.around[i]);
+    }
     spsi_gathered_load(shader, at, &sum);
     for (int k = 0; k < slab_count; ++k) {
         const float first = k == 0 ? low : (float)(shader->first_slab + k);
@@ -7943,11 +8114,11 @@ static int spsi_slab_margin(const spsi_frame *frame, int for_light) {
 }
 
 /* Pixels about a tile of the eye's that it takes in too: gradients ask their neighbours. */
-static int spsi_pixel_margin(const spsi_frame *frame) { return frame->has_gradient; }
+static int spsi_pixel_margin(const spsi_frame *frame) { return frame->gradient_reach; }
 
 static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
     const int pixels = 2 * spsi_pixel_margin(frame), slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame, 0);
-    return (size_t)frame->material_count * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
+    return (size_t)(frame->material_count * (frame->splats_slopes ? 3 : 1)) * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
            2 * SPSI_LANES;
 }
 
@@ -8091,6 +8262,9 @@ static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int
         if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
         touched = 1;
         spsi_anchor_build(medium, brick, rays, sweep, first_slab, &anchor);
+        tile->slopes = NULL;
+        if (!for_light && run->frame->splats_slopes && material->table && material->shading == SPS_SHADING_SURFACE)
+            tile->slopes = tile->sheets + (size_t)spsi_slope_channel(run->frame, channel) * tile->channel_size;
         spsi_splat_brick(tile, for_light ? &run->light_splatters[brick->medium] : &run->eye_splatters[brick->medium],
                          &anchor, spsi_segment_at(run->context, brick->segment), brick,
                          tile->sheets + (size_t)channel * tile->channel_size);
@@ -8254,6 +8428,7 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
         int good =
             spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
+        if (material->table) run->eye_splatters[i].filter = 0;
         if (run->sweep->sheets)
             good &=
                 spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,

@@ -267,8 +267,26 @@ static void test_light_through_what_is_classified(void) {
     check_free_triangles(&triangles);
 }
 
+/* Optical depth through add_slab's gas where extinction is 5 at a value of 0.45, falling to 0 at 0 and 0.9: six layers
+   of Gaussians, added up in steps of which a kernel's deviation has 130. */
+static double depth_of_faces(void) {
+    const double h = 0.0005, sigma = 0.065;
+    double depth = 0;
+    for (double z = -0.7; z < 0.7; z += h) {
+        double value = 0;
+        for (int k = 0; k < 6; ++k) {
+            const double d = (z + 0.25 - 0.1 * k) / sigma;
+            value += 0.1 * exp(-0.5 * d * d) / (sigma * sqrt(2 * PI));
+        }
+        depth += h * 5 * fmax(0, 1 - fabs(value - 0.45) / 0.45);
+    }
+    return depth;
+}
+
 /* Light passes a slab that shows at its faces alone, whose values rise within two voxels, as the eye does: a plate
-   below sends the square of what the background sends. Values are RIPPLE off, extinction twice that of its most. */
+   below sends the square of what the background sends. Values are RIPPLE off, extinction twice that of its most. At
+   high and ultra quality optical depth is right, too: the parabolas through slabs of up to 0.4 voxels are cubic in
+   these, where straight lines, or none, would show. */
 static void test_light_as_eye(void) {
     static const sps_transfer_point points[3] = {{0, {0, 0, 0}, 0}, {0.45f, {0, 0, 0}, 5}, {0.9f, {0, 0, 0}, 0}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
@@ -286,7 +304,7 @@ static void test_light_as_eye(void) {
         s.scene.mesh_count = s.scene.light_count = 0;
         if (!check_render(context, &s, image_b)) return;
         through = 1 - (double)image_b[3];
-        CHECK(through > 0.05 && through < 0.5);
+        if (n == 3) CHECK_NEAR(-log(through), depth_of_faces(), depth_of_faces() * 2 * ripple[n]);
         even(image_a, 16, 0, through * through, 2 * through * through * (ROUND - log(through) * 2 * ripple[n]));
         check_free_triangles(&triangles);
     }

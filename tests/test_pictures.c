@@ -346,6 +346,48 @@ static void test_lit_in_part(void) {
     check_free_triangles(&triangles);
 }
 
+/* Faint gas far below a dense block that absorbs, in light that comes from the side and misses the block there: what
+   came through the block on the eye's ray, which alpha tells, is nothing to it. Its own depth is RIPPLE off, and 4 tau
+   brings it its own shade, which alpha tells, too. */
+static void test_light_below_a_block(void) {
+    const double tau = 0.0001, cosine = sqrt(0.5);
+    check_scene s;
+    sps_volume *volume;
+    check_clear(&s, 4, 4);
+    check_set3(s.view.position, -0.5, 0, 10);
+    check_set3(s.view.target, -0.5, 0, 0);
+    s.view.ortho_height = 0.2;
+    s.view.slab = 3;
+    s.view.quality = SPS_QUALITY_HIGH;
+    check_color(add_slab(&s, tau)->albedo, 1, 1, 1);
+    volume = check_add_volume(&s, 20, 20, 6, check_box(-2, -1, 1.4, 0, 1, 2));
+    volume->read_fn = check_read_constant;
+    volume->user = &one;
+    volume->extinction = 2.5f;
+    check_add_directional(&s, -1, 0, -1, 4 * PI * cosine);
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 16; ++i) {
+        const double exact = (1 - (double)image_a[4 * i + 3]) * tau * cosine;
+        if (!CHECK_NEAR((double)image_a[4 * i], exact, exact * (ripple[2] + 4 * tau))) return;
+    }
+}
+
+/* What little light comes through where a ray ends is seen there: mean distances are right to the threshold, 0.01 for
+   draft quality, of what gas is behind, half a slab and RIPPLE of the free length. */
+static void test_distance_of_dense_gas(void) {
+    float depths[2][16];
+    check_scene s;
+    check_clear(&s, 4, 4);
+    s.view.ortho_height = 0.2;
+    s.view.quality = SPS_QUALITY_DRAFT;
+    s.view.slab = 0.25;
+    add_slab(&s, 8);
+    if (!check_render_depth(context, &s, image_a, depths[0])) return;
+    if (!check_march(context, &s, 0.1, image_b, depths[1])) return;
+    for (int i = 0; i < 16; ++i)
+        if (!CHECK_NEAR((double)depths[0][i], (double)depths[1][i], 0.01 * 0.6 + 0.0125 + 0.6 / 8 * ripple[0])) return;
+}
+
 /* Two blocks of gas above each other's sides, far apart and in different tiles of the light's sheets; a plate at the
    height of the lower one lies in the shadow of the upper one, whose planes no longer change there. */
 static void test_shadow_of_an_earlier_chunk(void) {
@@ -561,6 +603,8 @@ int main(void) {
     RUN(test_light_through_what_is_classified);
     RUN(test_light_as_eye);
     RUN(test_lit_in_part);
+    RUN(test_light_below_a_block);
+    RUN(test_distance_of_dense_gas);
     RUN(test_shadow_of_an_earlier_chunk);
     RUN(test_patches);
     RUN(test_faces_of_a_slab);

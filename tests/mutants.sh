@@ -28,7 +28,7 @@ HANG=${HANG:-60}
 SECTION=${SECTION:-}
 OUT=build/mutants
 INCLUDES="-isystem $STB -Iexamples -Itests"
-TESTS=$(ls tests/test_*.c tests/fuzz.c | sed 's|tests/||; s|\.c$||')
+TESTS=$(ls tests/test_*.c tests/fuzz.c tests/soak.c | sed 's|tests/||; s|\.c$||')
 
 text() { # mode, entry
     awk -v mode="$1" -v entry="${2:-0}" -v section_name="${3:-}" -f tests/mutants.awk $LIST splatshadow.h

@@ -6495,11 +6495,11 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         !spsi_near_reaches(q[1], q[2], c[3], c[4], c[5], s->cut, y0, y1))
         return;
     if (spsi_near_extent(q[0], q[2], c[0], c[2], c[5], s->cut, &low, &high)) {
-        x0 = spsi_most(x0, (int)fmaxf(ceilf(low), 0));
+        x0 = (int)fmaxf(ceilf(low), (float)x0); /* a tile's margin may lie beyond the image */
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
     if (spsi_near_extent(q[1], q[2], c[3], c[4], c[5], s->cut, &low, &high)) {
-        y0 = spsi_most(y0, (int)fmaxf(ceilf(low), 0));
+        y0 = (int)fmaxf(ceilf(low), (float)y0);
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
     if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;

@@ -139,7 +139,7 @@ static inline void draw_color(check_random *random, double low, double high, flo
 
 /* ------------------------------------------------------------------------------------------------ the scene */
 
-enum { SCENE_VOLUMES = 3, SCENE_LIGHTS = 4, SCENE_SETS = 2, SCENE_PARTICLES = 160, SCENE_PIXELS = 64 * 64 };
+enum { SCENE_VOLUMES = 3, SCENE_LIGHTS = 4, SCENE_SETS = 2, SCENE_PARTICLES = 128, SCENE_PIXELS = 64 * 64 };
 
 /* What a volume holds, as a formula of the place in the world; half a world unit wide at scale 1. */
 typedef struct scene_formula {
@@ -487,7 +487,7 @@ static inline void add_set(random_scene *x, int soft) {
     check_random *random = &x->random;
     sps_particles *set = &x->sets[n];
     const double radius = draw_log(random, 0.05, 0.25);
-    set->count = (size_t)draw_log(random, 1, SCENE_PARTICLES);
+    set->count = (size_t)fmin(draw_log(random, 1, 8 * x->voxels), SCENE_PARTICLES);
     set->read_fn = read_scene_crowd;
     set->user = &x->crowds[n];
     set->soft = soft;

@@ -1,0 +1,178 @@
+/* Pairs of features. What goes wrong where two features meet is seen in no test of either, so every pair of levels of
+   two features (random_scene.h has their names) that can go together occurs in at least one small scene, which is
+   compared with sps_reference. How many pairs that are, for each two features, is in the table below, which the test
+   checks, so that it says what is looked at.
+
+   A greedy covering array, from a fixed seed, chooses the scenes: each begins with a pair that has not occurred, and
+   takes for every other feature the level that adds most new pairs [Cohen et al. 1997, "The AETG system"]. A scene
+   that is refused, or in which nothing is seen, counts for nothing, and others are tried. The test fails where a pair
+   is left. Pairs that do not go together are in scene_exclusions, with reasons, besides those of a feature that is not
+   there: a field, a source and a placement want a volume; a source of shadows, a side and other lights want a light.
+   With PAIRS_ALL in the environment, every scene's errors and levels are printed. */
+
+#include "random_scene.h"
+
+enum { VOXELS = 8, PIXELS = 32, ATTEMPTS = 40 };
+
+/* Pairs of levels that go together. */
+static const int table[FEATURES][FEATURES] = {
+    /*              vol fie sou pla sec mes par lig sha sid oth cam nea sur out */
+    /* volume       */ {0},
+    /* field        */ {30},
+    /* source       */ {18, 15},
+    /* placement    */ {30, 25, 15},
+    /* second       */ {35, 25, 15, 25},
+    /* mesh         */ {56, 40, 24, 40, 40},
+    /* particles    */ {28, 20, 12, 20, 20, 32},
+    /* light        */ {35, 25, 15, 25, 25, 40, 20},
+    /* shadow       */ {35, 25, 15, 25, 25, 40, 20, 19},
+    /* side         */ {21, 15, 9, 15, 15, 24, 12, 12, 15},
+    /* others       */ {35, 25, 15, 25, 25, 40, 20, 20, 25, 15},
+    /* camera       */ {49, 35, 21, 35, 35, 56, 28, 35, 35, 21, 35},
+    /* near         */ {14, 10, 6, 10, 10, 16, 8, 10, 10, 6, 10, 14},
+    /* surroundings */ {21, 15, 9, 15, 15, 24, 12, 14, 15, 9, 15, 21, 6},
+    /* output       */ {28, 20, 12, 20, 20, 32, 16, 20, 20, 12, 20, 28, 8, 12},
+    /* world        */ {28, 20, 12, 20, 20, 32, 13, 20, 20, 12, 20, 28, 8, 12, 16},
+};
+
+/* Scenes, counted from 1, that may fail, and why. */
+static const struct {
+    long scene;
+    const char *reason;
+} known[] = {
+    {0, "no such scene"},
+};
+
+typedef struct pairs {
+    unsigned char seen[FEATURES][LEVELS_MAX][FEATURES][LEVELS_MAX];
+    check_random random;
+    long scenes, refused, dark;
+} pairs;
+
+/* What a feature needs to mean anything: the feature whose level 0 is that there is none. */
+static int needs(int f) {
+    if (f == FIELD || f == SOURCE || f == PLACEMENT) return VOLUME;
+    if (f == SHADOW || f == SIDE || f == OTHERS) return LIGHT;
+    return -1;
+}
+
+static int goes_together(int f, int level, int g, int other) {
+    if (f == g || scene_excluded(f, level, g, other)) return 0;
+    return !(needs(f) == g && other == 0) && !(needs(g) == f && level == 0);
+}
+
+static int matters(const int levels[FEATURES], int f) { return needs(f) < 0 || levels[needs(f)] > 0; }
+
+/* A pair that has not occurred yet; 0 where there is none. */
+static int first_missing(const pairs *p, int levels[FEATURES]) {
+    for (int f = 0; f < FEATURES; ++f)
+        for (int a = 0; a < level_count(f); ++a)
+            for (int g = 0; g < f; ++g)
+                for (int b = 0; b < level_count(g); ++b)
+                    if (goes_together(f, a, g, b) && !p->seen[f][a][g][b]) {
+                        levels[f] = a;
+                        levels[g] = b;
+                        return 1;
+                    }
+    return 0;
+}
+
+/* New pairs that a level would make with those chosen (level -1: not chosen); -1 where it does not go with them. */
+static int gain(const pairs *p, const int levels[FEATURES], int f, int level) {
+    int count = 0;
+    for (int g = 0; g < FEATURES; ++g) {
+        if (levels[g] < 0) continue;
+        if (scene_excluded(f, level, g, levels[g]) || (needs(g) == f && level == 0)) return -1;
+        count += goes_together(f, level, g, levels[g]) && !p->seen[f][level][g][levels[g]];
+    }
+    return count;
+}
+
+/* Fills in what is not chosen, feature by feature from a random one on. */
+static void choose(pairs *p, int levels[FEATURES]) {
+    const int start = draw_below(&p->random, FEATURES), stride = 1 + 2 * draw_below(&p->random, FEATURES / 2);
+    for (int i = 0; i < FEATURES; ++i) {
+        const int f = (start + i * stride) % FEATURES; /* all of them: 16 features, odd strides */
+        const int count = level_count(f), from = draw_below(&p->random, count);
+        int best = -1;
+        if (levels[f] >= 0) continue;
+        for (int k = 0; k < count; ++k) {
+            const int level = (from + k) % count, gained = gain(p, levels, f, level);
+            if (gained > best) best = gained, levels[f] = level;
+        }
+    }
+}
+
+static void mark(pairs *p, const int levels[FEATURES]) {
+    for (int f = 0; f < FEATURES; ++f)
+        for (int g = 0; g < FEATURES; ++g)
+            if (f != g && matters(levels, f) && matters(levels, g)) p->seen[f][levels[f]][g][levels[g]] = 1;
+}
+
+static const char *excuse(long scene) {
+    for (size_t i = 0; i < sizeof known / sizeof *known; ++i)
+        if (known[i].scene == scene) return known[i].reason;
+    return NULL;
+}
+
+static void print_report(const pairs *p, const int levels[FEATURES], const scene_report *r) {
+    printf("%4ld %6.2f %% %6.2f %%  bias %6.2f %% %6.2f %%  coverage %.4f  depth %.4f  mean %.2g  own %.2f %%  seed "
+           "%llu  ",
+           p->scenes, 100 * r->medium.light, 100 * r->high.light, 100 * r->medium.bias, 100 * r->high.bias,
+           r->medium.coverage, r->medium.depth, r->high.mean, 100 * r->own, (unsigned long long)p->random.state);
+    print_levels(levels);
+}
+
+/* Whether the scene could be judged. */
+static int look(pairs *p, sps_context *context, const int levels[FEATURES]) {
+    static random_scene x;
+    scene_report r;
+    int seen = 0;
+    build_scene(&x, levels, p->random.state, VOXELS, PIXELS);
+    r = measure_scene(context, &x);
+    if (r.result == SPS_ERROR_UNSUPPORTED)
+        ++p->refused;
+    else if (CHECK_OK(context, r.result)) {
+        seen = scene_shown(&r);
+        p->dark += !seen;
+    }
+    if (getenv("PAIRS_ALL")) print_report(p, levels, &r);
+    if (seen && !excuse(p->scenes) && !CHECK(scene_good(&r))) print_report(p, levels, &r);
+    free_scene(&x);
+    return seen;
+}
+
+static void test_table(void) {
+    for (int f = 0; f < FEATURES; ++f)
+        for (int g = 0; g < f; ++g) {
+            int count = 0;
+            for (int a = 0; a < level_count(f); ++a)
+                for (int b = 0; b < level_count(g); ++b) count += goes_together(f, a, g, b);
+            if (!CHECK(table[f][g] == count))
+                printf("    %s and %s: %d\n", scene_features[f].name, scene_features[g].name, count);
+        }
+}
+
+static void test_pairs(void) {
+    static pairs p;
+    sps_context *context = check_context(NULL);
+    int levels[FEATURES], left, attempts = 0;
+    p.random.state = 1;
+    for (;;) {
+        for (int f = 0; f < FEATURES; ++f) levels[f] = -1;
+        left = first_missing(&p, levels);
+        if (!left || attempts > ATTEMPTS) break;
+        choose(&p, levels);
+        ++p.scenes;
+        attempts = look(&p, context, levels) ? (mark(&p, levels), 0) : attempts + 1;
+    }
+    printf("%ld scenes, of which %ld refused and %ld dark\n", p.scenes, p.refused, p.dark);
+    if (!CHECK(!left)) print_levels(levels);
+    sps_destroy(context);
+}
+
+int main(void) {
+    RUN(test_table);
+    RUN(test_pairs);
+    return check_report();
+}

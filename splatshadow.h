@@ -6044,11 +6044,11 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
    Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near
    a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is taken
-   instead. Footprints are widened to a pixel by its filter, but for the eye's of what is classified: a transfer function
-   of a mean is not the mean of a transfer function, so that is sampled once a pixel, as polygons are, and where voxels
-   are smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes).
-   Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14
-   vector operations per vector of fragments and section, and 25 per row. */
+   instead. Footprints are widened to a pixel by its filter, but for the eye's of what is classified: a transfer
+   function of a mean is not the mean of a transfer function, so that is sampled once a pixel, as polygons are, and
+   where voxels are smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section
+   (spsi_add_slopes). Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost:
+   about 14 vector operations per vector of fragments and section, and 25 per row. */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
@@ -6105,7 +6105,7 @@ typedef struct spsi_tile {
     float nearest_limit;    /* least depth of a polygon in the tile */
     const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
-    float *slopes;              /* where the sheets of d/dx, and behind these d/dy, of the channel at hand are; or NULL */
+    float *slopes; /* where the sheets of d/dx, and behind these d/dy, of the channel at hand are; or NULL */
     uint64_t open;              /* patches that are not opaque yet; footprints that meet none are passed over */
     int margin;                 /* pixels beyond the patches, which belong to the patches at the edge */
     float eye_slab;             /* slab coordinate of the eye, for the near case */
@@ -6271,15 +6271,16 @@ typedef struct spsi_sections {
     float v_slope[2];
 } spsi_sections;
 
-/* Adds the derivatives of sections along x and y: w (S(b) - S(a)) changes by w' (S(b) - S(a)) + w (S'(b) b' - S'(a) a').
-   A plane beyond a limit does not move the section's end. */
+/* Adds the derivatives of sections along x and y: w (S(b) - S(a)) changes by w' (S(b) - S(a)) + w (S'(b) b' - S'(a)
+   a'). A plane beyond a limit does not move the section's end. */
 static void spsi_add_slopes(const spsi_tile *tile, const spsi_sections *s, float *sheet) {
     const spsi_v zero = spsi_set(0);
     spsi_v v = s->v, share[2], slope[2];
     for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_slab)) {
         const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
         const spsi_v at = s->clamped ? spsi_clamp(v, s->low, s->high) : v;
-        const spsi_v outermost = s->clamped ? spsi_kernel_share(first ? s->low : s->high) : spsi_set(last ? 1.0f : 0.0f);
+        const spsi_v outermost =
+            s->clamped ? spsi_kernel_share(first ? s->low : s->high) : spsi_set(last ? 1.0f : 0.0f);
         const spsi_m free_end = spsi_and(spsi_less(spsi_sub(at, v), spsi_set(1e-6f)),
                                          spsi_less(spsi_sub(v, at), spsi_set(1e-6f)));
         share[1] = first || last ? outermost : spsi_kernel_share(at);
@@ -7040,7 +7041,8 @@ typedef struct spsi_line {
 /* What a vector of pixels knows about its rays. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line around[8]; /* of the neighbours at x - 1, x + 1, y - 1, y + 1, where there are gradients, and at twice that */
+    spsi_line
+        around[8]; /* of the neighbours at x - 1, x + 1, y - 1, y + 1, where there are gradients, and at twice that */
     spsi_v length;       /* world length per t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
     spsi_v toward[3];    /* unit direction from the eye */
@@ -7341,13 +7343,15 @@ static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile,
     spsi_v value[4][3], unused[3];
     spsi_m all = spsi_less(spsi_set(0), spsi_set(1));
     for (int i = 0; i < 2 * shader->frame->gradient_reach; ++i)
-        all = spsi_and(all, spsi_profile_neighbour(shader, tile, &p->around[4 * (i >> 1) + 2 * axis + (i & 1)], k,
-                                                   channel, means->own, own_place, value[i], i < 2 ? place[i] : unused));
+        all =
+            spsi_and(all, spsi_profile_neighbour(shader, tile, &p->around[4 * (i >> 1) + 2 * axis + (i & 1)], k,
+                                                 channel, means->own, own_place, value[i], i < 2 ? place[i] : unused));
     for (int n = 0; n < 3; ++n) {
         const spsi_v change = spsi_sub(value[1][n], value[0][n]);
         value[0][n] = change;
         if (shader->frame->gradient_reach < 2) continue;
-        value[2][n] = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), spsi_sub(value[3][n], value[2][n])));
+        value[2][n] =
+            spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), spsi_sub(value[3][n], value[2][n])));
         value[0][n] = spsi_select(all, value[2][n], change);
     }
     *aside = spsi_parabola_through(value[0][0], value[0][1], value[0][2]);
@@ -8118,7 +8122,8 @@ static int spsi_pixel_margin(const spsi_frame *frame) { return frame->gradient_r
 
 static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
     const int pixels = 2 * spsi_pixel_margin(frame), slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame, 0);
-    return (size_t)(frame->material_count * (frame->splats_slopes ? 3 : 1)) * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
+    return (size_t)(frame->material_count * (frame->splats_slopes ? 3 : 1)) *
+               (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
            2 * SPSI_LANES;
 }
 
@@ -8799,24 +8804,16 @@ static int spsi_depth_map_size(const spsi_frame *frame) {
 /* Cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
-/* Fills the cells of one face of a depth map. */
-static void spsi_depth_map_cells_build(spsi_depth_map *map, int face) {
-    const int width = map->rays[face].width, height = map->rays[face].height;
-    const int columns = spsi_depth_map_cells(width), rows = spsi_depth_map_cells(height);
-    map->cells[face] = columns;
-    for (int i = 0; i < columns * rows; ++i) map->nearest[face][i] = SPSI_INFINITY;
+/* The least depth in each cell and in the cells around it, from those of each alone. */
+static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const float *alone) {
+    const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
     for (int row = 0; row < rows; ++row)
         for (int column = 0; column < columns; ++column) {
             float least = SPSI_INFINITY;
-            for (int y = row * SPSI_CELL; y < spsi_least(height, (row + 1) * SPSI_CELL); ++y)
-                for (int x = column * SPSI_CELL; x < spsi_least(width, (column + 1) * SPSI_CELL); ++x) {
-                    const size_t at = (size_t)y * (size_t)width + (size_t)x;
-                    const float rise = fabsf(map->slopes[face][0][at]) + fabsf(map->slopes[face][1][at]);
-                    least = spsi_lower(least, map->depths[face][at] - rise);
-                }
             for (int y = spsi_most(row - 1, 0); y <= spsi_least(row + 1, rows - 1); ++y)
                 for (int x = spsi_most(column - 1, 0); x <= spsi_least(column + 1, columns - 1); ++x)
-                    if (least < map->nearest[face][y * columns + x]) map->nearest[face][y * columns + x] = least;
+                    least = spsi_lower(least, alone[y * columns + x]);
+            map->nearest[face][row * columns + column] = least;
         }
 }
 
@@ -8827,7 +8824,7 @@ static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *m
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         floats += 3 * spsi_ray_count(rays);
-        floats += (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
+        floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
@@ -8838,55 +8835,79 @@ static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *m
         map->slopes[face][0] = memory + texels;
         map->slopes[face][1] = memory + 2 * texels;
         map->nearest[face] = memory + 3 * texels;
-        memory = map->nearest[face] +
-                 (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
+        map->cells[face] = spsi_depth_map_cells(rays->width);
+        memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
     }
     return SPS_OK;
 }
 
-typedef struct spsi_slopes_job {
+typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
+    float *alone; /* per cell: the least depth in it */
     int face;
-} spsi_slopes_job;
+} spsi_planes_job;
 
-/* Puts the slopes of one row's planes where the rasteriser has left the numbers of their polygons. With n a plane's
-   normal and r a texel's ray, t changes by -(n.a) / (n.r) from a texel to the next, times t itself in perspective.
-   Planes that the ray grazes are as steep as SPSI_STEEP lets them. */
-static void spsi_slopes_task(void *data, int y, int worker) {
-    const spsi_slopes_job *job = (const spsi_slopes_job *)data;
-    const spsi_rays *rays = &job->map->rays[job->face];
+/* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from a
+   texel to the next, times t itself in perspective. */
+typedef struct spsi_map_plane {
+    int number; /* of its face; -1: none */
+    double a, b, normal[3];
+} spsi_map_plane;
+
+static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
+    const spsi_face *face = &faces->list[number];
+    double u[3], v[3];
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, plane->normal);
+    plane->a = spsi_dot(plane->normal, rays->a);
+    plane->b = spsi_dot(plane->normal, rays->b);
+    plane->number = number;
+}
+
+/* The slope -t (n.a) / (n.r), cut where the ray grazes the plane. */
+static float spsi_map_slope(double across, double facing, double t, double steepest) {
+    const double slope = -t * across / facing;
+    return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
+}
+
+/* Puts the slopes of one row's planes where the rasteriser has left the numbers of their faces, and lowers the row's
+   cells to the least that its planes come to within a texel. */
+static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
+    const spsi_depth_map *map = job->map;
+    const spsi_rays *rays = &map->rays[job->face];
     const size_t first = (size_t)y * (size_t)rays->width;
-    const float *depths = job->map->depths[job->face] + first;
-    float *slopes[2];
-    double n[3] = {0, 0, 0};
-    int known = -1;
-    (void)worker;
-    for (int i = 0; i < 2; ++i) slopes[i] = job->map->slopes[job->face][i] + first;
+    const double texel = spsi_length(rays->a);
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}};
     for (int x = 0; x < rays->width; ++x) {
-        double ray[3], facing, t = 1, steepest;
+        float *along_x = &map->slopes[job->face][0][first + (size_t)x];
+        float *along_y = &map->slopes[job->face][1][first + (size_t)x];
+        const float depth = map->depths[job->face][first + (size_t)x];
+        double ray[3], facing, t = 1;
         int number;
-        memcpy(&number, &slopes[1][x], sizeof number);
-        slopes[0][x] = slopes[1][x] = 0;
+        memcpy(&number, along_y, sizeof number);
+        *along_x = *along_y = 0;
         if (number < 0) continue;
-        if (number != known) {
-            const spsi_face *face = &job->faces->list[number];
-            double u[3], v[3];
-            spsi_along(face->position[1], face->position[0], -1, u);
-            spsi_along(face->position[2], face->position[0], -1, v);
-            spsi_cross(u, v, n);
-            spsi_normalise(n);
-            known = number;
-        }
+        if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
         spsi_ray_direction(rays, x, y, ray);
-        facing = spsi_dot(n, ray);
-        if (rays->perspective) t = (double)depths[x] + rays->depth_reference;
-        steepest = SPSI_STEEP * t * spsi_length(rays->a);
-        for (int i = 0; i < 2; ++i) {
-            const double slope = -t * spsi_dot(n, i ? rays->b : rays->a) / facing;
-            slopes[i][x] = (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
-        }
+        facing = spsi_dot(plane.normal, ray);
+        if (rays->perspective) t = (double)depth + rays->depth_reference;
+        *along_x = spsi_map_slope(plane.a, facing, t, SPSI_STEEP * t * texel);
+        *along_y = spsi_map_slope(plane.b, facing, t, SPSI_STEEP * t * texel);
+        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(*along_x) - fabsf(*along_y));
     }
+}
+
+/* One row of cells. */
+static void spsi_planes_task(void *data, int index, int worker) {
+    const spsi_planes_job *job = (const spsi_planes_job *)data;
+    const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
+    float *cells = job->alone + (size_t)index * (size_t)columns;
+    (void)worker;
+    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
+    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
+        spsi_planes_row(job, y, cells);
 }
 
 /* Rasterises the polygons as a light sees them in front of the gas: in one map that is fitted to the gas, however far
@@ -8894,7 +8915,7 @@ static void spsi_slopes_task(void *data, int y, int worker) {
 static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        int light, spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_depth_map_size(frame));
-    spsi_slopes_job job;
+    spsi_planes_job job;
     map->face_count = 0;
     if (light < 0 || faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     map->face_count = 1;
@@ -8910,8 +8931,10 @@ static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *f
     for (job.face = 0; job.face < map->face_count; ++job.face) {
         spsi_rasterise(context, faces, &map->rays[job.face], NULL, map->depths[job.face],
                        (int *)(void *)map->slopes[job.face][1]);
-        spsi_parallel(context, map->rays[job.face].height, spsi_slopes_task, &job);
-        spsi_depth_map_cells_build(map, job.face);
+        job.alone = map->nearest[job.face] +
+                    (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(map->rays[job.face].height);
+        spsi_parallel(context, spsi_depth_map_cells(map->rays[job.face].height), spsi_planes_task, &job);
+        spsi_depth_map_spread(map, job.face, job.alone);
     }
     return SPS_OK;
 }
@@ -10554,7 +10577,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             if (frame->scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
                     (size * size / 2 * 3 + 6 * 64) * 3 * sizeof(float) +
-                    6 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float);
+                    12 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float);
             report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->triangle_count);
             report->pass[SPS_PASS_SHADOW_RAYS].bytes = (size_t)frame->eye.width * (size_t)frame->eye.height;
         }

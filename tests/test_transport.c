@@ -537,8 +537,8 @@ static void test_point_light(void) {
 /* A light at the very centre of a voxel: refused with shadows, finite without. Along a ray at the distance q the
    integral of 1 / r^2 is at most pi / q, of which the slab's own half a unit takes 2 atan(0.25 / q) / q or more; q is
    no less than 0.28364 pixels (>>shading). Kernels reach 4.5 voxels to either side, so that of 1, 3 or 9 sheets one has
-   its middle on the light itself. A single sheet takes the slab as spread over all of its 0.9, which leaves 0.5 / 0.9 of
-   the least at most; 0.9 is for the slab's rim, 5 % lower within 1.6 kernel widths of its side, and the tilt. */
+   its middle on the light itself. A single sheet takes the slab as spread over all of its 0.9, which leaves 0.5 / 0.9
+   of the least at most; 0.9 is for the slab's rim, 5 % lower within 1.6 kernel widths of its side, and the tilt. */
 static void test_light_inside(void) {
     static const double slabs[3] = {9, 3, 1};
     for (int n = 0; n < 6; ++n) {

@@ -1,0 +1,473 @@
+/* Volumes at every scale: seen small and large, of flat and sheared voxels, under lamps within gas and lights that
+   turn; and pairs of features that other tests do not look at together. What is compared with sps_reference is bounded
+   by what the quality in use owes it on every scene: MEDIUM of the picture's mean, rms, for gas at medium, SHADED for
+   what is classified and shaded, where kernels are cut at 3.3 standard deviations and slabs are 0.7 of a voxel. Each
+   error that a test is about changes its picture by several times that; where it does not, the bound is derived on the
+   spot. */
+
+#include "check.h"
+
+#define PI        3.14159265358979323846
+#define ISOTROPIC (0.25 / PI)
+#define MEDIUM    0.01
+#define SHADED    0.06
+
+enum { PIXELS_MOST = 96 * 96 };
+static float image_a[4 * PIXELS_MOST], image_b[4 * PIXELS_MOST], image_c[4 * PIXELS_MOST], image_d[4 * PIXELS_MOST];
+static float depth_a[PIXELS_MOST], depth_b[PIXELS_MOST];
+static sps_context *context;
+static float one = 1;
+
+/* ------------------------------------------------------------------------------------------------------ helpers */
+
+typedef struct difference {
+    double rms, bias; /* of the mean of the reference's radiance */
+} difference;
+
+static difference compare(const float *image, const float *exact, int pixels) {
+    difference result = {0, 0};
+    double mean = 0;
+    for (int i = 0; i < 4 * pixels; ++i) {
+        const double apart = (double)image[i] - (double)exact[i];
+        if (i % 4 == 3) continue;
+        mean += (double)exact[i];
+        result.bias += apart;
+        result.rms += apart * apart;
+    }
+    result.rms = sqrt(result.rms * 3 * pixels) / mean;
+    result.bias /= mean;
+    return result;
+}
+
+/* Renders a scene into image_a and marches it into image_b. */
+static difference against_reference(const check_scene *s, double step) {
+    const difference failed = {HUGE_VAL, HUGE_VAL};
+    if (!check_render(context, s, image_a) || !check_march(context, s, step, image_b, NULL)) return failed;
+    return compare(image_a, image_b, s->view.width * s->view.height);
+}
+
+static int within(difference d, double rms, double bias, const char *what) {
+    const int good = CHECK(d.rms <= rms) && CHECK(fabs(d.bias) <= bias);
+    if (!good || getenv("CHECK_FIGURES"))
+        printf("    %s: rms %.2f %%, bias %+.2f %% of the mean\n", what, 100 * d.rms, 100 * d.bias);
+    return good;
+}
+
+/* A ball of radius 0.36 about the origin whose value rises from 0 to 1 within 0.1 of its rim. */
+static double ball(const void *user, const double p[3]) {
+    const double r = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    (void)user;
+    return fmin(1, fmax(0, (0.36 - r) / 0.1));
+}
+
+/* A ball with bumps, of values 0 to 1 throughout. */
+static double bumps(const void *user, const double p[3]) {
+    const double r = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+    (void)user;
+    return fmax(0, (1 - 2.2 * r) * (1 + 0.4 * sin(9 * p[0] + 1) * sin(8 * p[1]) * cos(10 * p[2])));
+}
+
+/* A volume of n[0] x n[1] x n[2] voxels that holds a formula; `field` must stay. */
+static sps_volume *add_field(check_scene *s, check_field *field, double (*value)(const void *, const double *),
+                             const int n[3], sps_placement placement) {
+    sps_volume *volume = check_add_volume(s, n[0], n[1], n[2], placement);
+    field->value_fn = value;
+    field->user = NULL;
+    memcpy(field->size, n, sizeof field->size);
+    field->placement = placement;
+    volume->read_fn = check_read_field;
+    volume->user = field;
+    return volume;
+}
+
+static const sps_placement unit_box = {{-0.5, -0.5, -0.5}, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+
+static sps_transfer_point skin_points[3] = {
+    {0.3f, {0.8f, 0.8f, 0.8f}, 0}, {0.5f, {0.8f, 0.8f, 0.8f}, 20}, {1, {0.8f, 0.8f, 0.8f}, 20}};
+static sps_transfer skin = {skin_points, 3, NULL, NULL, 0};
+
+static sps_transfer_point layer_points[4] = {{0.2f, {0.8f, 0.5f, 0.3f}, 0},
+                                             {0.35f, {0.8f, 0.5f, 0.3f}, 8},
+                                             {0.6f, {0.8f, 0.7f, 0.6f}, 1},
+                                             {0.9f, {0.9f, 0.9f, 0.9f}, 12}};
+static sps_transfer layers = {layer_points, 4, NULL, NULL, 0};
+
+/* --------------------------------------------------------------------------------------------- seen small and large */
+
+/* A shaded ball of 20 voxels at a quarter to four pixels a voxel: its mean within 1 % of the reference's at each. */
+static void test_image_sizes(void) {
+    static const int n[3] = {20, 20, 20};
+    for (int pixels = 5; pixels <= 80; pixels *= 2)
+        for (int quality = SPS_QUALITY_MEDIUM; quality <= SPS_QUALITY_ULTRA; ++quality) {
+            check_scene s;
+            check_field field;
+            sps_volume *volume;
+            char what[64];
+            check_clear(&s, pixels, pixels);
+            volume = add_field(&s, &field, ball, n, unit_box);
+            volume->transfer = &skin;
+            volume->shading = SPS_SHADING_SURFACE;
+            check_add_directional(&s, -0.8, -0.4, -0.5, 3);
+            s.view.quality = (sps_quality)quality;
+            snprintf(what, sizeof what, "%g pixels a voxel, quality %d", pixels / 20.0, quality);
+            if (quality == SPS_QUALITY_MEDIUM && !check_march(context, &s, 0.25, image_b, NULL)) return;
+            if (!check_render(context, &s, image_a)) return;
+            within(compare(image_a, image_b, pixels * pixels), 0.1, 0.01, what);
+        }
+}
+
+/* Flat voxels, upright and sheared as by a gantry's tilt, seen at 45 degrees to their planes: no worse than 1.5 times
+   what cubes of their breadth are. */
+static void test_flat_voxels(void) {
+    static const int flat[3][3] = {{40, 40, 40}, {40, 40, 5}, {40, 40, 4}};
+    for (int quality = SPS_QUALITY_MEDIUM; quality <= SPS_QUALITY_HIGH; ++quality) {
+        double cubes = 0;
+        for (int i = 0; i < 3; ++i) {
+            check_scene s;
+            check_field field;
+            sps_volume *volume;
+            sps_placement placement = unit_box;
+            difference d;
+            if (i == 2) placement.axis[2][0] = tan(PI / 6), placement.origin[0] -= 0.5 * tan(PI / 6);
+            check_clear(&s, 36, 36);
+            check_set3(s.view.position, 2, 0.3, 2);
+            s.view.ortho_height = 1.1;
+            volume = add_field(&s, &field, ball, flat[i], placement);
+            volume->transfer = &layers;
+            check_add_directional(&s, -0.2, -0.8, -0.5, 3);
+            s.view.quality = (sps_quality)quality;
+            d = against_reference(&s, i == 0 ? 0.5 : 0.4);
+            if (i == 0) cubes = d.rms;
+            within(d, i == 0 ? SHADED : 1.5 * cubes, 0.02, i == 0 ? "cubes" : i == 1 ? "1:1:8" : "1:1:10, sheared");
+        }
+    }
+}
+
+/* ---------------------------------------------------------------------------------------------------- lamps, turning
+ */
+
+/* A lamp within thin gas that fills a slab of half a unit, moved by a tenth of a pixel at a time: each pixel's radiance
+   is phase * extinction * (the angle under which the lamp sees the ray's way through the slab) / its distance q from
+   the ray, which is 0.28364 pixels at least. The slab's soft faces change an angle by 0.4 %, its ripple by 0.2 %. The
+   sum over the image must go as that of the closed forms does, to 0.2 %: errors that come and go would flicker. */
+static void test_lamp(void) {
+    static const int n[3] = {31, 31, 10};
+    double before = 0, exact_before = 0;
+    for (int frame = 0; frame < 8; ++frame) {
+        check_scene s;
+        sps_volume *volume;
+        double lamp[3] = {0.03, -0.02, 0.011}, sum = 0, exact_sum = 0, most = 0, exact_most = 0;
+        lamp[0] += 0.1 * frame / 33, lamp[1] += 0.06 * frame / 33, lamp[2] += 0.02 * frame;
+        check_clear(&s, 33, 33);
+        volume = check_add_volume(&s, n[0], n[1], n[2], check_box(-0.775, -0.775, -0.25, 0.775, 0.775, 0.25));
+        volume->read_fn = check_read_constant, volume->user = &one;
+        volume->extinction = 1e-3f;
+        check_color(volume->albedo, 1, 1, 1);
+        check_add_point(&s, lamp[0], lamp[1], lamp[2], 1)->no_shadow = 1;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 33 * 33; ++i) {
+            const double x = (i % 33 - 16) / 33.0 - lamp[0], y = (16 - i / 33) / 33.0 - lamp[1];
+            const double q = fmax(sqrt(x * x + y * y), 0.28364 / 33);
+            const double exact = ISOTROPIC * 1e-3 * (atan((0.25 - lamp[2]) / q) + atan((0.25 + lamp[2]) / q)) / q;
+            sum += (double)image_a[4 * i];
+            exact_sum += exact;
+            most = fmax(most, (double)image_a[4 * i]);
+            exact_most = fmax(exact_most, exact);
+        }
+        if (!CHECK_NEAR(most / exact_most, 1, 0.03)) printf("    brightest pixel, frame %d\n", frame);
+        if (frame > 0 && !CHECK_NEAR(sum / before * (exact_before / exact_sum), 1, 0.002))
+            printf("    sum of the image, frame %d\n", frame);
+        before = sum, exact_before = exact_sum;
+    }
+}
+
+/* A light that turns through a right angle to the view, where slabs turn over, and counts of texels change: from frame
+   to frame the picture's error changes by less than the reference itself does. */
+static void test_turning_light(void) {
+    static const int n[3] = {14, 14, 14};
+    float *image[2] = {image_a, image_c}, *exact[2] = {image_b, image_d};
+    for (int frame = 0; frame < 6; ++frame) {
+        const double angle = (87.4 + 1.07 * frame) * PI / 180;
+        const int now = frame & 1, pixels = 40 * 40;
+        double error = 0, change = 0;
+        check_scene s;
+        check_field field;
+        sps_volume *volume;
+        check_clear(&s, 40, 40);
+        check_set3(s.view.position, 0, 0.4, 2.2);
+        s.view.field_of_view = 0.55;
+        volume = add_field(&s, &field, ball, n, unit_box);
+        volume->transfer = &skin;
+        volume->shading = SPS_SHADING_SURFACE;
+        check_add_directional(&s, sin(angle), -0.3, -cos(angle), 3);
+        if (!check_render(context, &s, image[now]) || !check_march(context, &s, 0.5, exact[now], NULL)) return;
+        for (int i = 0; i < 4 * pixels && frame > 0; ++i) {
+            const double own = (double)exact[now][i] - (double)exact[!now][i];
+            const double moved = (double)image[now][i] - (double)image[!now][i] - own;
+            if (i % 4 == 3) continue;
+            error += moved * moved;
+            change += own * own;
+        }
+        if (!CHECK(error <= change) || getenv("CHECK_FIGURES"))
+            printf("    frame %d: the error's change is %.2f of the reference's\n", frame, sqrt(error / change));
+    }
+}
+
+/* ------------------------------------------------------------------------------------------- pairs of features */
+
+/* A constant grid is constant to 0.2 %: a transfer function that sets in 0.5 % above its value shows nothing of it, one
+   that sets in 0.5 % below shows all of it, and the steep onset must not be smoothed away. */
+static void test_steep_onset(void) {
+    for (int shows = 0; shows < 2; ++shows) {
+        const float onset = shows ? 0.995f : 1.005f;
+        const sps_transfer_point steep[3] = {{onset, {1, 1, 1}, 0}, {onset * 1.001f, {1, 1, 1}, 5}, {2, {1, 1, 1}, 5}};
+        const sps_transfer transfer = {steep, 3, NULL, NULL, 0};
+        check_scene s;
+        sps_volume *volume;
+        check_clear(&s, 9, 9);
+        s.view.ortho_height = 0.5;
+        s.view.quality = SPS_QUALITY_HIGH;
+        volume = check_add_volume(&s, 20, 20, 20, unit_box);
+        volume->read_fn = check_read_constant, volume->user = &one;
+        volume->transfer = &transfer;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < 81; ++i) {
+            /* the value falls by 0.5 % 2.576 * 0.65 voxels before either face; a slab of 0.4 is shown or not as a whole
+             */
+            const double least = shows ? -expm1(-5.0 * (1 - 2 * (0.65 * 2.576 + 0.4) / 20)) : 0;
+            if (!CHECK((double)image_a[4 * i + 3] >= least) || !CHECK((double)image_a[4 * i + 3] <= (shows ? 1 : 0)))
+                printf("    onset %g, pixel %d: coverage %g\n", (double)onset, i, (double)image_a[4 * i + 3]);
+        }
+    }
+}
+
+/* Two gases side by side that differ in their lobes alone: the phase functions are 4 and 1/9 of isotropic along the
+   view, and each keeps its own. Thin, so that a pixel is phase * optical depth to 1 %. */
+static void test_lobes_alone(void) {
+    static const sps_lobe lobes[2] = {{0.5f, 1}, {-0.5f, 1}};
+    check_scene s;
+    check_clear(&s, 16, 8);
+    s.view.ortho_height = 1;
+    for (int i = 0; i < 2; ++i) {
+        sps_volume *gas = check_add_volume(&s, 10, 10, 10, check_box(i ? 0 : -1, -0.5, -0.5, i ? 1 : 0, 0.5, 0.5));
+        gas->read_fn = check_read_constant, gas->user = &one;
+        gas->extinction = 0.005f;
+        check_color(gas->albedo, 1, 1, 1);
+        gas->lobes = &lobes[i], gas->lobe_count = 1;
+    }
+    check_add_directional(&s, 0, 0, 1, 1)->no_shadow = 1; /* towards the eye */
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 2; ++i) {
+        const double g = i ? -0.5 : 0.5, phase = ISOTROPIC * (1 - g * g) / pow(1 + g * g - 2 * g * 1, 1.5);
+        CHECK_NEAR((double)image_a[4 * (16 * 4 + 3 + 9 * i)], phase * 0.005, phase * 0.005 * 0.01);
+    }
+}
+
+/* Slabs and texels are those of the finest voxels, whichever volume has them, and along whichever axis. */
+static void test_finest_counts(void) {
+    int slabs[4], texels[4];
+    for (int i = 0; i < 4; ++i) {
+        const int fine[3] = {i == 2 ? 48 : 24, i == 3 ? 48 : 24, i < 2 ? 48 : 24};
+        sps_plan_report plan;
+        check_scene s;
+        check_clear(&s, 32, 32);
+        s.view.slab = 1;
+        for (int n = 0; n < 2; ++n) {
+            const int is_fine = (n == 0) == (i != 1);
+            sps_volume *gas =
+                check_add_volume(&s, is_fine ? fine[0] : 8, is_fine ? fine[1] : 8, is_fine ? fine[2] : 8, unit_box);
+            gas->read_fn = check_read_constant, gas->user = &one, gas->extinction = 1;
+            check_color(gas->albedo, 1, 1, 1);
+        }
+        check_add_directional(&s, 1, -1, -1, 1);
+        check_set3(s.view.position, 5, 5, 5); /* each axis alike, for the eye, the light and the slabs' normal */
+        check_set3(s.light[0].direction, -1, -1, -1);
+        if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+        slabs[i] = plan.slab_count, texels[i] = plan.shadow_width * plan.shadow_height;
+        /* along (1,1,1) / sqrt 3 the fine volume's voxel extends sqrt((2 / 24^2 + 1 / 48^2) / 3), the other's 1 / 8;
+           the box with its margins of 2.5 coarse voxels extends (1 + 5 / 8) sqrt 3 */
+        CHECK_NEAR(slabs[i], 1.625 * sqrt(3.0) / sqrt((2.0 / (24 * 24) + 1.0 / (48 * 48)) / 3), 1.01);
+        CHECK(slabs[i] == slabs[0] && texels[i] == texels[0]);
+    }
+}
+
+/* Gas in voxels sheared so far that footprints are ellipses of 1 : 8, in which rows of pixels cannot share factors. */
+static void test_sheared_voxels(void) {
+    static const int n[3] = {12, 12, 12};
+    check_scene s;
+    check_field field;
+    sps_volume *gas;
+    sps_placement placement = unit_box;
+    placement.axis[1][0] = 2.5, placement.axis[2][0] = 1.5, placement.origin[0] = -2.5;
+    check_clear(&s, 48, 32);
+    s.view.ortho_height = 1.4;
+    gas = add_field(&s, &field, bumps, n, placement);
+    gas->extinction = 3;
+    check_color(gas->albedo, 0.9, 0.9, 0.9);
+    check_add_directional(&s, -0.3, -0.8, -0.6, 3);
+    s.view.quality = SPS_QUALITY_HIGH;
+    within(against_reference(&s, 0.3), MEDIUM, MEDIUM, "sheared");
+}
+
+/* Two classified volumes one behind the other in the light, of different transfer functions: each dims by its own. */
+static void test_two_tables(void) {
+    static const int n[3] = {14, 14, 14};
+    static const sps_transfer_point dense[3] = {
+        {0.1f, {0.9f, 0.9f, 0.9f}, 0}, {0.2f, {0.9f, 0.9f, 0.9f}, 6}, {1, {0.9f, 0.9f, 0.9f}, 6}};
+    static const sps_transfer_point thin[2] = {{0.1f, {0.9f, 0.9f, 0.9f}, 0}, {1, {0.9f, 0.9f, 0.9f}, 1.5f}};
+    const sps_transfer transfer[2] = {{dense, 3, NULL, NULL, 0}, {thin, 2, NULL, NULL, 0}};
+    for (int order = 0; order < 2; ++order) {
+        check_scene s;
+        check_field field[2];
+        check_clear(&s, 40, 40);
+        s.view.ortho_height = 2;
+        for (int i = 0; i < 2; ++i) {
+            const double x = i == order ? 0.35 : -0.35;
+            sps_volume *volume = add_field(&s, &field[i], bumps, n, check_box(x - 0.5, -0.5, -0.5, x + 0.5, 0.5, 0.5));
+            (void)x;
+            volume->transfer = &transfer[i];
+        }
+        check_add_directional(&s, -1, -0.1, -0.3, 3);
+        s.view.quality = SPS_QUALITY_HIGH;
+        within(against_reference(&s, 0.3), SHADED, 0.01, order ? "thin before dense" : "dense before thin");
+    }
+}
+
+/* A deep flat skin that faces the eye, lit at an angle: all it sends is the response of its surface times
+   m / (1 + m), m the light's cosine, in closed form: r / pi m + specular (n + 8) / (8 pi) (n . h)^n m. */
+static void test_highlight(void) {
+    static const sps_transfer_point points[3] = {
+        {0.2f, {0.5f, 0.5f, 0.5f}, 0}, {0.3f, {0.5f, 0.5f, 0.5f}, 40}, {1, {0.5f, 0.5f, 0.5f}, 40}};
+    static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
+    for (int i = 0; i < 4; ++i) {
+        const double angle = 0.25 * i, m = cos(angle), shininess = 24;
+        const double shine = 0.6 * (shininess + 8) / (8 * PI) * pow(cos(0.5 * angle), shininess);
+        const double exact = (0.5 / PI + shine) * m * m / (1 + m);
+        check_scene s;
+        sps_volume *volume;
+        check_clear(&s, 9, 9);
+        s.view.ortho_height = 0.2;
+        s.view.quality = SPS_QUALITY_ULTRA;
+        volume = check_add_volume(&s, 30, 30, 10, check_box(-1.5, -1.5, -1, 1.5, 1.5, 0));
+        volume->read_fn = check_read_constant, volume->user = &one;
+        volume->transfer = &transfer;
+        volume->shading = SPS_SHADING_SURFACE;
+        volume->specular = 0.6f, volume->shininess = (float)shininess;
+        check_add_directional(&s, sin(angle), 0, -cos(angle), 1);
+        if (!check_render(context, &s, image_a)) return;
+        /* extinction sets in within a voxel, 4 deep: the light's depth between texels and slabs is good to 1 % */
+        if (!CHECK_NEAR((double)image_a[4 * 40], exact, 0.015 * exact)) printf("    at %g radians\n", angle);
+    }
+}
+
+/* What is shown lies in the faces of a box alone, where values fall from 1 to 0 outside: none of it may be missed. */
+static void test_faces_of_volume(void) {
+    static const sps_transfer_point rim[4] = {{0.2f, {0.8f, 0.8f, 0.8f}, 0},
+                                              {0.35f, {0.8f, 0.8f, 0.8f}, 8},
+                                              {0.6f, {0.8f, 0.8f, 0.8f}, 8},
+                                              {0.7f, {0, 0, 0}, 0}};
+    static const sps_transfer transfer = {rim, 4, NULL, NULL, 1};
+    check_scene s;
+    sps_volume *volume;
+    check_clear(&s, 36, 36);
+    check_set3(s.view.position, 3, 2, 4);
+    s.view.ortho_height = 2.2;
+    volume = check_add_volume(&s, 34, 20, 20, check_box(-0.85, -0.5, -0.5, 0.85, 0.5, 0.5));
+    volume->read_fn = check_read_constant, volume->user = &one;
+    volume->transfer = &transfer;
+    check_add_directional(&s, -0.3, -1, -0.4, 2);
+    s.view.quality = SPS_QUALITY_HIGH;
+    within(against_reference(&s, 0.3), 0.03, 0.015, "faces of a box");
+}
+
+/* Slabs of what is classified follow their neighbours across the seams of chunks of 16: no seam is worse than the rest.
+   Forty slabs lie in the skin, which runs along them. */
+static void test_chunk_seams(void) {
+    static const int n[3] = {24, 24, 24};
+    for (int surface = 0; surface < 2; ++surface) {
+        check_scene s;
+        check_field field;
+        sps_volume *volume;
+        check_clear(&s, 48, 48);
+        volume = add_field(&s, &field, ball, n, unit_box);
+        volume->transfer = &skin;
+        volume->shading = surface ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
+        check_add_directional(&s, -0.8, -0.1, -0.2, 3)->no_shadow = 1;
+        s.view.quality = SPS_QUALITY_HIGH;
+        s.view.slab = 0.5;
+        within(against_reference(&s, 0.25), surface ? SHADED : 0.004, 0.005, surface ? "seams, surface" : "seams, gas");
+    }
+}
+
+/* Gas lit from behind is composited back to front: a near plane within it, and depths, as the reference has them. */
+static void test_back_to_front(void) {
+    static const int n[3] = {16, 16, 16};
+    for (int i = 0; i < 2; ++i) {
+        check_scene s;
+        check_field field;
+        sps_volume *gas;
+        double worst = 0;
+        check_clear(&s, 32, 32);
+        check_set3(s.view.position, 0.2, 0.3, 2);
+        s.view.field_of_view = 0.5;
+        if (i) s.view.near_distance = 1.95;
+        gas = add_field(&s, &field, bumps, n, unit_box);
+        gas->extinction = 6;
+        check_color(gas->albedo, 0.9, 0.9, 0.9);
+        check_add_directional(&s, 0.3, -0.2, 0.8, 3);
+        s.view.quality = SPS_QUALITY_HIGH;
+        if (!check_render_depth(context, &s, image_a, depth_a) || !check_march(context, &s, 0.25, image_b, depth_b))
+            return;
+        within(compare(image_a, image_b, 32 * 32), MEDIUM, MEDIUM, i ? "near plane" : "back to front");
+        for (int k = 0; k < 32 * 32; ++k) /* where little covers a pixel, cut kernels move its depth */
+            if (image_b[4 * k + 3] > 0.05f) worst = fmax(worst, fabs((double)depth_a[k] - (double)depth_b[k]));
+        CHECK(worst < 0.5 / 16); /* half a slab */
+    }
+}
+
+/* A plate's shadow whose edge runs through thick slabs of gas, sideways: each of a slab's parts has its own share. */
+static void test_shadow_in_slab(void) {
+    for (int classified = 0; classified < 2; ++classified) {
+        static const sps_transfer_point points[2] = {{0.1f, {0.8f, 0.8f, 0.8f}, 0}, {1, {0.8f, 0.8f, 0.8f}, 0.6f}};
+        static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+        static const double corner[3] = {0, 0.8, -3}, along[3] = {3, 0, 0}, back[3] = {0, 0, 6};
+        check_scene s;
+        check_triangles triangles;
+        sps_volume *gas;
+        memset(&triangles, 0, sizeof triangles);
+        check_clear(&s, 32, 32);
+        s.view.ortho_height = 1.2;
+        gas = check_add_volume(&s, 12, 12, 12, unit_box);
+        gas->read_fn = check_read_constant, gas->user = &one;
+        gas->extinction = 0.6f;
+        check_color(gas->albedo, 0.8, 0.8, 0.8);
+        if (classified) gas->transfer = &transfer;
+        check_add_quad(&triangles, corner, along, back);
+        check_add_mesh(&s, &triangles, 0.5);
+        check_add_directional(&s, -0.7, -0.7, -0.45, 3);
+        s.view.slab = classified ? 0 : 2;
+        within(against_reference(&s, 0.2), 0.04, 0.005,
+               classified ? "shadow's edge, classified" : "shadow's edge, gas");
+        check_free_triangles(&triangles);
+    }
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_image_sizes);
+    RUN(test_flat_voxels);
+    RUN(test_lamp);
+    RUN(test_turning_light);
+    RUN(test_steep_onset);
+    RUN(test_lobes_alone);
+    RUN(test_finest_counts);
+    RUN(test_sheared_voxels);
+    RUN(test_two_tables);
+    RUN(test_highlight);
+    RUN(test_faces_of_volume);
+    RUN(test_chunk_seams);
+    RUN(test_back_to_front);
+    RUN(test_shadow_in_slab);
+    sps_destroy(context);
+    return check_report();
+}

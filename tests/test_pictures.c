@@ -484,6 +484,30 @@ static void test_whole_tile(void) {
     even(pixels, 64 * 64, 3, exact, exp(-tau) * tau * ripple[1] + ROUND);
 }
 
+/* A near plane amid gas that is lit along the eye's way, from before or from behind: of the gas beyond it, alpha is 1 -
+   e^-tau, and light that comes from behind passes tau on its way in and out, wherever it is scattered; light from
+   before passes what lies before the near plane, too. Depths are RIPPLE off. The field is even for 0.1 either way of
+   the plane, so that nothing else is. */
+static void test_near_plane_amid_gas(void) {
+    for (int n = 0; n < 4; ++n)
+        for (int behind = 0; behind < 2; ++behind) {
+            const double extinction = 2, before = 0.27 * extinction, tau = 0.33 * extinction, both = before + tau;
+            const double from_behind = tau * exp(-tau), from_before = exp(-before) * -expm1(-2 * tau) / 2;
+            const double exact = behind ? from_behind : from_before;
+            check_scene s;
+            check_clear(&s, 4, 4);
+            s.view.ortho_height = 0.2;
+            s.view.quality = qualities[n];
+            s.view.near_distance = 10 - 0.03;
+            check_color(add_slab(&s, both)->albedo, 1, 1, 1);
+            check_add_directional(&s, 0, 0, behind ? 1 : -1, 4 * PI);
+            if (!check_render(context, &s, image_a)) return;
+            if (!even(image_a, 16, 3, -expm1(-tau), exp(-tau) * tau * ripple[n] + ROUND) ||
+                !even(image_a, 16, 0, exact, exact * (both + 1) * ripple[n] + ROUND))
+                printf("    quality %d, light from behind %d\n", n, behind);
+        }
+}
+
 /* One voxel sheared into a needle, whose footprint is a slender ellipse across a whole tile: a Gaussian of the voxel's
    covariance, cut at 2.5 / 0.65 deviations and divided by what that keeps. Its exponent is a difference of numbers up
    to 500, of floats: 3e-5 off, and ten times that for those that the numbers are made from. */
@@ -643,6 +667,7 @@ int main(void) {
     RUN(test_patches);
     RUN(test_faces_of_a_slab);
     RUN(test_whole_tile);
+    RUN(test_near_plane_amid_gas);
     RUN(test_needle);
     RUN(test_beside_what_has_ended);
     RUN(test_widest_camera);

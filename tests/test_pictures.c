@@ -445,12 +445,16 @@ static void test_patches(void) {
 /* ------------------------------------------------------------------------------------------- surfaces in volumes */
 
 /* A faint slab that shows at its two faces alone, as surfaces: of light from either side one of them sends reflectance
-   / pi times irradiance per optical depth, which is half of that seen, and the other one, turned away, none. Values are
-   RIPPLE off, extinction twice that, and the way in and out takes no more than twice the depth of all. */
+   / pi times irradiance times cosine per optical depth, and a highlight's (n + 8) / (8 pi) (n.h)^n, of half of that
+   seen; the other one, turned away, none. From behind there is no highlight either: what it is of is away from the eye.
+   Values are RIPPLE off, extinction twice that, and the way in and out takes no more than twice the depth of all. */
 static void test_faces_of_a_slab(void) {
     static const sps_transfer_point points[3] = {{0.1f, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 0.02f}, {0.9f, {1, 1, 1}, 0}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
+    const float shininess = 8;
+    const double tilt = 0.3, highlight = ((double)shininess + 8) / 8 * pow(cos(tilt / 2), (double)shininess);
     for (int behind = 0; behind < 2; ++behind) {
+        const double exact = behind ? 1 : cos(tilt) * (1 + highlight); /* per depth, of irradiance pi */
         sps_volume *volume;
         check_scene s;
         check_clear(&s, 4, 4);
@@ -459,12 +463,14 @@ static void test_faces_of_a_slab(void) {
         volume = add_slab(&s, 1);
         volume->transfer = &transfer;
         volume->shading = SPS_SHADING_SURFACE;
-        check_add_directional(&s, 0, 0, behind ? 1 : -1, PI);
+        volume->specular = 1;
+        volume->shininess = shininess;
+        check_add_directional(&s, behind ? 0 : sin(tilt), 0, behind ? 1 : -cos(tilt), PI);
         if (!check_render(context, &s, image_a)) return;
         for (int i = 0; i < 16; ++i) {
             const double alpha = (double)image_a[4 * i + 3], sent = (double)image_a[4 * i];
             CHECK(alpha > 0.001 && alpha < 0.01);
-            if (!CHECK_NEAR(sent, alpha / 2, alpha / 2 * (2 * ripple[2] + 2 * alpha))) return;
+            if (!CHECK_NEAR(sent, exact * alpha / 2, exact * alpha / 2 * (2 * ripple[2] + 2 * alpha))) return;
         }
     }
 }

@@ -884,10 +884,10 @@ static inline int scene_good(const scene_report *r) {
            r->medium.coverage <= SCENE_COVERAGE && r->medium.depth <= SCENE_COVERAGE;
 }
 
-/* Compares both pictures with the reference, whose step is halved where a scene does not come out well, until that
-   changes the reference by less than a tenth of the error at high quality: it may be the one that is off. */
+/* Compares both pictures with the reference. With `refine`, its step is halved where a scene does not come out well,
+   until that changes the reference by less than a tenth of the error at high quality: it may be the one that is off. */
 static inline void compare_with_reference(sps_context *context, const random_scene *x, const scene_picture *medium,
-                                          const scene_picture *high, scene_report *report) {
+                                          const scene_picture *high, int refine, scene_report *report) {
     static scene_picture exact, coarser;
     static unsigned char judged[SCENE_PIXELS];
     scene_error change;
@@ -898,7 +898,7 @@ static inline void compare_with_reference(sps_context *context, const random_sce
     for (;;) {
         compare_pictures(x, medium, &exact, judged, &report->medium);
         compare_pictures(x, high, &exact, judged, &report->high);
-        if (scene_good(report) || report->step < 0.1) return;
+        if (scene_good(report) || !refine || report->step < 0.2) return;
         if (report->own > 0 && report->own < 0.1 * report->high.light) return;
         coarser = exact;
         report->step *= 0.5;
@@ -908,7 +908,7 @@ static inline void compare_with_reference(sps_context *context, const random_sce
     }
 }
 
-static inline scene_report measure_scene(sps_context *context, random_scene *x) {
+static inline scene_report measure_scene(sps_context *context, random_scene *x, int refine) {
     static scene_picture medium, high;
     scene_report report;
     memset(&report, 0, sizeof report);
@@ -917,7 +917,7 @@ static inline scene_report measure_scene(sps_context *context, random_scene *x) 
     if (report.result != SPS_OK) return report;
     x->s.view.quality = SPS_QUALITY_HIGH;
     report.result = scene_render(context, x, 0, &high);
-    if (report.result == SPS_OK) compare_with_reference(context, x, &medium, &high, &report);
+    if (report.result == SPS_OK) compare_with_reference(context, x, &medium, &high, refine, &report);
     return report;
 }
 

@@ -389,6 +389,22 @@ static void test_distance_of_dense_gas(void) {
         if (!CHECK_NEAR((double)depths[0][i], (double)depths[1][i], 0.01 * 0.6 + 0.0125 + 0.6 / 8 * ripple[0])) return;
 }
 
+/* A plate fifty thousand slabs behind the gas before it is seen as one close by is. */
+static void test_plate_far_behind(void) {
+    const double tau = 0.5, ambient = 0.4, exact = ambient * exp(-tau);
+    for (int distant = 0; distant < 2; ++distant) {
+        check_triangles triangles = {NULL, 0, 0, 0, 0};
+        check_scene s;
+        check_clear(&s, 4, 4);
+        s.view.ortho_height = 0.2;
+        add_slab(&s, tau);
+        add_plate(&s, &triangles, distant ? -5000 : -1, 1);
+        check_color(s.scene.ambient, ambient, ambient, ambient);
+        if (check_render(context, &s, image_a)) even(image_a, 16, 0, exact, exact * tau * ripple[1] + ROUND);
+        check_free_triangles(&triangles);
+    }
+}
+
 /* Two blocks of gas above each other's sides, far apart and in different tiles of the light's sheets; a plate at the
    height of the lower one lies in the shadow of the upper one, whose planes no longer change there. */
 static void test_shadow_of_an_earlier_chunk(void) {
@@ -504,7 +520,9 @@ static void test_near_plane_amid_gas(void) {
             check_clear(&s, 4, 4);
             s.view.ortho_height = 0.2;
             s.view.quality = qualities[n];
-            s.view.near_distance = 10 - 0.03;
+            s.view.position[2] = n % 2 ? 10 : 0.03; /* or the camera itself amid gas, which sees nothing behind it */
+            s.view.target[2] = -1;
+            s.view.near_distance = n % 2 ? 10 - 0.03 : 0;
             check_color(add_slab(&s, both)->albedo, 1, 1, 1);
             check_add_directional(&s, 0, 0, behind ? 1 : -1, 4 * PI);
             if (!check_render(context, &s, image_a)) return;
@@ -669,6 +687,7 @@ int main(void) {
     RUN(test_lit_in_part);
     RUN(test_light_below_a_block);
     RUN(test_distance_of_dense_gas);
+    RUN(test_plate_far_behind);
     RUN(test_shadow_of_an_earlier_chunk);
     RUN(test_patches);
     RUN(test_faces_of_a_slab);

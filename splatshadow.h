@@ -6265,7 +6265,7 @@ typedef struct spsi_sections {
    a'). A plane beyond a limit does not move the section's end. */
 static void spsi_add_slopes(const spsi_tile *tile, const spsi_sections *s, float *sheet) {
     const spsi_v zero = spsi_set(0);
-    spsi_v v = s->v, share[2], slope[2];
+    spsi_v v = s->v, share[2] = {zero, zero}, slope[2] = {zero, zero};
     for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_slab)) {
         const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
         const spsi_v at = s->clamped ? spsi_clamp(v, s->low, s->high) : v;

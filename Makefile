@@ -142,7 +142,7 @@ maps: build/maps
 # and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder. A
 # configuration whose compiler cannot be had is skipped, and that is said.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
-CONFIGURATIONS ?= native sanitized wide_sanitized plain cpp baseline readme fused clang
+CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme fused clang
 
 COMPILE_native    = gcc $(STANDARD) -O2 -march=native
 COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
@@ -160,13 +160,12 @@ COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native 
 # What runs where: natively all of it, with random scenes, the same ones each time (`make fuzz`, `make soak` for others);
 # under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
 TESTS_native    = $(TESTS) fuzz soak
-TESTS_sanitized = test_extremes test_plan test_transmittance test_watertight
-TESTS_wide_sanitized = test_engineering test_particles test_polygons test_tmaps
-TESTS_plain     = test_tmaps
+TESTS_sanitized = test_extremes test_plan test_transmittance
+TESTS_wide_sanitized = test_engineering test_polygons test_tmaps test_watertight
 TESTS_cpp       = test_plan
 TESTS_baseline  = test_simd
-TESTS_readme    = test_polygons test_watertight
-TESTS_fused     = test_tmaps
+TESTS_readme    = test_watertight
+TESTS_fused     = test_watertight
 TESTS_clang     = test_watertight
 ifdef SPLATSHADOW_LONG
 $(foreach configuration,$(filter-out native,$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
@@ -189,7 +188,7 @@ ifeq ($(filter x86_64 amd64 i%86,$(shell uname -m)),)
 CHECK_VARIANTS = plain sse2 face
 endif
 CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v)))) $(STATIC_CHECKS)
-EXAMPLE_CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach e,$(EXAMPLES:build/%=%),$(c)_$(e)))
+EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
 
 part = $(word $(1),$(subst _, ,$(2)))
 language = $(if $(findstring ++,$(1)),-x c++ -std=$(1) $(WARNINGS),-x c -std=$(1) $(WARNINGS_C)) -Werror
@@ -251,7 +250,27 @@ define configuration_rules
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h)
 	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
-$(foreach configuration,$(CONFIGURATIONS),$(eval $(call configuration_rules,$(configuration))))
+
+# Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
+# against its declarations alone; tests/mutants.awk writes both out.
+SPLIT = native sanitized wide_sanitized unoptimized threads
+define split_rules
+build/tests/$(1).code.o: build/tests/weak.h
+	@printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "weak.h"\n' > build/tests/$(1).code.c
+	@$$(COMPILE_$(1)) -w -Ibuild/tests -c build/tests/$(1).code.c -o $$@
+
+build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h) build/tests/$(1).code.o build/tests/faces/splatshadow.h
+	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< build/tests/$(1).code.o \
+		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
+endef
+$(foreach configuration,$(filter-out $(SPLIT),$(CONFIGURATIONS)),$(eval $(call configuration_rules,$(configuration))))
+$(foreach configuration,$(filter $(SPLIT),$(CONFIGURATIONS)),$(eval $(call split_rules,$(configuration))))
+
+build/tests/weak.h: splatshadow.h tests/mutants.awk
+	@awk -v mode=weak -f tests/mutants.awk tests/mutants.txt $< > $@
+
+build/tests/faces/splatshadow.h: splatshadow.h tests/mutants.awk
+	@mkdir -p $(@D) && awk -v mode=faces -f tests/mutants.awk tests/mutants.txt $< > $@
 
 # Included twice, to see that this can be done; the implementation once.
 UNIT = printf '\#include "splatshadow.h"\n\#undef SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\nint unit(void);\nint unit(void) { return sps_version(); }\n'

@@ -1228,7 +1228,7 @@ static void test_shadow_option(void) {
     for (int i = 0; i < KINDS; ++i) {
         char line[300];
         snprintf(line, sizeof line,
-                 VOLUME SMALL "--extinction 9 --light directional,1,-1,-1,9,9,9 --shadow %s --pfm shadow.pfm",
+                 VOLUME SMALL "--extinction 15 --light directional,1,-1,-1,9,9,9 --shadow %s --pfm shadow.pfm",
                  kinds[i]);
         CHECK(run_render(line).status == 0);
         CHECK(read_file("shadow.pfm", pictures[i], sizeof pictures[i]) > 12);

@@ -256,8 +256,7 @@ endef
 SPLIT = native sanitized wide_sanitized unoptimized threads
 define split_rules
 build/tests/$(1).code.o: build/tests/weak.h
-	@printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "weak.h"\n' > build/tests/$(1).code.c
-	@$$(COMPILE_$(1)) -w -Ibuild/tests -c build/tests/$(1).code.c -o $$@
+	@$$(COMPILE_$(1)) -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $$< -o $$@
 
 build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h) build/tests/$(1).code.o build/tests/faces/splatshadow.h
 	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< build/tests/$(1).code.o \

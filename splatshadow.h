@@ -6352,7 +6352,8 @@ static inline void spsi_limits(const spsi_tile *tile, float sign, float eye_near
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
    that no exponential is taken per pixel. Slender ellipses, whose factors could overflow, take one per row vector. */
 static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
-                                      const spsi_rows *rows, int count, int x, int y, float *channel, int clamped) {
+                                      const spsi_rows *rows, int count, int x, int y, float *channel, int clamped,
+                                      int sloped) {
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
     const int slender = b * b > 0.8f * 4 * a * c;
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), dx = spsi_sub(at, spsi_set(f->x[i]));
@@ -6379,7 +6380,7 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
                           spsi_add(v_column, spsi_set(rows->v[r])), per_slab, rows->starts[r], rows->ends[r], clamped,
                           low, high);
-        if (tile->slopes) {
+        if (sloped) {
             const float dy = rows->dy[r];
             const spsi_sections sections = {
                 slabs, rows->starts[r], rows->ends[r], clamped, weight, spsi_add(v_column, spsi_set(rows->v[r])),
@@ -6410,10 +6411,12 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
         for (int x = x0; x <= x1; x += SPSI_LANES)
-            if (clamped)
-                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1);
+            if (tile->slopes)
+                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, clamped, 1);
+            else if (clamped)
+                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1, 0);
             else
-                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0);
+                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0, 0);
     }
 }
 

@@ -421,14 +421,15 @@ typedef struct sps_scene {
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
-/* What each quality sets:   slab (voxels) of a   shadow texels   rays end at   kernels end   ripple of a constant
-                             gas, classified        per voxel    transmittance  at (voxels)    grid (rms, largest) */
+/* What each quality sets:   slab (voxels) of a   shadow texels per   rays end at   kernels end   ripple of a constant
+                             gas, classified      voxel; classified   transmittance  at (voxels)   grid (rms, largest)
+ */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,       /*  2     1.4             0.75         0.01            1.82        0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM,      /*  1     0.7             1            0.003           2.15        0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,        /*  0.5   0.4             2            0.0005          2.5         0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA        /*  0.25  0.2             4            0.00005         2.5         0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82        0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1     0.7         1     1.25         0.003           2.15        0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5   0.4         2     2            0.0005          2.5         0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25  0.2         4     4            0.00005         2.5         0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {
@@ -3722,9 +3723,9 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
     return spsi_voxel_breadth(medium, across[0], across[1]) / (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
 }
 
-/* What gradients are made of. Over two pixels, differences fall short of a sharp edge by up to a sixth of (pixels / 0.65
-   voxels)^2, and normals lean with the slabs; over four, which cost a tenth of a frame's time, they are right to 1 % down
-   to a pixel a voxel. Below that they take sheets of their own, which splat three times as much. */
+/* What gradients are made of. Over two pixels, differences fall short of a sharp edge by up to a sixth of (pixels /
+   0.65 voxels)^2, and normals lean with the slabs; over four, which cost a tenth of a frame's time, they are right to 1
+   % down to a pixel a voxel. Below that they take sheets of their own, which splat three times as much. */
 static void spsi_resolve_gradients(spsi_frame *frame) {
     double pixels = HUGE_VAL;
     int near_by = 0;

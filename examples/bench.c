@@ -3,6 +3,7 @@
    cc -std=c99 -O3 -march=native -pthread -I. examples/bench.c -o bench -lm
    bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
    bench speed      without the tables of error against time
+   bench polygons   the tree of triangles, shadow rays and rasterising alone
    bench accuracy   these tables only */
 
 #define SPLATSHADOW_IMPLEMENTATION

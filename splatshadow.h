@@ -1393,6 +1393,17 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
+/* How far into a stretch of optical depth d what is seen of it lies on average, as a share of its length: 1/d -
+   1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is good to 1e-7. */
+static inline spsi_v spsi_mean_way(spsi_v d) {
+    const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
+    const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), most));
+    const spsi_v far_share = spsi_sub(spsi_div(spsi_set(1), most), spsi_div(left, spsi_sub(spsi_set(1), left)));
+    spsi_v series = spsi_fma(square, spsi_set(-1.0f / 30240), spsi_set(1.0f / 720));
+    series = spsi_fma(square, series, spsi_set(-1.0f / 12));
+    return spsi_select(spsi_less(d, spsi_set(0.5f)), spsi_fma(d, series, spsi_set(0.5f)), far_share);
+}
+
 /* ================================================================================================= >>view
    6  Rays. A camera and a light are the same thing: a grid of rays through pixel (or texel) centres,
        perspective    p = origin + t (c + x a + y b)
@@ -1424,6 +1435,11 @@ static int spsi_rays_complete(spsi_rays *rays) {
 /* t at which rays begin, as t - depth_reference. */
 static float spsi_rays_begin(const spsi_rays *rays) {
     return rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
+}
+
+/* t of the eye itself, as t - depth_reference; parallel rays have none. */
+static float spsi_eye_depth(const spsi_rays *rays) {
+    return rays->perspective ? (float)-rays->depth_reference : -FLT_MAX;
 }
 
 /* World offset from the origin to ray coordinates, before any division. */
@@ -5002,6 +5018,7 @@ typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
     double reach;         /* the light is at origin + reach * toward; infinity: it is a direction */
     double rounding;      /* of coordinates in the world */
+    int on_faces;         /* 0: rays begin in the midst of gas, where nothing is so near that rounding counts */
     int own[SPSI_PACKET]; /* the face that each begins on, which it passes over; -1: none */
     int count;            /* vectors of rays that hold any */
     int open;             /* bits: rays that nothing has stopped */
@@ -5010,8 +5027,9 @@ typedef struct spsi_packet {
 } spsi_packet;
 
 /* Rays with nothing in them. */
-static void spsi_packet_begin(const spsi_faces *faces, int is_direction, spsi_packet *packet) {
+static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_faces, spsi_packet *packet) {
     memset(packet, 0, sizeof *packet);
+    packet->on_faces = on_faces;
     packet->reach = is_direction ? HUGE_VAL : 1;
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
@@ -5074,9 +5092,10 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Bits: those of a vector of rays, from number `first` on, that a face stops. It must be before a ray's origin by more
-   than rounding can be: of the world's coordinates, and of its corners in their mesh. So neither what joins on at an
-   edge nor a twin in the same plane shades a point, and nothing needs to know which faces are neighbours. */
+/* Bits: those of a vector of rays, from number `first` on, that a face stops. Where they begin on faces it must be
+   before a ray's origin by more than rounding can be: of the world's coordinates, and of its corners in their mesh. So
+   neither what joins on at an edge nor a twin in the same plane shades a point, and nothing needs to know which faces
+   are neighbours. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double u[3], v[3], n[3], room, stops[SPSI_LANES];
@@ -5084,7 +5103,7 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     spsi_along(q, p, -1, u);
     spsi_along(r, p, -1, v);
     spsi_cross(u, v, n);
-    room = (fabs(n[0]) + fabs(n[1]) + fabs(n[2])) * ((double)face->rounding + packet->rounding);
+    room = packet->on_faces * (fabs(n[0]) + fabs(n[1]) + fabs(n[2])) * ((double)face->rounding + packet->rounding);
     for (int i = 0; i < SPSI_LANES; ++i) {
         const int at = first + i;
         const double o[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
@@ -6035,11 +6054,12 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
    Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near
    a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is taken
-   instead. Footprints are widened to a pixel by its filter, but for the eye's of what is classified: a transfer
-   function of a mean is not the mean of a transfer function, so that is sampled once a pixel, as polygons are, and
-   where voxels are smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section
-   (spsi_add_slopes). Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost:
-   about 14 vector operations per vector of fragments and section, and 25 per row. */
+   instead. Sections end at polygons and at the near plane, and footprints are widened to a pixel by its filter, but for
+   the eye's of what is classified: a transfer function of a mean is not the mean of a transfer function, so that is
+   sampled once a pixel, as polygons are, from whole slabs, which its profile and its neighbours' need. Where voxels are
+   smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes). Sheets hold
+   the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14 vector operations per
+   vector of fragments and section, and 25 per row. */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
@@ -6059,8 +6079,9 @@ typedef struct spsi_splatter {
     float near_unit;
     float near_covariance[6], near_inverse[6], near_root; /* root: of the determinant */
     float near_weight;
-    float eye_near; /* t at which rays begin, as t - depth_reference */
+    float eye_near; /* t before which sections are cut, as t - depth_reference */
     float depth_reference;
+    int whole; /* 1: sections are cut by neither polygons nor the near plane */
 } spsi_splatter;
 
 /* Where a brick's first voxel is: ray coordinates, depth, slab. */
@@ -6173,6 +6194,13 @@ static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays,
     }
 }
 
+/* What the eye sees of a classified volume: footprints are not widened, and sections not cut. */
+static void spsi_splatter_classified(const spsi_rays *eye, spsi_splatter *splatter) {
+    splatter->filter = 0;
+    splatter->whole = 1;
+    splatter->eye_near = spsi_eye_depth(eye);
+}
+
 /* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional forms, the section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
@@ -6254,28 +6282,23 @@ static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count,
     spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
-/* One row vector of sections as spsi_add_sections takes them, with the derivatives along x and y of the logarithm of
-   their weight and of v. */
+/* One row vector of sections as spsi_add_sections takes them, clamped nowhere, with the derivatives along x and y of
+   the logarithm of their weight and of v. */
 typedef struct spsi_sections {
-    int count, starts, ends, clamped;
-    spsi_v weight, v, per_slab, low, high, log_slope[2];
+    int count, starts, ends;
+    spsi_v weight, v, per_slab, log_slope[2];
     float v_slope[2];
 } spsi_sections;
 
 /* Adds the derivatives of sections along x and y: w (S(b) - S(a)) changes by w' (S(b) - S(a)) + w (S'(b) b' - S'(a)
-   a'). A plane beyond a limit does not move the section's end. */
+   a'). */
 static void spsi_add_slopes(const spsi_tile *tile, const spsi_sections *s, float *sheet) {
     const spsi_v zero = spsi_set(0);
     spsi_v v = s->v, share[2] = {zero, zero}, slope[2] = {zero, zero};
     for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_slab)) {
         const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
-        const spsi_v at = s->clamped ? spsi_clamp(v, s->low, s->high) : v;
-        const spsi_v outermost =
-            s->clamped ? spsi_kernel_share(first ? s->low : s->high) : spsi_set(last ? 1.0f : 0.0f);
-        const spsi_m free_end = spsi_and(spsi_less(spsi_sub(at, v), spsi_set(1e-6f)),
-                                         spsi_less(spsi_sub(v, at), spsi_set(1e-6f)));
-        share[1] = first || last ? outermost : spsi_kernel_share(at);
-        slope[1] = !first && !last ? spsi_select(free_end, spsi_kernel_slope(at), zero) : zero;
+        share[1] = first || last ? spsi_set(last ? 1.0f : 0.0f) : spsi_kernel_share(v);
+        slope[1] = first || last ? zero : spsi_kernel_slope(v);
         if (k >= 0) {
             const spsi_v held = spsi_sub(share[1], share[0]), moved = spsi_sub(slope[1], slope[0]);
             for (int axis = 0; axis < 2; ++axis) {
@@ -6338,10 +6361,15 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store_int(rows->ends, spsi_select(spsi_less(count, high), zero, one));
 }
 
-/* v of the polygon in front of which a section must end, and of the near plane behind which it begins. */
-static inline void spsi_limits(const spsi_tile *tile, float sign, float eye_near, int x, int y, spsi_v mean,
-                               spsi_v per_depth, spsi_v *low, spsi_v *high) {
-    spsi_v beyond = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
+/* Depths of the polygons that a vector of a tile's pixels sees. */
+static inline spsi_v spsi_tile_limits(const spsi_tile *tile, int x, int y) {
+    return spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
+}
+
+/* v of the polygon at depth `beyond`, in front of which a section must end, and of the near plane behind which it
+   begins. */
+static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v mean, spsi_v per_depth, spsi_v *low,
+                               spsi_v *high) {
     spsi_v near_v = spsi_mul(spsi_sub(spsi_set(eye_near), mean), per_depth);
     beyond = spsi_clamp(spsi_mul(spsi_sub(beyond, mean), per_depth), spsi_set(-2), spsi_set(2));
     near_v = spsi_clamp(near_v, spsi_set(-2), beyond);
@@ -6376,7 +6404,8 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         if (clamped) {
             const spsi_v mean =
                 spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
-            spsi_limits(tile, s->sign, s->eye_near, x, y + r, mean, spsi_set(f->per_depth[i]), &low, &high);
+            spsi_limits(spsi_tile_limits(tile, x, y + r), s->sign, s->eye_near, mean, spsi_set(f->per_depth[i]), &low,
+                        &high);
         }
         spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
                           spsi_add(v_column, spsi_set(rows->v[r])), per_slab, rows->starts[r], rows->ends[r], clamped,
@@ -6384,8 +6413,7 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         if (sloped) {
             const float dy = rows->dy[r];
             const spsi_sections sections = {
-                slabs, rows->starts[r], rows->ends[r], clamped, weight, spsi_add(v_column, spsi_set(rows->v[r])),
-                per_slab, low, high,
+                slabs, rows->starts[r], rows->ends[r], weight, spsi_add(v_column, spsi_set(rows->v[r])), per_slab,
                 {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
                 {f->slope_x[i], f->slope_y[i]}};
             spsi_add_slopes(tile, &sections,
@@ -6402,8 +6430,9 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
     const int y1 = (int)spsi_lower(floorf(f->y[i] + height), (float)tile->y1);
     const int x0 = (int)spsi_higher(ceilf(f->x[i] - width), (float)tile->x0);
     const int x1 = (int)spsi_lower(floorf(f->x[i] + width), (float)tile->x1);
-    const int clamped = tile->clamped && (f->depth[i] + s->reach_depth > tile->nearest_limit ||
-                                          f->depth[i] - s->reach_depth < s->eye_near);
+    const int clamped =
+        tile->clamped && !s->whole &&
+        (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -6413,7 +6442,7 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (tile->slopes)
-                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, clamped, 1);
+                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0, 1);
             else if (clamped)
                 spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1, 0);
             else
@@ -6459,7 +6488,7 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     const spsi_v ut = spsi_sub(spsi_set(q[0] * fy), spsi_mul(spsi_set(q[1]), at));
     const spsi_v two = spsi_set(2);
     spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, v, weight;
-    spsi_v low, high, per_slab;
+    spsi_v beyond, low, high, per_slab;
     e = spsi_fma(spsi_mul(uy, uy), spsi_set(c[3]), spsi_fma(spsi_mul(ut, ut), spsi_set(c[5]), e));
     e = spsi_fma(two,
                  spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]),
@@ -6475,7 +6504,8 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     weight = spsi_div(spsi_mul(spsi_set(value * s->near_weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
-    spsi_limits(tile, s->sign, s->eye_near, x, y, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
+    beyond = s->whole ? spsi_set(SPSI_INFINITY) : spsi_tile_limits(tile, x, y);
+    spsi_limits(beyond, s->sign, s->eye_near, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
     spsi_add_sections(channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
                       tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
 }
@@ -6697,7 +6727,8 @@ static inline void spsi_seen_planes(const spsi_tile *tile, const spsi_crossing *
     met->high = spsi_set(1);
     if (!clamped) return;
     per_depth = spsi_mul(met->step, rate);
-    spsi_limits(tile, crossing->sign, crossing->eye_near, x, y, chord->middle, per_depth, &met->low, &met->high);
+    spsi_limits(spsi_tile_limits(tile, x, y), crossing->sign, crossing->eye_near, chord->middle, per_depth, &met->low,
+                &met->high);
     met->low = spsi_clamp(met->low, spsi_set(-1), spsi_set(1));
     met->high = spsi_clamp(met->high, spsi_set(-1), spsi_set(1));
 }
@@ -6891,10 +6922,24 @@ static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, sp
     return p;
 }
 
-/* Its mean over one of SPSI_PARTS parts. */
-static inline spsi_v spsi_parabola_mean(const spsi_parabola *p, int part) {
-    const float width = 1.0f / SPSI_PARTS, x = ((float)part + 0.5f) * width - 0.5f;
-    return spsi_fma(p->bend, spsi_set(x * x + width * width / 12), spsi_fma(p->slope, spsi_set(x), p->value));
+/* A portion of a slab: its middle, counted from the slab's, and the mean of the square of what lies in it; of a width w
+   about x that is x^2 + w^2 / 12. */
+typedef struct spsi_portion {
+    spsi_v middle, square;
+} spsi_portion;
+
+/* One of SPSI_PARTS parts of what lies between the shares `first` and `last` of a slab. */
+static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
+    const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_PARTS));
+    spsi_portion s;
+    s.middle = spsi_fma(width, spsi_set((float)part + 0.5f), spsi_sub(first, spsi_set(0.5f)));
+    s.square = spsi_fma(s.middle, s.middle, spsi_mul(spsi_mul(width, width), spsi_set(1.0f / 12)));
+    return s;
+}
+
+/* A parabola's mean over a portion. */
+static inline spsi_v spsi_parabola_mean(const spsi_parabola *p, const spsi_portion *s) {
+    return spsi_fma(p->bend, s->square, spsi_fma(p->slope, s->middle, p->value));
 }
 
 typedef struct spsi_light_shader {
@@ -6928,7 +6973,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
         value = spsi_parabola_through(spsi_sheet_sum(tile, c, at - tile->sheet_size), sum,
                                       spsi_sheet_sum(tile, c, at + tile->sheet_size));
         for (int part = 0; part < SPSI_PARTS; ++part) {
-            const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, part), slabs);
+            const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
+            const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, &portion), slabs);
             depth = spsi_fma(spsi_classify_extinction(&shader->frame->materials[material], mean), part_length, depth);
         }
     }
@@ -7225,27 +7271,27 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
     return (wide & ~clear) != 0;
 }
 
-/* The mean value of a classified material in slab k along a line, and the middle of the way there. Gives where it is
-   good: where a polygon leaves less than a quarter of the slab, the mean says little. */
+/* The mean value of a classified material in slab k along a line, and the middle of the way there. Returns where it is
+   good: where the eye leaves less than a quarter of the slab before it, the mean says little. */
 static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel,
                                      const spsi_line *line, int k, spsi_v *value, spsi_v *middle) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const size_t at =
         (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
+    const spsi_v eye = spsi_set(spsi_eye_depth(&shader->frame->eye)), whole = spsi_abs(line->scale);
     const spsi_v first = spsi_plane_depth(line, k), nearest = spsi_min(first, spsi_add(first, line->scale));
-    spsi_v enter, leave, way;
-    if (!tile->clamped && !spsi_bits(spsi_less(nearest, spsi_set(spsi_rays_begin(&shader->frame->eye))))) {
-        *middle = spsi_fma(spsi_set(0.5f), line->scale, first); /* nothing cuts the slab */
+    spsi_v leave, way;
+    if (!spsi_bits(spsi_less(nearest, eye))) {
+        *middle = spsi_fma(spsi_set(0.5f), line->scale, first); /* the whole slab lies before the eye */
         *value = spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
         return spsi_less(spsi_set(0), spsi_set(1));
     }
-    spsi_slab_range(shader, line, k, &enter, &leave);
-    way = spsi_sub(leave, enter);
-    *middle = spsi_mul(spsi_set(0.5f), spsi_add(enter, leave));
+    leave = spsi_max(spsi_add(nearest, whole), eye);
+    way = spsi_sub(leave, spsi_max(nearest, eye));
+    *middle = spsi_sub(leave, spsi_mul(spsi_set(0.5f), way));
     /* of no way at all, what rounding has left in the sheet would be a value beyond all others */
-    *value =
-        spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_mul(spsi_abs(line->scale), spsi_set(1e-6f))));
-    return spsi_less(spsi_mul(spsi_set(0.25f), spsi_abs(line->scale)), way);
+    *value = spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_mul(whole, spsi_set(1e-6f))));
+    return spsi_less(spsi_mul(spsi_set(0.25f), whole), way);
 }
 
 static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
@@ -7298,8 +7344,8 @@ typedef struct spsi_means {
     spsi_m all;
 } spsi_means;
 
-/* Values and the place of a neighbour in three slabs; those of the own ray where a polygon cuts the neighbour away.
-   Gives where it cuts none. */
+/* Values and the place of a neighbour in three slabs; those of the own ray where the eye is in the way. Returns where
+   it is not. */
 static spsi_m spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *tile, const spsi_line *line, int k,
                                    int channel, const spsi_v own[3], const spsi_v own_place[3], spsi_v value[3],
                                    spsi_v place[3]) {
@@ -7362,12 +7408,9 @@ static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *
     const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
                          (size_t)(k + margin) * tile->sheet_size +
                          (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    spsi_v enter, leave, way;
-    spsi_slab_range(shader, line, k, &enter, &leave);
-    way = spsi_max(spsi_sub(leave, enter), spsi_mul(spsi_abs(line->scale), spsi_set(1e-6f)));
     for (int axis = 0; axis < 2; ++axis) {
         const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
-        const spsi_v sum = spsi_div(spsi_load(sheet + (size_t)axis * tile->channel_size), way);
+        const spsi_v sum = spsi_mul(spsi_load(sheet + (size_t)axis * tile->channel_size), line->slabs);
         slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
     }
 }
@@ -7417,20 +7460,20 @@ static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *ti
                                        spsi_set(SPSI_INFINITY), profile->determinant);
 }
 
-/* The profile of a slab's value; its gradient is left to spsi_profile_gradient. Where a polygon or the near plane cuts
-   one of the three slabs, its mean is all that is known of the one at hand. */
-static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p,
-                               const spsi_slab *slab, int channel, spsi_means *means, spsi_profile *profile) {
-    const spsi_v zero = spsi_set(0);
+/* The profile of slab k's value; its gradient is left to spsi_profile_gradient. Where the eye is in one of the three
+   slabs, its mean is all that is known of the one at hand. */
+static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                               int channel, spsi_means *means, spsi_profile *profile) {
+    const spsi_v zero = spsi_set(0), eye = spsi_set(spsi_eye_depth(&shader->frame->eye));
+    const spsi_v first = spsi_plane_depth(&p->line, k), nearest = spsi_min(first, spsi_add(first, p->line.scale));
     spsi_v *own = means->own, *middle = means->middle;
-    spsi_m good[3], all;
+    spsi_m good[3], all = spsi_less(eye, nearest);
     for (int n = 0; n < 3; ++n)
-        good[n] = spsi_mean_value(shader, tile, channel, &p->line, slab->k + n - 1, &own[n], &middle[n]);
+        good[n] = spsi_mean_value(shader, tile, channel, &p->line, k + n - 1, &own[n], &middle[n]);
     for (int n = 0; n < 3; n += 2) {
         own[n] = spsi_select(good[n], own[n], own[1]);
         middle[n] = spsi_select(good[n], middle[n], middle[1]);
     }
-    all = spsi_less(spsi_mul(spsi_set(0.999f), spsi_abs(p->line.scale)), spsi_sub(slab->leave, slab->enter));
     all = spsi_and(all, spsi_and(good[0], good[2]));
     means->all = all;
     profile->value = spsi_parabola_through(own[0], own[1], own[2]);
@@ -7440,13 +7483,13 @@ static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile,
 }
 
 /* A sample's normal and surface share. */
-static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile, int part,
-                                 spsi_sample *sample) {
+static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
+                                 const spsi_portion *portion, spsi_sample *sample) {
     const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
     const spsi_v scale = spsi_set(unit);
-    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], part), scale);
-    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], part), scale);
-    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, part), scale);
+    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
+    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
+    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
     spsi_v g[3], size;
     for (int c = 0; c < 3; ++c) {
         g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
@@ -7485,10 +7528,11 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     spsi_profile profile;
     int has_gradient = 0;
     memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
-    spsi_profile_build(shader, tile, p, slab, channel, &means, &profile);
+    spsi_profile_build(shader, tile, p, slab->k, channel, &means, &profile);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        const spsi_v value = spsi_parabola_mean(&profile.value, part);
+        const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
+        const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
         spsi_v appearance[4] = {zero, zero, zero, zero};
         if (spsi_bits(spsi_less(zero, spsi_classify_extinction(material, value))))
             spsi_classify(material, value, appearance);
@@ -7500,7 +7544,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
         if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, &means, &profile);
         has_gradient = 1;
-        spsi_sample_gradient(material, &profile, part, sample);
+        spsi_sample_gradient(material, &profile, &portion, sample);
     }
 }
 
@@ -7786,7 +7830,7 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0, int x1, 
     const int width = job->frame->eye.width, is_direction = job->light->kind == SPS_LIGHT_DIRECTIONAL;
     spsi_packet packet;
     int asked;
-    spsi_packet_begin(job->faces, is_direction, &packet);
+    spsi_packet_begin(job->faces, is_direction, 1, &packet);
     for (int y = y0; y < y1; ++y)
         for (int x = x0; x < x1; ++x) {
             const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
@@ -7794,11 +7838,11 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0, int x1, 
             double toward[3];
             if (hit->face < 0) continue;
             spsi_surface_at(&job->frame->eye, job->faces, hit, x, y, &surface);
+            if (!(spsi_surface_irradiance(job->light, &surface) > 0)) continue;
             memcpy(toward, job->toward, sizeof toward);
             if (!is_direction) spsi_along(job->light->position, surface.start, -1, toward);
-            if (spsi_dot(surface.normal, toward) > 0)
-                spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start,
-                                toward, &packet);
+            spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start, toward,
+                            &packet);
         }
     asked = packet.open;
     if (!asked) return;
@@ -7907,15 +7951,17 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     const size_t at = (size_t)(k + margin) * tile->sheet_size +
                       (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
     const spsi_v zero = spsi_set(0), whole = spsi_abs(p->line.scale);
-    spsi_v any = zero;
+    spsi_v any = zero, way;
     for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
     if (!spsi_bits(spsi_less(zero, any))) return 0;
     slab->k = k;
     spsi_slab_range(shader, &p->line, k, &slab->enter, &slab->leave);
+    way = spsi_sub(slab->leave, slab->enter);
+    if (!spsi_bits(spsi_less(zero, way))) return 0;
     slab->first = zero;
     slab->last = spsi_set(1);
-    if (tile->clamped) {
-        const spsi_v a = spsi_plane_depth(&p->line, k), way = spsi_sub(slab->leave, slab->enter);
+    if (spsi_bits(spsi_less(way, spsi_mul(whole, spsi_set(0.999f))))) {
+        const spsi_v a = spsi_plane_depth(&p->line, k);
         const spsi_v from =
             spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
         slab->first = spsi_clamp(from, zero, spsi_set(1));
@@ -7965,7 +8011,9 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
     if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
         const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
-        const spsi_v t = spsi_add(part->middle, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v ahead = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
+        const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead, part->middle);
+        const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->eye.depth_reference));
         sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
     }
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
@@ -8427,7 +8475,7 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
         int good =
             spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
-        if (material->table) run->eye_splatters[i].filter = 0;
+        if (material->table) spsi_splatter_classified(&frame->eye, &run->eye_splatters[i]);
         if (run->sweep->sheets)
             good &=
                 spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
@@ -10889,7 +10937,7 @@ static int spsi_sees_light(const spsi_faces *faces, const sps_light *light, cons
     spsi_packet packet;
     double toward[3];
     if (faces->count == 0) return 1;
-    spsi_packet_begin(faces, light->kind == SPS_LIGHT_DIRECTIONAL, &packet);
+    spsi_packet_begin(faces, light->kind == SPS_LIGHT_DIRECTIONAL, own >= 0, &packet);
     spsi_toward_light(light, point, toward);
     spsi_packet_add(&faces->tree, 0, own, point, toward, &packet);
     spsi_packet_trace(faces, &packet);

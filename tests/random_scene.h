@@ -867,7 +867,8 @@ typedef struct scene_report {
 
 /* Light: 3 % of the reference's mean at medium, or what halves from medium to high and so converges. Coverage:
    medium ends rays at a transmittance of 0.003, and what is cut from kernels ripples by 0.004, so that transmittance
-   is off by 0.004 tau exp(-tau), 0.0015 at most, and more where kernels are cut at silhouettes; distances follow. */
+   is off by 0.004 tau exp(-tau), 0.0015 at most, and more where kernels are cut at silhouettes. Distances follow, or
+   halve: a slab tells not where in it a particle begins, which is much of the distance to one about the eye. */
 #define SCENE_BOUND    0.03
 #define SCENE_COVERAGE 0.01
 
@@ -881,7 +882,8 @@ static inline int scene_shown(const scene_report *r) {
 
 static inline int scene_good(const scene_report *r) {
     return (r->medium.light <= SCENE_BOUND || r->high.light <= 0.5 * r->medium.light) &&
-           r->medium.coverage <= SCENE_COVERAGE && r->medium.depth <= SCENE_COVERAGE;
+           r->medium.coverage <= SCENE_COVERAGE &&
+           (r->medium.depth <= SCENE_COVERAGE || r->high.depth <= 0.5 * r->medium.depth);
 }
 
 /* Compares both pictures with the reference. With `refine`, its step is halved where a scene does not come out well,
@@ -898,7 +900,7 @@ static inline void compare_with_reference(sps_context *context, const random_sce
     for (;;) {
         compare_pictures(x, medium, &exact, judged, &report->medium);
         compare_pictures(x, high, &exact, judged, &report->high);
-        if (scene_good(report) || !refine || report->step < 0.2) return;
+        if (scene_good(report) || !refine || report->step < 0.1) return;
         if (report->own > 0 && report->own < 0.1 * report->high.light) return;
         coarser = exact;
         report->step *= 0.5;

@@ -40,10 +40,7 @@ static const struct {
     long scene;
     const char *reason;
 } known[] = {
-    {9, "thick slabs of particles beside a wall of shadow: 4.3 % at medium, 2.2 % at high quality"},
-    {19, "a surface's normals beside polygons' edges, where neighbouring pixels are cut"},
-    {38, "the same"},
-    {50, "the same"},
+    {0, ""},
 };
 
 typedef struct pairs {

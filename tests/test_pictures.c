@@ -227,16 +227,32 @@ static void test_border(void) {
 /* The integral of 1 + 2 x - 3 x^2 from a to b. */
 static double integral(double a, double b) { return b - a + b * b - a * a - (b * b * b - a * a * a); }
 
-/* A parabola is known from its means over three slabs, and so is its mean over each part of the one in the middle. */
+/* A parabola is known from its means over three slabs, and so is its mean over each part of the one in the middle, or
+   of what a polygon leaves of that. */
 static void test_parabola(void) {
     const spsi_parabola p =
         spsi_parabola_through(spsi_set((float)integral(-1.5, -0.5)), spsi_set((float)integral(-0.5, 0.5)),
                               spsi_set((float)integral(0.5, 1.5)));
-    for (int part = 0; part < SPSI_PARTS; ++part) {
-        const double from = (double)part / SPSI_PARTS - 0.5;
+    for (int cut = 0; cut < 2; ++cut)
+        for (int part = 0; part < SPSI_PARTS; ++part) {
+            const double first = cut ? 0.3 : 0, width = (cut ? 0.45 : 1) / SPSI_PARTS,
+                         from = first + part * width - 0.5;
+            const spsi_portion portion = spsi_portion_of(spsi_set((float)first), spsi_set(cut ? 0.75f : 1), part);
+            float lanes[SPSI_LANES];
+            spsi_store(lanes, spsi_parabola_mean(&p, &portion));
+            CHECK_NEAR((double)lanes[0], integral(from, from + width) / width, ROUND);
+        }
+}
+
+/* Where in a stretch of any optical depth d what is seen of it lies: the mean of u with the weight exp(-d u), which is
+   1/d
+   - 1/(exp(d) - 1), or 1/2 - d/12 for small d. ROUND is for the series, which is good to 1e-7. */
+static void test_mean_way(void) {
+    for (double d = 1e-12; d < 100; d *= 1.3) {
+        const double exact = d < 1e-3 ? 0.5 - d / 12 : 1 / d - 1 / expm1(d);
         float lanes[SPSI_LANES];
-        spsi_store(lanes, spsi_parabola_mean(&p, part));
-        CHECK_NEAR((double)lanes[0], SPSI_PARTS * integral(from, from + 1.0 / SPSI_PARTS), ROUND);
+        spsi_store(lanes, spsi_mean_way(spsi_set((float)d)));
+        CHECK_NEAR((double)lanes[0], exact, ROUND);
     }
 }
 
@@ -682,6 +698,7 @@ int main(void) {
     RUN(test_slabs_of_particles);
     RUN(test_border);
     RUN(test_parabola);
+    RUN(test_mean_way);
     RUN(test_light_through_what_is_classified);
     RUN(test_light_as_eye);
     RUN(test_lit_in_part);

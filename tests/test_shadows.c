@@ -108,14 +108,14 @@ static void check_rays(spsi_faces *faces, int rays, int crowded, check_random *r
         double origin[SPSI_PACKET][3], toward[SPSI_PACKET][3];
         int own[SPSI_PACKET];
         spsi_packet packet;
-        const int is_direction = check_next(random) < 0.5;
-        spsi_packet_begin(faces, is_direction, &packet);
+        const int is_direction = check_next(random) < 0.5, on_faces = check_next(random) < 0.7;
+        spsi_packet_begin(faces, is_direction, on_faces, &packet);
         for (int i = 0; i < SPSI_PACKET; ++i) {
             const spsi_face *face = &faces->list[(int)(check_next(random) * faces->count)];
             double w[3] = {check_next(random), check_next(random), 0};
             if (w[0] + w[1] > 1) w[0] = 1 - w[0], w[1] = 1 - w[1];
             w[2] = 1 - w[0] - w[1];
-            own[i] = i % 4 ? (int)(face - faces->list) : -1;
+            own[i] = i % 4 && on_faces ? (int)(face - faces->list) : -1;
             for (int c = 0; c < 3; ++c) {
                 const double size = fabs(face->position[1][c] - face->position[0][c]);
                 origin[i][c] = w[0] * face->position[0][c] + w[1] * face->position[1][c] + w[2] * face->position[2][c];
@@ -128,7 +128,7 @@ static void check_rays(spsi_faces *faces, int rays, int crowded, check_random *r
         for (int i = 0; i < SPSI_PACKET; ++i) {
             int stopped = 0;
             for (int f = 0; f < faces->count && stopped != 1; ++f) {
-                const double room = (double)faces->list[f].rounding + packet.rounding;
+                const double room = on_faces ? (double)faces->list[f].rounding + packet.rounding : 0;
                 const int met = f == own[i] ? 0 : stops(&faces->list[f], origin[i], toward[i], packet.reach, room);
                 if (met > 0) stopped = met;
             }
@@ -253,7 +253,7 @@ static void test_closed_body_is_tight(void) {
     if (!build_faces(&s, offset, &faces)) return;
     for (int n = 0; n < 40000; n += SPSI_PACKET) {
         spsi_packet packet;
-        spsi_packet_begin(&faces, 1, &packet);
+        spsi_packet_begin(&faces, 1, 0, &packet);
         for (int i = 0; i < SPSI_PACKET; ++i) {
             const spsi_face *face = &faces.list[(int)(check_next(&random) * faces.count)];
             const double t = i % 3 == 0 ? 0 : check_next(&random);
@@ -429,6 +429,45 @@ static void test_smooth_terminator(void) {
     }
 }
 
+/* A lamp close to a coarse smooth globe: which side of it a surface is on is told from the surface, not from where its
+   rays begin, which may be behind the lamp. */
+static void test_lamp_near_coarse_mesh(void) {
+    const double centre[3] = {0, 0, 0};
+    for (int n = 0; n < 12; ++n) {
+        const double angle = 0.5 * n, distance = 1.02 + 0.04 * (n % 4);
+        check_scene s;
+        start(&s);
+        add_globe(&body, centre, 1, 4);
+        check_add_mesh(&s, &body, 1)->has_normals = 1;
+        check_add_point(&s, distance * cos(angle), 0.3, distance * sin(angle), 1);
+        check_set3(s.view.position, 5 * cos(angle + 0.4), 1, 5 * sin(angle + 0.4));
+        s.view.ortho_height = 2.2;
+        if (!CHECK(differing(&s) == 0)) printf("    lamp %d: %d pixels differ\n", n, differing(&s));
+    }
+}
+
+/* Gas just below a ground of any width is dark, to whoever asks how it is lit: a point of no face has no rounding to
+   be allowed for. The ground is 1 % of the gas's height above it, and 1e-8 of its own width. */
+static void test_gas_under_ground(void) {
+    static float one = 1;
+    for (double half = 2; half < 2e6; half *= 100) {
+        check_scene s;
+        sps_volume *volume;
+        start(&s);
+        add_ground(half);
+        check_add_mesh(&s, &ground, 0);
+        volume = check_add_volume(&s, 8, 8, 8, check_box(-1, -1.01, -1, 1, -0.01, 1));
+        volume->read_fn = check_read_constant;
+        volume->user = &one;
+        check_add_directional(&s, -0.2, -1, 0.1, 3);
+        check_set3(s.view.position, 0.3, -5, 0.2); /* from below */
+        s.view.ortho_height = 1;
+        if (!check_render(context, &s, image_a) || !check_march(context, &s, 1, image_b, NULL)) return;
+        CHECK(image_a[3] > 0.5f && image_b[3] > 0.5f);
+        CHECK(mean_of(image_a, SIDE) <= 0 && mean_of(image_b, SIDE) <= 0);
+    }
+}
+
 /* Twins in one plane, at odd places and turns, shade each other nowhere; a sheet just above their rounding does. */
 static void test_twins(void) {
     for (int n = 0; n < 6; ++n) {
@@ -514,6 +553,8 @@ int main(void) {
     RUN(test_gas_over_ground);
     RUN(test_town);
     RUN(test_smooth_terminator);
+    RUN(test_lamp_near_coarse_mesh);
+    RUN(test_gas_under_ground);
     RUN(test_twins);
     RUN(test_revision);
     sps_destroy(context);

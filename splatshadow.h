@@ -421,15 +421,14 @@ typedef struct sps_scene {
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
-/* What each quality sets:   slab (voxels) of a   shadow texels per   rays end at   kernels end   ripple of a constant
-                             gas, classified      voxel; classified   transmittance  at (voxels)   grid (rms, largest)
- */
+/* What each quality sets:   slab (voxels) of a   shadow texels   rays end at     kernels end   ripple of a constant
+                             gas, classified      per voxel       transmittance   at (voxels)   grid (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82        0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM,      /*  1     0.7         1     1.25         0.003           2.15        0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,        /*  0.5   0.4         2     2            0.0005          2.5         0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA        /*  0.25  0.2         4     4            0.00005         2.5         0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2     1.4         0.75            0.01            1.82          0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1     0.7         1               0.003           2.15          0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5   0.4         2               0.0005          2.5           0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25  0.2         4               0.00005         2.5           0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {
@@ -3498,12 +3497,12 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 
 static void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
-    static const double texels[2][5] = {{1, 0.75, 1, 2, 4}, {1.25, 1, 1.25, 2, 4}};
+    static const double texels[] = {1, 0.75, 1, 2, 4};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
-    frame->shadow_texels = texels[frame->classifies][frame->view.quality];
+    frame->shadow_texels = texels[frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
     frame->cut = cut[frame->view.quality];
     frame->depth_map_texels = depth_map_texels[frame->view.quality];

@@ -1436,11 +1436,6 @@ static float spsi_rays_begin(const spsi_rays *rays) {
     return rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
 }
 
-/* t of the eye itself, as t - depth_reference; parallel rays have none. */
-static float spsi_eye_depth(const spsi_rays *rays) {
-    return rays->perspective ? (float)-rays->depth_reference : -FLT_MAX;
-}
-
 /* World offset from the origin to ray coordinates, before any division. */
 static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q[3]) {
     for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
@@ -3119,6 +3114,7 @@ typedef struct spsi_frame {
     int splats_slopes;  /* or 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
 } spsi_frame;
 
+#define SPSI_BEHIND       3  /* slabs behind the eye that profiles of the first before it ask, and a part of one */
 #define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
@@ -6080,7 +6076,7 @@ typedef struct spsi_splatter {
     float near_weight;
     float eye_near; /* t before which sections are cut, as t - depth_reference */
     float depth_reference;
-    int whole; /* 1: sections are cut by neither polygons nor the near plane */
+    int whole; /* 1: sections are cut by neither polygons nor the near plane, and rays go on behind the eye */
 } spsi_splatter;
 
 /* Where a brick's first voxel is: ray coordinates, depth, slab. */
@@ -6194,10 +6190,10 @@ static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays,
 }
 
 /* What the eye sees of a classified volume: footprints are not widened, and sections not cut. */
-static void spsi_splatter_classified(const spsi_rays *eye, spsi_splatter *splatter) {
+static void spsi_splatter_classified(spsi_splatter *splatter) {
     splatter->filter = 0;
     splatter->whole = 1;
-    splatter->eye_near = spsi_eye_depth(eye);
+    splatter->eye_near = -FLT_MAX;
 }
 
 /* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional forms, the section. */
@@ -6509,20 +6505,27 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
                       tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
 }
 
+/* Whether a kernel, or where the rays go on behind the eye (side -1) its mirror image there, meets a tile's rays. */
+static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
+    const float *c = s->near_covariance;
+    return spsi_near_reaches(side * q[0], side * q[2], c[0], c[2], c[5], s->cut, tile->x0, tile->x1) &&
+           spsi_near_reaches(side * q[1], side * q[2], c[3], c[4], c[5], s->cut, tile->y0, tile->y1);
+}
+
 static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float at[3], float slab, float value,
                             float *channel) {
     const float *c = s->near_covariance, q[3] = {at[0] / s->near_unit, at[1] / s->near_unit, at[2] / s->near_unit};
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
+    const int behind = s->whole && fabsf((slab - tile->eye_slab)) < s->reach_slabs + SPSI_BEHIND;
+    const float side = behind && q[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     float low, high;
-    if (!spsi_near_reaches(q[0], q[2], c[0], c[2], c[5], s->cut, x0, x1) ||
-        !spsi_near_reaches(q[1], q[2], c[3], c[4], c[5], s->cut, y0, y1))
-        return;
-    if (spsi_near_extent(q[0], q[2], c[0], c[2], c[5], s->cut, &low, &high)) {
+    if (!spsi_near_meets(tile, s, q, 1) && !(behind && spsi_near_meets(tile, s, q, -1))) return;
+    if (spsi_near_extent(side * q[0], side * q[2], c[0], c[2], c[5], s->cut, &low, &high)) {
         x0 = (int)fmaxf(ceilf(low), (float)x0); /* a tile's margin may lie beyond the image */
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
-    if (spsi_near_extent(q[1], q[2], c[3], c[4], c[5], s->cut, &low, &high)) {
+    if (spsi_near_extent(side * q[1], side * q[2], c[3], c[4], c[5], s->cut, &low, &high)) {
         y0 = (int)fmaxf(ceilf(low), (float)y0);
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
@@ -7270,27 +7273,18 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
     return (wide & ~clear) != 0;
 }
 
-/* The mean value of a classified material in slab k along a line, and the middle of the way there. Returns where it is
-   good: where the eye leaves less than a quarter of the slab before it, the mean says little. */
-static inline spsi_m spsi_mean_value(const spsi_shader *shader, const spsi_tile *tile, int channel,
-                                     const spsi_line *line, int k, spsi_v *value, spsi_v *middle) {
+/* The mean value of a classified material in slab k along a line, whose sections nothing cuts. */
+static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const size_t at =
         (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    const spsi_v eye = spsi_set(spsi_eye_depth(&shader->frame->eye)), whole = spsi_abs(line->scale);
-    const spsi_v first = spsi_plane_depth(line, k), nearest = spsi_min(first, spsi_add(first, line->scale));
-    spsi_v leave, way;
-    if (!spsi_bits(spsi_less(nearest, eye))) {
-        *middle = spsi_fma(spsi_set(0.5f), line->scale, first); /* the whole slab lies before the eye */
-        *value = spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
-        return spsi_less(spsi_set(0), spsi_set(1));
-    }
-    leave = spsi_max(spsi_add(nearest, whole), eye);
-    way = spsi_sub(leave, spsi_max(nearest, eye));
-    *middle = spsi_sub(leave, spsi_mul(spsi_set(0.5f), way));
-    /* of no way at all, what rounding has left in the sheet would be a value beyond all others */
-    *value = spsi_div(spsi_sheet_sum(tile, channel, at), spsi_max(way, spsi_mul(whole, spsi_set(1e-6f))));
-    return spsi_less(spsi_mul(spsi_set(0.25f), whole), way);
+    return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
+}
+
+/* The place of the middle of slab k on a line, relative to the shader's position origin. */
+static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
+    const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
+    spsi_position_at(shader, line->at, (float)line->y, middle, place);
 }
 
 static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
@@ -7337,30 +7331,6 @@ typedef struct spsi_profile {
     spsi_v cofactor[3][3], determinant; /* of the three ways that belong to these, in voxels */
 } spsi_profile;
 
-/* The means of three slabs and the middles of the ways through them, and where these are all whole. */
-typedef struct spsi_means {
-    spsi_v own[3], middle[3];
-    spsi_m all;
-} spsi_means;
-
-/* Values and the place of a neighbour in three slabs; those of the own ray where the eye is in the way. Returns where
-   it is not. */
-static spsi_m spsi_profile_neighbour(const spsi_shader *shader, const spsi_tile *tile, const spsi_line *line, int k,
-                                   int channel, const spsi_v own[3], const spsi_v own_place[3], spsi_v value[3],
-                                   spsi_v place[3]) {
-    spsi_m all = spsi_less(spsi_set(0), spsi_set(1));
-    for (int n = 0; n < 3; ++n) {
-        spsi_v middle;
-        const spsi_m good = spsi_mean_value(shader, tile, channel, line, k + n - 1, &value[n], &middle);
-        all = spsi_and(all, good);
-        value[n] = spsi_select(good, value[n], own[n]);
-        if (n != 1) continue;
-        spsi_position_at(shader, line->at, (float)line->y, middle, place);
-        for (int c = 0; c < 3; ++c) place[c] = spsi_select(good, place[c], own_place[c]);
-    }
-    return all;
-}
-
 /* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
    outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2)
    - 22 m0) / 8 and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
@@ -7374,26 +7344,34 @@ static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2]
     along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
 }
 
-/* The differences between the neighbours to either side, and the places of these. With two on each side, the change is
-   that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. */
-static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, int axis, const spsi_means *means, const spsi_v own_place[3],
-                               spsi_v place[2][3], spsi_parabola *aside) {
-    spsi_v value[4][3], unused[3];
-    spsi_m all = spsi_less(spsi_set(0), spsi_set(1));
-    for (int i = 0; i < 2 * shader->frame->gradient_reach; ++i)
-        all =
-            spsi_and(all, spsi_profile_neighbour(shader, tile, &p->around[4 * (i >> 1) + 2 * axis + (i & 1)], k,
-                                                 channel, means->own, own_place, value[i], i < 2 ? place[i] : unused));
-    for (int n = 0; n < 3; ++n) {
-        const spsi_v change = spsi_sub(value[1][n], value[0][n]);
-        value[0][n] = change;
-        if (shader->frame->gradient_reach < 2) continue;
-        value[2][n] =
-            spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), spsi_sub(value[3][n], value[2][n])));
-        value[0][n] = spsi_select(all, value[2][n], change);
+/* How far apart neighbouring rays are in the middle of slab k: as far as that is from the eye, in slabs, and the other
+   way round behind it. 1 for parallel rays. */
+static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    return shader->frame->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
+}
+
+/* Whether the eye is in a slab, where rays meet and have no neighbours. */
+static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
+
+/* The difference in slab k between the neighbours to either side, by the rays' spread. With two on each side, it is
+   that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of the
+   next ones': rays go on behind it. */
+static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                               int channel, int axis) {
+    const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
+    const float spread = spsi_slab_spread(shader, tile, k);
+    spsi_v change;
+    if (spsi_slab_has_eye(spread))
+        return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
+                                                 spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
+    change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
+    if (shader->frame->gradient_reach >= 2) {
+        const spsi_v wide =
+            spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
+        change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
     }
-    *aside = spsi_parabola_through(value[0][0], value[0][1], value[0][2]);
+    return spsi_mul(spsi_set(1 / spread), change);
 }
 
 /* The sheets of d/dx, before those of d/dy, of a material's sheets of values. */
@@ -7414,71 +7392,50 @@ static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *
     }
 }
 
-/* The changes aside and their ways, by sheets of slopes. */
-static void spsi_profile_slopes(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                int channel, const spsi_means *means, spsi_profile *profile, spsi_v place[2][2][3]) {
-    spsi_v slopes[3][2];
-    for (int n = 0; n < 3; ++n)
-        spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means->own[n], slopes[n]);
-    for (int axis = 0; axis < 2; ++axis) {
-        for (int n = 0; n < 3; n += 2) slopes[n][axis] = spsi_select(means->all, slopes[n][axis], slopes[1][axis]);
-        profile->aside[axis] = spsi_parabola_through(slopes[0][axis], slopes[1][axis], slopes[2][axis]);
-        for (int side = 0; side < 2; ++side) {
-            const spsi_line *line = &p->around[2 * axis + side];
-            const spsi_v middle = spsi_mul(spsi_sub(spsi_set((float)k + 0.5f), line->base), line->scale);
-            spsi_position_at(shader, line->at, (float)line->y, middle, place[axis][side]);
-        }
+/* The changes aside in slabs k - 1 to k + 1, whose means are given; by sheets of slopes where there are any. */
+static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                               int channel, const spsi_v means[3], spsi_parabola aside[2]) {
+    spsi_v change[3][2];
+    for (int n = 0; n < 3; ++n) {
+        const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
+        if (shader->frame->splats_slopes) /* no eye is near */
+            spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
+        for (int axis = 0; axis < 2; ++axis)
+            change[n][axis] = shader->frame->splats_slopes
+                                  ? spsi_mul(per_spread, change[n][axis])
+                                  : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
     }
+    for (int axis = 0; axis < 2; ++axis)
+        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis]);
+}
+
+/* The way from the neighbour before to the one behind along x or y, by the rays' spread, or (axis 2) from the slab
+   before to the slab behind; in voxels. */
+static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
+                             float per_length, spsi_v way[3]) {
+    const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
+    const float per_spread = axis < 2 ? per_length / spsi_slab_spread(shader, tile, from) : per_length;
+    spsi_v place[2][3];
+    for (int side = 0; side < 2; ++side)
+        spsi_place_in_slab(shader, axis < 2 ? &p->around[2 * axis + side] : &p->line,
+                           axis < 2 ? from : k - 1 + 2 * side, place[side]);
+    for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
 }
 
 /* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not square to
    each other: a gradient is solved from way . g = difference. No volume spanned by the ways: no gradient. */
 static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                  int channel, const spsi_means *means, spsi_profile *profile) {
-    const spsi_v per_length = spsi_set(1 / shader->frame->materials[channel].voxel_length), zero = spsi_set(0);
-    spsi_v own_place[3], place[3][2][3], way[3][3], outer[2], unused;
-    spsi_parabola along;
-    spsi_m all = means->all;
-    for (int n = 0; n < 2; ++n)
-        all = spsi_and(all, spsi_mean_value(shader, tile, channel, &p->line, k - 2 + 4 * n, &outer[n], &unused));
-    spsi_profile_along(means->own, outer, &along);
-    profile->along.value = spsi_select(all, along.value, spsi_sub(means->own[2], means->own[0]));
-    profile->along.slope = spsi_select(all, along.slope, spsi_mul(spsi_set(4), profile->value.bend));
-    profile->along.bend = spsi_select(all, along.bend, zero);
-    spsi_position_at(shader, p->line.at, (float)p->line.y, means->middle[1], own_place);
-    if (shader->frame->splats_slopes) spsi_profile_slopes(shader, tile, p, k, channel, means, profile, place);
-    for (int axis = 0; axis < 2 && !shader->frame->splats_slopes; ++axis)
-        spsi_profile_aside(shader, tile, p, k, channel, axis, means, own_place, place[axis], &profile->aside[axis]);
-    for (int side = 0; side < 2; ++side)
-        spsi_position_at(shader, p->line.at, (float)p->line.y, means->middle[2 * side], place[2][side]);
-    for (int axis = 0; axis < 3; ++axis)
-        for (int c = 0; c < 3; ++c) way[axis][c] = spsi_mul(spsi_sub(place[axis][1][c], place[axis][0][c]), per_length);
+                                  int channel, const spsi_v means[3], spsi_profile *profile) {
+    const float per_length = 1 / shader->frame->materials[channel].voxel_length;
+    spsi_v way[3][3], outer[2];
+    for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
+    spsi_profile_along(means, outer, &profile->along);
+    spsi_profile_aside(shader, tile, p, k, channel, means, profile->aside);
+    for (int axis = 0; axis < 3; ++axis) spsi_profile_way(shader, tile, p, k, axis, per_length, way[axis]);
     for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
     profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
     profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
                                        spsi_set(SPSI_INFINITY), profile->determinant);
-}
-
-/* The profile of slab k's value; its gradient is left to spsi_profile_gradient. Where the eye is in one of the three
-   slabs, its mean is all that is known of the one at hand. */
-static void spsi_profile_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, spsi_means *means, spsi_profile *profile) {
-    const spsi_v zero = spsi_set(0), eye = spsi_set(spsi_eye_depth(&shader->frame->eye));
-    const spsi_v first = spsi_plane_depth(&p->line, k), nearest = spsi_min(first, spsi_add(first, p->line.scale));
-    spsi_v *own = means->own, *middle = means->middle;
-    spsi_m good[3], all = spsi_less(eye, nearest);
-    for (int n = 0; n < 3; ++n)
-        good[n] = spsi_mean_value(shader, tile, channel, &p->line, k + n - 1, &own[n], &middle[n]);
-    for (int n = 0; n < 3; n += 2) {
-        own[n] = spsi_select(good[n], own[n], own[1]);
-        middle[n] = spsi_select(good[n], middle[n], middle[1]);
-    }
-    all = spsi_and(all, spsi_and(good[0], good[2]));
-    means->all = all;
-    profile->value = spsi_parabola_through(own[0], own[1], own[2]);
-    profile->value.value = spsi_select(all, profile->value.value, own[1]);
-    profile->value.slope = spsi_select(all, profile->value.slope, zero);
-    profile->value.bend = spsi_select(all, profile->value.bend, zero);
 }
 
 /* A sample's normal and surface share. */
@@ -7523,11 +7480,12 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
     const int surface = shader->frame->has_gradient && material->shading == SPS_SHADING_SURFACE;
-    spsi_means means;
+    spsi_v means[3];
     spsi_profile profile;
     int has_gradient = 0;
     memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
-    spsi_profile_build(shader, tile, p, slab->k, channel, &means, &profile);
+    for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
+    profile.value = spsi_parabola_through(means[0], means[1], means[2]);
     for (int part = 0; part < slab->part_count; ++part) {
         spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
         const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
@@ -7541,7 +7499,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         for (int c = 0; c < 3; ++c) sample->colour[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
         if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
-        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, &means, &profile);
+        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
         has_gradient = 1;
         spsi_sample_gradient(material, &profile, &portion, sample);
     }
@@ -8179,24 +8137,26 @@ static size_t spsi_worker_floats(const spsi_frame *frame) {
     return eye > light ? eye : light;
 }
 
-/* The tiles that a brick's kernels can reach, for one set of rays. */
+/* The tiles that a brick's kernels can reach, for one set of rays, which may go on `behind` their origin. */
 static void spsi_span_tiles(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays, int margin,
-                            short tiles[4]) {
+                            int behind, short tiles[4]) {
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + margin + 1;
-    int behind = 0;
+    int ahead = 0, back = 0;
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3], q[3];
         for (int k = 0; k < 3; ++k)
             at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
         spsi_voxel_position(medium, at, point);
         spsi_project(rays, point, q);
-        behind += rays->perspective && !(q[2] > 0);
+        ahead += !rays->perspective || q[2] > 0;
+        back += rays->perspective && q[2] < 0;
+        if (rays->perspective && q[2] < 0) q[0] /= q[2], q[1] /= q[2];
         for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
     }
-    if (behind == 8)
+    if (ahead == 0 && !behind)
         low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
-    else if (behind)
+    else if (ahead < 8 && back < 8)
         low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
     tiles[0] = (short)floor(fmin(fmax(low[0] - filter, 0), rays->width) / SPSI_TILE_WIDTH);
     tiles[1] = (short)floor(fmin(fmax(low[1] - filter, 0), rays->height) / SPSI_TILE_HEIGHT);
@@ -8214,13 +8174,16 @@ static void spsi_span_task(void *data, int index, int worker) {
     const spsi_span_job *job = (const spsi_span_job *)data;
     const spsi_run *run = job->run;
     const spsi_sweep *sweep = run->sweep;
+    const double eye_slab = (spsi_dot(sweep->normal, run->frame->eye.origin) - sweep->start) / sweep->thickness;
     const int end = spsi_batch_end(index, job->count);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const spsi_brick *brick = &run->bricks[i];
         const spsi_medium *medium = &run->frame->media[brick->medium];
-        const double reach = (double)run->eye_splatters[brick->medium].reach_slabs + run->slab_margin[0] + 1e-3;
+        const spsi_splatter *splatter = &run->eye_splatters[brick->medium];
+        const double reach = (double)splatter->reach_slabs + run->slab_margin[0] + 1e-3;
         double low = HUGE_VAL, high = -HUGE_VAL;
+        int behind;
         spsi_span *span = &job->spans[i];
         for (int corner = 0; corner < 8; ++corner) {
             double at[3], point[3], slab;
@@ -8233,8 +8196,9 @@ static void spsi_span_task(void *data, int index, int worker) {
         }
         span->chunk0 = (int)floor(fmax(low - reach, 0) / SPSI_CHUNK);
         span->chunk1 = (int)floor(fmin(high + reach, sweep->slab_count) / SPSI_CHUNK);
-        spsi_span_tiles(medium, brick, &run->frame->eye, run->margin, span->eye);
-        if (sweep->sheets) spsi_span_tiles(medium, brick, &sweep->rays, 0, span->light);
+        behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
+        spsi_span_tiles(medium, brick, &run->frame->eye, run->margin, behind, span->eye);
+        if (sweep->sheets) spsi_span_tiles(medium, brick, &sweep->rays, 0, 0, span->light);
     }
 }
 
@@ -8474,7 +8438,7 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
         int good =
             spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
-        if (material->table) spsi_splatter_classified(&frame->eye, &run->eye_splatters[i]);
+        if (material->table) spsi_splatter_classified(&run->eye_splatters[i]);
         if (run->sweep->sheets)
             good &=
                 spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,

@@ -326,6 +326,52 @@ static void test_polygon_beside(void) {
     }
 }
 
+static double ramp(const void *user, const double p[3]) {
+    (void)user;
+    return fmax(0, 0.5 + p[0]);
+}
+
+/* The eye amid a surface of voxels of 0.1 units whose value rises along x by 0.1 per voxel from 0.5 at the eye, so
+   dense that what is seen lies within two voxels: the slabs about the eye, too, are shaded by their whole surroundings,
+   some of which are behind it. Lit along the gradient, all of it sends its reflectance times irradiance / pi. The
+   largest ripple of 0.2 % (RIPPLE), with a period of a voxel, turns normals by 2 pi 0.002 0.65 / 0.1 at most in either
+   direction across, where values are below 0.65, and each takes half its square from a cosine: 0.7 %. */
+static void test_eye_amid_surface(void) {
+    static const sps_transfer_point points[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
+    static check_field field;
+    for (int n = 0; n < 6; ++n) {
+        static const double directions[6][3] = {{1, 0, 0},  {-1, 0, 0},       {0, 1, 0.1},
+                                                {0, 0, -1}, {0.6, -0.5, 0.4}, {-0.3, 0.4, 0.8}};
+        sps_transfer transfer;
+        check_scene s;
+        sps_volume *volume;
+        const double turn = 2 * PI * RIPPLE * 0.65 / 0.1;
+        double least = HUGE_VAL, most = 0;
+        start(&s, SIDE, SIDE, 0);
+        check_set3(s.view.position, 0.013 * n, -0.02, 0.03);
+        for (int i = 0; i < 3; ++i) s.view.target[i] = s.view.position[i] + directions[n][i];
+        s.view.field_of_view = 0.9;
+        memset(&transfer, 0, sizeof transfer);
+        transfer.points = points;
+        transfer.point_count = 2;
+        field.value_fn = ramp;
+        volume = check_add_volume(&s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
+        volume->eval_fn = check_eval_field;
+        volume->user = &field;
+        volume->transfer = &transfer;
+        volume->shading = SPS_SHADING_SURFACE;
+        volume->gradient_full = 0.01f;
+        check_add_directional(&s, 1, 0, 0, PI)->no_shadow = 1;
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < PIXELS; ++i) {
+            least = fmin(least, (double)(image_a[4 * i] / image_a[4 * i + 3]));
+            most = fmax(most, (double)(image_a[4 * i] / image_a[4 * i + 3]));
+        }
+        if (!CHECK(least > 0.8 * (1 - turn * turn) && most < 0.8 * (1 + 1e-5)))
+            printf("    view %d: %g to %g instead of 0.8\n", n, least, most);
+    }
+}
+
 /* ------------------------------------------------------------------------------------------------- bookkeeping */
 
 typedef struct course {
@@ -476,6 +522,7 @@ int main(void) {
     RUN(test_glow_beside_dust);
     RUN(test_classified_together);
     RUN(test_polygon_beside);
+    RUN(test_eye_amid_surface);
     RUN(test_progress_of_calls);
     RUN(test_failed_plans);
     RUN(test_unwritten_voxels);

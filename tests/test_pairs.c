@@ -40,7 +40,8 @@ static const struct {
     long scene;
     const char *reason;
 } known[] = {
-    {0, ""},
+    {9, "thick slabs of particles beside a wall of shadow: 4.3 % at medium, 2.2 % at high quality"},
+    {38, "wants a reference in steps of 0.02 voxels: 15 % at medium, 7.0 % at high quality against that"},
 };
 
 typedef struct pairs {

@@ -25,6 +25,13 @@ static sps_volume *add_slab(check_scene *s, double tau) {
     return volume;
 }
 
+/* 4 x 4 pixels that show `height` world units about x, from above. */
+static void start(check_scene *s, double x, double height) {
+    check_clear(s, 4, 4);
+    s->view.position[0] = s->view.target[0] = x;
+    s->view.ortho_height = height;
+}
+
 /* A grey plate across the view at height z, wide enough for all that these tests look at. */
 static void add_plate(check_scene *s, check_triangles *triangles, double z, double reflectance) {
     const double origin[3] = {-4, -4, z}, u[3] = {8, 0, 0}, v[3] = {0, 8, 0};
@@ -68,8 +75,7 @@ static void test_one_light_of_three_without_shadow(void) {
         for (int unshadowed = 0; unshadowed < 3; ++unshadowed) {
             check_triangles triangles = {NULL, 0, 0, 0, 0};
             check_scene s;
-            check_clear(&s, 4, 4);
-            s.view.ortho_height = 0.2;
+            start(&s, 0, 0.2);
             add_slab(&s, tau);
             add_plate(&s, &triangles, -0.7, reflectance);
             add_lights(&s, first, unshadowed);
@@ -94,8 +100,7 @@ static void test_three_lights_in_thin_gas(void) {
         for (int unshadowed = -1; unshadowed < 3; ++unshadowed) {
             check_scene s;
             sps_volume *gas;
-            check_clear(&s, 4, 4);
-            s.view.ortho_height = 0.2;
+            start(&s, 0, 0.2);
             gas = add_slab(&s, tau);
             check_color(gas->albedo, albedo, albedo, albedo);
             check_color(gas->emission, emission, emission, emission);
@@ -118,8 +123,7 @@ static void test_rays_end(void) {
     for (int n = 0; n < 4; ++n) {
         const double through = 2.2 * thresholds[n], tau = -log(through);
         check_scene s;
-        check_clear(&s, 4, 4);
-        s.view.ortho_height = 0.2;
+        start(&s, 0, 0.2);
         s.view.quality = qualities[n];
         add_slab(&s, tau);
         check_color(s.scene.background, 1, 1, 1);
@@ -267,8 +271,7 @@ static void test_light_through_what_is_classified(void) {
     check_triangles triangles = {NULL, 0, 0, 0, 0};
     float reference[4 * 16];
     check_scene s;
-    check_clear(&s, 4, 4);
-    s.view.ortho_height = 0.8;
+    start(&s, 0, 0.8);
     add_slab(&s, 1)->transfer = &transfer;
     add_plate(&s, &triangles, -0.7, 1);
     check_add_point(&s, 1.6, 1.2, 2.4, 5);
@@ -311,8 +314,7 @@ static void test_light_as_eye(void) {
         check_triangles triangles = {NULL, 0, 0, 0, 0};
         double through;
         check_scene s;
-        check_clear(&s, 4, 4);
-        s.view.ortho_height = 0.8;
+        start(&s, 0, 0.8);
         s.view.quality = qualities[n];
         add_slab(&s, 1)->transfer = &transfer;
         add_plate(&s, &triangles, -0.7, 1);
@@ -370,10 +372,7 @@ static void test_light_below_a_block(void) {
     const double tau = 0.0001, cosine = sqrt(0.5);
     check_scene s;
     sps_volume *volume;
-    check_clear(&s, 4, 4);
-    check_set3(s.view.position, -0.5, 0, 10);
-    check_set3(s.view.target, -0.5, 0, 0);
-    s.view.ortho_height = 0.2;
+    start(&s, -0.5, 0.2);
     s.view.slab = 3;
     s.view.quality = SPS_QUALITY_HIGH;
     check_color(add_slab(&s, tau)->albedo, 1, 1, 1);
@@ -394,8 +393,7 @@ static void test_light_below_a_block(void) {
 static void test_distance_of_dense_gas(void) {
     float depths[2][16];
     check_scene s;
-    check_clear(&s, 4, 4);
-    s.view.ortho_height = 0.2;
+    start(&s, 0, 0.2);
     s.view.quality = SPS_QUALITY_DRAFT;
     s.view.slab = 0.25;
     add_slab(&s, 8);
@@ -411,8 +409,7 @@ static void test_plate_far_behind(void) {
     for (int distant = 0; distant < 2; ++distant) {
         check_triangles triangles = {NULL, 0, 0, 0, 0};
         check_scene s;
-        check_clear(&s, 4, 4);
-        s.view.ortho_height = 0.2;
+        start(&s, 0, 0.2);
         add_slab(&s, tau);
         add_plate(&s, &triangles, distant ? -5000 : -1, 1);
         check_color(s.scene.ambient, ambient, ambient, ambient);
@@ -427,10 +424,7 @@ static void test_shadow_of_an_earlier_chunk(void) {
     const double tau = 0.8, origin[3] = {-3, -1, -1.5}, u[3] = {3, 0, 0}, v[3] = {0, 2, 0};
     check_triangles triangles = {NULL, 0, 0, 0, 0};
     check_scene s;
-    check_clear(&s, 4, 4);
-    check_set3(s.view.position, -1.5, 0, 10);
-    check_set3(s.view.target, -1.5, 0, 0);
-    s.view.ortho_height = 0.2;
+    start(&s, -1.5, 0.2);
     s.view.shadow_size = 256;
     for (int i = 0; i < 2; ++i) {
         const double x = i == 0 ? -2 : 1, z = i == 0 ? 1 : -2;
@@ -489,8 +483,7 @@ static void test_faces_of_a_slab(void) {
         const double exact = behind ? 1 : cos(tilt) * (1 + highlight); /* per depth, of irradiance pi */
         sps_volume *volume;
         check_scene s;
-        check_clear(&s, 4, 4);
-        s.view.ortho_height = 0.12;
+        start(&s, 0, 0.12);
         s.view.quality = SPS_QUALITY_HIGH;
         volume = add_slab(&s, 1);
         volume->transfer = &transfer;
@@ -533,8 +526,7 @@ static void test_near_plane_amid_gas(void) {
             const double from_behind = tau * exp(-tau), from_before = exp(-before) * -expm1(-2 * tau) / 2;
             const double exact = behind ? from_behind : from_before;
             check_scene s;
-            check_clear(&s, 4, 4);
-            s.view.ortho_height = 0.2;
+            start(&s, 0, 0.2);
             s.view.quality = qualities[n];
             s.view.position[2] = n % 2 ? 10 : 0.03; /* or the camera itself amid gas, which sees nothing behind it */
             s.view.target[2] = -1;

@@ -236,6 +236,15 @@ static void test_edge_on(void) {
     CHECK(hits > 100);
 }
 
+/* A triangle as a face, and what it may take of the screen. */
+static void box_of(const double p[3][3], const spsi_rays *rays, spsi_face *face, int box[4]) {
+    spsi_faces faces;
+    add_face(face, p[0], p[1], p[2]);
+    faces.list = face;
+    faces.count = 1;
+    spsi_face_box(&faces, 0, rays, box);
+}
+
 /* What a triangle that reaches behind the eye may take of the screen. */
 static void test_boxes_behind(void) {
     static const double origin[3] = {0, 0, 0}, ahead[3] = {0, 0, -1};
@@ -246,24 +255,16 @@ static void test_boxes_behind(void) {
            +-0.55 at 1 ahead, so that on it the ground is seen from 1.8 ahead on. */
         const double p[3][3] = {{(double)x, -1, -0.5}, {x + 1.0, -1, -0.5}, {(double)x, -1, 0.5}};
         spsi_face face;
-        spsi_faces faces;
         int box[4];
-        add_face(&face, p[0], p[1], p[2]);
-        faces.list = &face;
-        faces.count = 1;
-        spsi_face_box(&faces, 0, &rays, box);
+        box_of(p, &rays, &face, box);
         large += box[2] >= box[0] && box[3] >= box[1];
     }
     CHECK(large == 0); /* at 0.5 ahead it is at 2, below the image, and runs further down from there */
     for (int side = 0; side < 2; ++side) { /* from the image's middle to the left, or right, and behind the eye */
         const double x = side ? 1 : -1, p[3][3] = {{0, 0, -2}, {x, 0.1, 1}, {x, -0.1, 1}};
         spsi_face face;
-        spsi_faces faces;
         int box[4];
-        add_face(&face, p[0], p[1], p[2]);
-        faces.list = &face;
-        faces.count = 1;
-        spsi_face_box(&faces, 0, &rays, box);
+        box_of(p, &rays, &face, box);
         CHECK(box[0] == (side ? MIDDLE : 0) && box[2] == (side ? SIDE - 1 : MIDDLE));
         CHECK(box[1] == 0 && box[3] == SIDE - 1);
         CHECK(count_hits(&rays, &face, 1, MIDDLE + (side ? 9 : -9), MIDDLE) == 1);
@@ -271,12 +272,8 @@ static void test_boxes_behind(void) {
     {
         const double p[3][3] = {{0, 0, 1}, {1, 0.1, 1}, {1, -0.1, 0}};
         spsi_face face;
-        spsi_faces faces;
         int box[4];
-        add_face(&face, p[0], p[1], p[2]);
-        faces.list = &face;
-        faces.count = 1;
-        spsi_face_box(&faces, 0, &rays, box);
+        box_of(p, &rays, &face, box);
         CHECK(box[2] < box[0]);
     }
 }

@@ -445,12 +445,15 @@ static behind_near exact_behind_near(double c, double eye, double sigma, int bac
 
 /* A near plane amid even gas in slabs of three voxels, of which it leaves a part, lit from in front and from behind
    (back to front): for parallel rays, for kernels in perspective, and for those so near that each pixel's ray has its
-   own. */
+   own; and the same gas classified, in parts of thin slabs. */
 static void test_near_plane(void) {
     static const double eyes[3] = {2, 5, 2}, angles[3] = {0, 0.08, 0.2};
-    const double sigma = 1.5, ripple = 0.002, slab = 3.0 / 12, blur = 0.65 / 12;
-    for (int n = 0; n < 6; ++n) {
-        const double eye = eyes[n / 2], angle = angles[n / 2];
+    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {2, {1, 1, 1}, 3}};
+    static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+    const double sigma = 1.5, ripple = 0.002, blur = 0.65 / 12;
+    for (int n = 0; n < 12; ++n) {
+        const int view = n / 2 % 3, classified = n / 6;
+        const double eye = eyes[view], angle = angles[view], slab = (classified ? 0.4 : 3.0) / 12;
         check_scene s;
         sps_volume *gas;
         check_clear(&s, 8, 8);
@@ -459,11 +462,12 @@ static void test_near_plane(void) {
         s.view.ortho_height = 0.4;
         s.view.near_distance = eye - 0.2;
         s.view.quality = SPS_QUALITY_HIGH;
-        s.view.slab = 3;
+        s.view.slab = 12 * slab;
         gas = check_add_volume(&s, 24, 24, 12, check_box(-1, -1, -0.5, 1, 1, 0.5));
         gas->read_fn = check_read_constant, gas->user = &one;
         gas->extinction = (float)sigma;
         check_color(gas->albedo, 1, 1, 1);
+        if (classified) gas->transfer = &transfer;
         check_add_directional(&s, 0, 0, n % 2 ? 1 : -1, 1);
         if (!check_render_depth(context, &s, image_a, depth_a)) return;
         for (int i = 0; i < 64; ++i) {
@@ -473,7 +477,7 @@ static void test_near_plane(void) {
             /* A kernel in perspective is splatted as if rays were parallel throughout it, and as narrow as they are in
                its middle: a share of 2 s / t is missing or too much at s before or behind that, which adds up to
                nothing but at a cut, where it comes to twice the variance over t, of a unit of gas. */
-            const double cut = n / 2 == 1 ? 2 * blur * blur / (eye - 0.2) * sigma : 0;
+            const double cut = view == 1 ? 2 * blur * blur / (eye - 0.2) * sigma : 0;
             /* Ripple is that of optical depths, on the way in and out. Since light and eye go through the same gas,
                what they take does not depend on where between the faces it lies: soft faces and thick slabs move
                distances alone. At the far face what is seen is s T(s) sigma, whose slope times half the variance of
@@ -483,7 +487,9 @@ static void test_near_plane(void) {
                              CHECK_NEAR((double)image_a[4 * i], exact.radiance,
                                         exact.radiance * ((1 + in_and_out) * ripple + cut / exact.depth)) &&
                              CHECK_NEAR((double)depth_a[i], exact.distance, (moved + cut) / (1 - left) + ripple);
-            if (!good) printf("    view %d, %s, pixel %d\n", n / 2, n % 2 ? "backlit" : "lit from in front", i);
+            if (!good)
+                printf("    view %d, %s, %s, pixel %d\n", view, n % 2 ? "backlit" : "lit from in front",
+                       classified ? "classified" : "gas", i);
         }
     }
 }

@@ -8,6 +8,9 @@
             share of a slab is good to 2e-4 at both ends: 0.24 %. */
 
 #include "check.h"
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #define PI     3.14159265358979323846
 #define CHORD  1e-6
@@ -1344,6 +1347,51 @@ static void test_bytes(void) {
     }
 }
 
+/* Of maps made from lists a half holds nothing: where lists are kept, the map takes what is in them and no more,
+   however they grew from band to band of 64 rows, and where they are not, an empty texel takes what the others do. */
+static void test_bytes_of_half_empty_maps(void) {
+    static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
+                                      SPS_TMAP_ADAPTIVE};
+    for (int n = 0; n < 15; ++n) {
+        const int technique = techniques[n / 3], half = n % 3; /* upper, lower, neither */
+        const size_t item = technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
+        enum { TALL = 200, TEXELS = TALL * TALL };
+        size_t before, bytes;
+        check_hooks hooks;
+        sps_context *context;
+        fixture f;
+        sps_tmap *map = NULL;
+        memset(&hooks, 0, sizeof hooks);
+        context = check_context(&hooks);
+        begin(&f, technique);
+        see(&f, ORTHO, TALL);
+        scatter(&f, 0, half < 2 ? 9 : 0, 1, 5);
+        for (size_t i = 0; i < f.crowds[0].count; ++i) {
+            f.crowds[0].list[i].position[1] += half ? -2.6f : 2.6f;
+            f.crowds[0].list[i].radius = 1.5f;
+        }
+        complete(&f);
+        CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+        before = sps_tmap_bytes(map);
+        CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
+        CHECK_OK(context, sps_tmap_finish(map));
+        bytes = sps_tmap_bytes(map);
+        if (technique <= SPS_TMAP_COMPRESSED) {
+            const uint32_t *starts = sps_tmap_starts(map), count = starts[TEXELS], middle = starts[TEXELS / 2];
+            CHECK(half == 2 ? count == 0 : count > 5000 && middle == (half ? 0 : count));
+            if (!CHECK(bytes == before + item * (count > 0 ? count : 1))) /* no allocation is of 0 bytes */
+                printf("    technique %d: %g bytes of %g items\n", technique, (double)(bytes - before), (double)count);
+        } else {
+            CHECK(bytes == before && before >= TEXELS * sizeof(float) * (size_t)map->settings.components);
+        }
+        before = hooks.live;
+        sps_tmap_destroy(map);
+        CHECK(before - hooks.live == bytes);
+        sps_destroy(context);
+        CHECK(hooks.live == 0);
+    }
+}
+
 /* A budget takes components away that are left to the technique, one step after another, to its least, and keeps room
    for surfaces, of which nobody knows yet, if it can; what was asked for by number it does not touch. */
 static void test_budget_of_components(void) {
@@ -2025,6 +2073,103 @@ static void test_projection_round(void) {
     }
     sps_tmap_destroy(map);
     sps_destroy(context);
+}
+
+/* clip = projection * camera of a spot at `from` that looks at (0,0,0) and sees 0.4 on either side of its axis per unit
+   of depth; row-major, or as many a maths library keeps it, column by column. */
+static void spot_matrix(const double from[3], int by_columns, double matrix[16]) {
+    double axes[3][3], rows[4][4];
+    for (int i = 0; i < 3; ++i) axes[2][i] = -from[i];
+    spsi_normalise(axes[2]);
+    spsi_basis(axes[2], axes[0], axes[1]);
+    for (int i = 0; i < 4; ++i) {
+        const double *axis = axes[i < 3 ? i : 2], scale = i < 2 ? 2.5 : 1;
+        for (int k = 0; k < 3; ++k) rows[i][k] = scale * axis[k];
+        rows[i][3] = -scale * spsi_dot(axis, from) - (i == 2 ? 1 : 0);
+    }
+    for (int i = 0; i < 16; ++i) matrix[i] = by_columns ? rows[i % 4][i / 4] : rows[i / 4][i % 4];
+}
+
+/* A matrix that was not transposed sees the world at odd angles, from most lights near the plane z = 0 at such wide
+   ones that volumes are refused: then the sentence asks about it. A view that is too wide in itself is told to be
+   narrowed, and not asked about a matrix that it does not have. */
+static void test_untransposed(void) {
+    static const double from[3][3] = {{7, -3, 1}, {1, 7, 2}, {4, 6, -1}};
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 9; ++n) { /* row-major, by columns, none but a wide angle */
+        double matrix[16];
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_BEER);
+        add_box(&f, 4, 1, 0, 1);
+        memcpy(f.light.position, from[n / 3], sizeof f.light.position);
+        spot_matrix(from[n / 3], n % 3 == 1, matrix);
+        if (n % 3 < 2) f.light.world_to_clip = matrix;
+        if (n % 3 == 2) f.light.field_of_view = 3.05;
+        map = build(&f, context);
+        CHECK((map != NULL) == (n % 3 == 0));
+        if (!map) CHECK(strstr(sps_error(context), "narrow the light's view") != NULL);
+        if (!CHECK((strstr(sps_error(context), "is world_to_clip row-major?") != NULL) == (n % 3 == 1)))
+            printf("    %d: %s\n", n, sps_error(context));
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* A light that is told to look at where it is wants a map all round: the sentence says which setting makes one. With
+   that, or with a matrix, the target does not count. */
+static void test_looks_nowhere(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 4; ++n) { /* as a spot; parallel; all round; by a matrix */
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_BEER);
+        if (n == 3) see(&f, SPOT_MATRIX, SIDE);
+        add_box(&f, 4, 12, 0, 0.1);
+        memcpy(f.light.target, f.light.position, sizeof f.light.target);
+        f.light.field_of_view = n == 0 ? 1 : 0;
+        f.settings.omnidirectional = n == 2;
+        map = build(&f, context);
+        CHECK((map != NULL) == (n >= 2));
+        if (n < 2) CHECK(strstr(sps_error(context), "settings.omnidirectional is 1, all round") != NULL);
+        if (n == 2) CHECK(query(map, 0, 0, 5) > 0.1 && query(map, 5, 0, 10) > 0.1 && query(map, 0, -5, 11) > 0.1);
+        if (n == 3) CHECK(query(map, 0, 0, 5) > 0.1);
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+static void leave(int number) {
+    (void)number;
+    _exit(3);
+}
+
+/* A context that is destroyed before its maps is an error that SPS_ASSERT tells of; here in a process of its own. */
+static void test_context_before_maps(void) {
+    for (int kept = 0; kept < 2; ++kept) {
+        sps_context *context = sps_create(NULL);
+        fixture f;
+        sps_tmap *map;
+        int status = -1;
+        pid_t child;
+        begin(&f, SPS_TMAP_BEER);
+        map = must_build(&f, context);
+        fflush(stdout);
+        child = fork();
+        if (child == 0) {
+            signal(SIGABRT, leave);
+            if (!freopen("/dev/null", "w", stderr)) _exit(4);
+            if (!kept) sps_tmap_destroy(map);
+            sps_destroy(context);
+            _exit(0);
+        }
+        CHECK(child > 0 && waitpid(child, &status, 0) == child);
+        CHECK(WIFEXITED(status) && WEXITSTATUS(status) == (kept ? 3 : 0));
+        sps_tmap_destroy(map);
+        sps_destroy(context);
+    }
 }
 
 /* What a map answers to when it is not its turn. */
@@ -2829,6 +2974,46 @@ static void test_picture_refusals(void) {
     }
 }
 
+static double half_blob(const void *user, const double p[3]) { return p[0] > 0 ? small_blob(user, p) : 0; }
+
+/* What is planned for maps that are made from lists holds them, their bands of 64 rows and the numbers of stretches of
+   these, whose tiles have room beside them; lists themselves and what is fitted to them are not planned. Six faces
+   about a light, so that the map's size is what was asked for; half of the gas is empty. */
+static void test_planned_lists(void) {
+    static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
+                                      SPS_TMAP_ADAPTIVE};
+    for (int n = 0; n < 10; ++n) {
+        const int technique = techniques[n / 2], side = n % 2 ? 90 : 64, lists = technique <= SPS_TMAP_COMPRESSED;
+        const size_t texels = 6 * (size_t)(side * side);
+        size_t held, planned;
+        check_hooks hooks;
+        sps_context *context;
+        sps_plan_report plan;
+        picture p;
+        memset(&hooks, 0, sizeof hooks);
+        context = check_context(&hooks);
+        begin_picture(&p, 8, 6, 8);
+        p.field.value_fn = half_blob;
+        p.s.scene.mesh_count = 0;
+        p.settings.technique = (sps_tmap_technique)technique;
+        p.settings.components = lists ? 0 : technique == SPS_TMAP_DEPTH ? 1 : 8;
+        lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4))->shadow_map_size = side;
+        CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plan));
+        planned = plan.pass[SPS_PASS_LIGHT_MAPS].bytes;
+        if (check_render(context, &p.s, image_c)) {
+            const spsi_buffer *buffers = context->buffers;
+            held = buffers[SPSI_BUFFER_TMAP_RUN].size + buffers[SPSI_BUFFER_LIGHT_TMAP].size;
+            held += buffers[SPSI_BUFFER_PLACES].size;
+            held += lists ? (texels + 1) * sizeof(uint32_t) : texels * sizeof(float) * (size_t)p.settings.components;
+            CHECK(held <= planned);
+            CHECK(hooks.peak - buffers[SPSI_BUFFER_BAND].size - buffers[SPSI_BUFFER_CURVES].size <= plan.bytes ||
+                  lists);
+        }
+        check_free_triangles(&p.floor);
+        sps_destroy(context);
+    }
+}
+
 /* Each allocation of an image with maps fails in turn. */
 static void test_picture_allocations(void) {
     for (int technique = 0; technique < TECHNIQUES; technique += 4)
@@ -2884,6 +3069,7 @@ int main(void) {
     RUN(test_seams_of_fine_particles);
     RUN(test_gas_around);
     RUN(test_bytes);
+    RUN(test_bytes_of_half_empty_maps);
     RUN(test_budget_of_components);
     RUN(test_budget_of_lists);
     RUN(test_allocations);
@@ -2902,6 +3088,9 @@ int main(void) {
     RUN(test_outside);
     RUN(test_surface_before_near);
     RUN(test_states);
+    RUN(test_untransposed);
+    RUN(test_looks_nowhere);
+    RUN(test_context_before_maps);
     RUN(test_progress);
     RUN(test_callbacks);
     RUN(test_depths);
@@ -2921,6 +3110,7 @@ int main(void) {
     RUN(test_picture_bits);
     RUN(test_held_voxels);
     RUN(test_picture_refusals);
+    RUN(test_planned_lists);
     RUN(test_picture_allocations);
     return check_report();
 }

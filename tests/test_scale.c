@@ -465,31 +465,6 @@ static void test_faces_of_volume(void) {
     }
 }
 
-/* The same box in steps of two thirds of a slab through a room of coarse, empty voxels, from which slabs are counted:
-   its faces pass a seam of chunks of 16 slabs, where they must be as good as elsewhere. */
-static void test_faces_at_seams(void) {
-    static float none = 0;
-    double room;
-    const double exact = rims_of_box(&room), slab = 0.4 / 20;
-    for (int i = 0; i < 24; ++i) {
-        const double z = i * 16 * slab / 24;
-        check_scene s;
-        sps_volume *volume;
-        check_clear(&s, 9, 2);
-        s.view.ortho_height = 0.1;
-        s.view.quality = SPS_QUALITY_HIGH;
-        volume = check_add_volume(&s, 6, 6, 6, check_box(-3, -3, -3, 3, 3, 3));
-        volume->read_fn = check_read_constant, volume->user = &none;
-        volume->transfer = &rim;
-        volume = check_add_volume(&s, 20, 20, 20, check_box(-0.5, -0.5, z - 0.5, 0.5, 0.5, z + 0.5));
-        volume->read_fn = check_read_constant, volume->user = &one;
-        volume->transfer = &rim;
-        if (!check_render(context, &s, image_a)) return;
-        for (int k = 0; k < 18; ++k)
-            if (!CHECK_NEAR(-log(1 - (double)image_a[4 * k + 3]), exact, room)) printf("    box at %g\n", z);
-    }
-}
-
 /* Slabs of what is classified follow their neighbours across the seams of chunks of 16: no seam is worse than the rest.
    Forty slabs lie in the skin, which runs along them. */
 static void test_chunk_seams(void) {
@@ -650,7 +625,6 @@ int main(void) {
     RUN(test_two_tables);
     RUN(test_highlight);
     RUN(test_faces_of_volume);
-    RUN(test_faces_at_seams);
     RUN(test_chunk_seams);
     RUN(test_back_to_front);
     RUN(test_near_plane);

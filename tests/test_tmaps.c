@@ -1053,7 +1053,7 @@ static void test_cut_sums(void) {
             const double first = range ? (double)made[0] : 0, length = range ? (double)made[1] - first : 1;
             double sums[2 * HARMONICS + 1] = {0}, before = 0, whole;
             for (int i = -1; i <= STEPS; ++i) { /* the first and the last are what lies before and behind */
-                const double u = first + length * fmin(i + 1, STEPS) / STEPS;
+                const double u = first + length * fmin((double)(i + 1), (double)STEPS) / STEPS;
                 const double at = i < 0 ? 0 : i == STEPS ? 1 : (i + 0.5) / STEPS;
                 double point[3], depth;
                 on_ray(map, 0, texel % SIDE, texel / SIDE, 0.5 + 16.5 * (i == STEPS ? 2 : u - (u >= 1) * 1e-6), point);

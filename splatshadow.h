@@ -365,7 +365,9 @@ typedef struct sps_tmap_settings {
        it up and cosine maps lose it. Opaque surfaces shade from where they are, before near_depth and behind
        far_depth, too; but points before near_depth are lit. */
     double near_depth, far_depth;
-    int omnidirectional; /* 1: six faces about the light's position; of its view only position and size count */
+    /* 1: six faces about the light's position; of its view only position and size count. 0 for a light of one view amid
+       voxels: what it leaves out counts as lit, and message_fn is told. */
+    int omnidirectional;
     /* Opacity: u of each plane, rising from above 0 to 1, copied: as many as `components` (deep opacity: two less),
        which must be set; NULL: even steps. Techniques that have none do not look at this, nor at what is below. */
     const float *planes;
@@ -10183,6 +10185,16 @@ static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame)
     context->config.message_fn(context->config.message_user, text);
 }
 
+/* Tells message_fn of a light amid the gas, of which one view holds what is before it alone. */
+static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
+    const sps_config *config = &map->context->config;
+    const spsi_rays *rays = &map->rays[0];
+    if (!config->message_fn || map->face_count > 1 || !rays->perspective) return;
+    if (spsi_bounds_empty(&frame->volume_bounds) || !spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return;
+    config->message_fn(config->message_user, "tmap: the light is amid the gas, and what its view leaves out counts as "
+                                             "lit; settings.omnidirectional is for a light that shines all round");
+}
+
 /* Reads all that was added, and fills the map with it. */
 static sps_result spsi_tmap_finish(sps_tmap *map) {
     sps_context *context = map->context;
@@ -10200,6 +10212,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     occluders.progress_share = 1 - SPSI_PROGRESS_GATHER;
     if (spsi_tmap_fill(map, &occluders)) return context->result;
     spsi_tmap_tell_outside(map, frame);
+    spsi_tmap_tell_amid(map, frame);
     return SPS_OK;
 }
 

@@ -2022,6 +2022,31 @@ static void test_outside(void) {
     sps_destroy(context);
 }
 
+/* A light amid voxels lights what its one view leaves out: message_fn is told of `omnidirectional`, unless the view has
+   that, is outside of the voxels, or is of parallel rays, which pass all of them. */
+static void test_light_amid(void) {
+    sps_config config;
+    sps_context *context;
+    memset(&config, 0, sizeof config);
+    config.message_fn = take_message;
+    context = sps_create(&config);
+    for (int way = 0; way < WAYS; ++way)
+        for (int inside = 0; inside < 2; ++inside) {
+            const int one_view = way != ROUND && way != ORTHO && way != ORTHO_MATRIX && way != ORTHO_TURNED;
+            fixture f;
+            begin(&f, SPS_TMAP_OPACITY);
+            see(&f, way, SIDE);
+            f.settings.far_depth = 200;
+            add_box(&f, 4, inside ? 60 : 0.2, 0, 1);
+            messages_told = 0;
+            last_message[0] = 0;
+            sps_tmap_destroy(must_build(&f, context));
+            CHECK((strstr(last_message, "omnidirectional") != NULL) == (one_view && inside));
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
 /* A surface before near_depth shades all that is behind it and behind near_depth. */
 static void test_surface_before_near(void) {
     sps_context *context = sps_create(NULL);
@@ -3086,6 +3111,7 @@ int main(void) {
     RUN(test_projection);
     RUN(test_projection_round);
     RUN(test_outside);
+    RUN(test_light_amid);
     RUN(test_surface_before_near);
     RUN(test_states);
     RUN(test_untransposed);

@@ -277,31 +277,35 @@ static void test_classified_together(void) {
     for (int i = 0; i < 2; ++i) CHECK(alone[i] < 0.01);
 }
 
-/* Classified matter with polygons through it. `hidden`: the left half of the picture shows a square amid the matter. */
-static int render_beside(int hidden, int perspective, int steep, int march, float *image) {
+/* A dome of classified matter, which shows where its value is above 0.1: within 0.856 of the world's origin. */
+static void place_dome(check_scene *s, int perspective) {
     static const double middle = 0;
     static check_field field;
-    sps_transfer transfer;
-    check_scene s;
+    static sps_transfer transfer;
     sps_volume *volume;
-    const double corner[3] = {-3, -2, 0.2}, u[3] = {3.01, 0, 0}, v[3] = {0, 4, steep ? 2.0 : 0.0};
-    start(&s, SIDE, SIDE, perspective ? 0 : 1.6);
-    s.view.field_of_view = perspective ? 0.35 : 0;
-    s.view.quality = steep ? SPS_QUALITY_MEDIUM : SPS_QUALITY_HIGH;
-    memset(&transfer, 0, sizeof transfer);
+    start(s, SIDE, SIDE, perspective ? 0 : 1.6);
+    s->view.field_of_view = perspective ? 0.35 : 0;
     field.value_fn = dome;
     field.user = &middle;
     transfer.points = soft_points;
     transfer.point_count = 2;
-    volume = check_add_volume(&s, 10, 10, 10, check_box(-1.1, -1.1, -1.1, 1.1, 1.1, 1.1));
+    volume = check_add_volume(s, 10, 10, 10, check_box(-1.1, -1.1, -1.1, 1.1, 1.1, 1.1));
     volume->eval_fn = check_eval_field;
     volume->user = &field;
     volume->transfer = &transfer;
     volume->shading = SPS_SHADING_SURFACE;
     volume->specular = 0.3f;
+    check_add_directional(s, 0.5, -0.3, -1, 3)->no_shadow = 1;
+}
+
+/* `hidden`: the left half of the picture shows a square amid the dome. */
+static int render_beside(int hidden, int perspective, int steep, int march, float *image) {
+    check_scene s;
+    const double corner[3] = {-3, -2, 0.2}, u[3] = {3.01, 0, 0}, v[3] = {0, 4, steep ? 2.0 : 0.0};
+    place_dome(&s, perspective);
+    s.view.quality = steep ? SPS_QUALITY_MEDIUM : SPS_QUALITY_HIGH;
     if (hidden) check_add_quad(&body, corner, u, v);
     if (hidden) check_add_mesh(&s, &body, 0);
-    check_add_directional(&s, 0.5, -0.3, -1, 3)->no_shadow = 1;
     return march ? check_march(context, &s, 0.2, image, NULL) : check_render(context, &s, image);
 }
 
@@ -374,6 +378,318 @@ static void test_eye_amid_surface(void) {
     }
 }
 
+/* A near plane a slab and more before what shows changes no bit: the slabs that it cuts are whole all the same, and so
+   are gradients made of them, also close to the eye, where a kernel is integrated along each ray. Slabs are 0.4 of a
+   voxel, 0.09 units. */
+static void test_near_plane_before(void) {
+    for (int place = 0; place < 3; ++place) { /* parallel rays; an eye from afar; close by */
+        const double away = place < 2 ? 10 : 2;
+        check_scene s;
+        place_dome(&s, place > 0);
+        s.view.position[2] = away;
+        if (place == 2) s.view.field_of_view = 1;
+        if (!check_render(context, &s, image_a)) return;
+        for (int n = 0; n < 6; ++n) {
+            s.view.near_distance = away - 0.86 - 0.1 - 0.02 * n;
+            if (!check_render(context, &s, image_b)) return;
+            if (!CHECK(check_largest(image_a, image_b, 4 * PIXELS) <= 0))
+                printf("    place %d, near plane at %g\n", place, s.view.near_distance);
+        }
+    }
+}
+
+static double rising(const void *user, const double p[3]) {
+    (void)user;
+    return fmax(1 - p[2], 0) / 2;
+}
+
+/* Extinction that rises as k (1 - z) / 2 from z = 1 downwards, up to a plate that lies aslant and cuts thick slabs in
+   all places: an optical depth of k (1 - z)^2 / 4. Kernels leave what is linear as it is, but for their ripple. Where
+   the rise begins, they add k / 4 of their variance, 0.65^2 voxels^2, and so do samples at the middles of voxels
+   instead of means over these, 1/12 voxel^2 by Euler and Maclaurin. Slabs of a voxel are as thick as can be to follow
+   that bend. */
+static void test_cut_slab_of_rising(void) {
+    static const double k = 4;
+    static const sps_transfer_point points[2] = {{0, {0, 0, 0}, 0}, {1, {0, 0, 0}, 4}};
+    check_field field;
+    sps_transfer transfer;
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        sps_volume *volume;
+        memset(&transfer, 0, sizeof transfer);
+        transfer.points = points;
+        transfer.point_count = 2;
+        start(&s, 3, PIXELS / 3, 2.4);
+        volume = add_gas(&s, 1.5, -1, 1, 0);
+        field.value_fn = rising;
+        volume->read_fn = NULL;
+        volume->eval_fn = check_eval_field;
+        volume->user = &field;
+        volume->transfer = &transfer;
+        s.view.slab = 0.5 * (1 << n);
+        add_square(&body, 1.5, 0, 0.4);
+        check_add_mesh(&s, &body, 0.5);
+        check_color(s.scene.ambient, 1, 1, 1);
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < PIXELS; ++i) {
+            const double y = ((PIXELS / 3 - 1) / 2.0 - i / 3) * 2.4 / (PIXELS / 3), way = 1 - 0.4 * y;
+            const double tau = k / 2 * (way * way + 0.01 * (0.65 * 0.65 + 1.0 / 12)) / 2;
+            if (!CHECK_NEAR(-log(2 * (double)image_a[4 * i]), tau, tau * RIPPLE + 1e-5))
+                printf("    slab %g, y %g\n", s.view.slab, y);
+        }
+    }
+}
+
+/* Gas from a near plane amid it: what is seen of it lies 1 / extinction behind that plane on average, however thick the
+   slabs. Its end, 20 optical depths away, is not seen. */
+static void test_depth_of_thick_gas(void) {
+    static const double sigma = 10;
+    for (int n = 0; n < 8; ++n) {
+        float distance[9];
+        check_scene s;
+        start(&s, 3, 3, 0.1);
+        add_gas(&s, 1.5, -2, 2, sigma);
+        s.view.near_distance = 9.87;
+        s.view.slab = 0.5 * (1 << n % 4);
+        check_add_directional(&s, 0, 0, n < 4 ? -1 : 1, 1); /* from before and from behind */
+        if (!check_render_depth(context, &s, image_a, distance)) return;
+        for (int i = 0; i < 9; ++i)
+            if (!CHECK_NEAR((double)distance[i], 9.87 + 1 / sigma, RIPPLE / sigma + 2e-6))
+                printf("    slab %g, light %d\n", s.view.slab, n / 4);
+    }
+}
+
+/* Thin gas that lies upon a black ground, cut by it, under a low sun: all of it is lit down to the ground, although
+   that rises by 12 texels from one texel of the light's to the next. These, 40 units by 1024, are an eighth of the
+   gas's height. The ripple is medium quality's. */
+static void test_lit_down_to_the_ground(void) {
+    static const double height = 0.3, sigma = 1e-4;
+    for (int n = 0; n < 2; ++n) {
+        const double exact = 3 * sigma * height * 0.25 / PI, turn = 0.3 + 1.7 * n;
+        check_scene s;
+        sps_volume *volume;
+        start(&s, SIDE, SIDE, 20);
+        s.view.quality = SPS_QUALITY_MEDIUM;
+        volume = check_add_volume(&s, 40, 40, 8, check_box(-20, -20, -0.1, 20, 20, height));
+        volume->read_fn = check_read_constant;
+        volume->user = &one;
+        volume->extinction = (float)sigma;
+        check_color(volume->albedo, 1, 1, 1);
+        add_square(&ground, 50, 0, 0);
+        check_add_mesh(&s, &ground, 0);
+        check_add_directional(&s, cos(turn), sin(turn), -1.0 / 12, 3);
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < PIXELS; ++i) /* of light, the gas takes up to sigma 12 height */
+            if (!CHECK_NEAR((double)image_a[4 * i] / exact, 1, 0.0037 + 13 * sigma * height))
+                printf("    light %d, pixel %d\n", n, i);
+    }
+}
+
+/* ------------------------------------------------------------------------------------------- transfer functions */
+
+/* What some points come to, between 0 and 1. */
+static void tabulate(const sps_transfer *transfer, spsi_table *table, spsi_material *material) {
+    memset(table, 0xff, sizeof *table); /* NaN */
+    memset(material, 0, sizeof *material);
+    material->table = table;
+    CHECK_OK(context, spsi_transfer_tabulate(context, transfer, 0, material));
+    CHECK(material->table_scale >= SPSI_TABLE_SIZE && material->table_scale <= SPSI_TABLE_SIZE);
+}
+
+static int rising_transfer(void *user, size_t count, const float *values, sps_transfer_point *out) {
+    *(int *)user += (int)count;
+    for (size_t i = 0; i < count; ++i) {
+        check_color(out[i].color, (double)values[i], 1 - (double)values[i], 0.25);
+        out[i].extinction = 3 * values[i];
+    }
+    return 0;
+}
+
+/* Entry i of a table stands for the value i / SPSI_TABLE_SIZE, the last one too, whether by points or by a callback. */
+static void test_table_entries(void) {
+    static const sps_transfer_point by_points[3] = {
+        {0, {0, 1, 0.25f}, 0}, {0.5f, {0.5f, 0.5f, 0.25f}, 1.5f}, {1, {1, 0, 0.25f}, 3}};
+    static spsi_table table;
+    for (int n = 0; n < 2; ++n) {
+        int asked = 0;
+        spsi_material material;
+        sps_transfer transfer;
+        memset(&transfer, 0, sizeof transfer);
+        if (n) transfer.points = by_points, transfer.point_count = 3;
+        if (!n) transfer.eval_fn = rising_transfer, transfer.user = &asked;
+        tabulate(&transfer, &table, &material);
+        CHECK(n || asked == SPSI_TABLE_SIZE + 1);
+        for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) { /* of four floats' roundings each at most, of up to 3 */
+            const double value = (double)i / SPSI_TABLE_SIZE;
+            int good = CHECK_NEAR((double)table.entry[i][0], value, 2.4e-7);
+            good &= CHECK_NEAR((double)table.entry[i][1], 1 - value, 2.4e-7);
+            good &= CHECK_NEAR((double)table.entry[i][3], 3 * value, 7.2e-7);
+            if (!good) printf("    entry %d, by %s\n", i, n ? "points" : "callback");
+        }
+    }
+}
+
+/* A range of values shows if any value in it has extinction by the straight lines between the table's entries. At an
+   entry's own value it may show the line behind it, too. */
+static void test_what_shows(void) {
+    static const sps_transfer_point band[4] = {
+        {0.25f, {1, 1, 1}, 0}, {0.2501f, {1, 1, 1}, 5}, {0.5f, {1, 1, 1}, 5}, {0.5001f, {1, 1, 1}, 0}};
+    static spsi_table table;
+    const int first = SPSI_TABLE_SIZE / 4, last = SPSI_TABLE_SIZE / 2; /* without and with extinction */
+    spsi_material material;
+    sps_transfer transfer;
+    memset(&transfer, 0, sizeof transfer);
+    transfer.points = band;
+    transfer.point_count = 4;
+    transfer.value_max = 1;
+    tabulate(&transfer, &table, &material);
+    CHECK(!(table.entry[first][3] > 0) && table.entry[first + 1][3] > 0);
+    CHECK(table.entry[last][3] > 0 && !(table.entry[last + 1][3] > 0));
+    for (int a = -8; a <= 8; ++a) { /* quarters of an entry */
+        const float low = ((float)first + 0.25f * (float)a) / SPSI_TABLE_SIZE;
+        const float high = ((float)last + 0.25f * (float)a) / SPSI_TABLE_SIZE;
+        int good = CHECK(a == 0 || spsi_transfer_shows(&material, 0, low) == (a > 0));
+        good &= CHECK(a == 0 || spsi_transfer_shows(&material, low, low) == (a > 0));
+        good &= CHECK(a == 4 || spsi_transfer_shows(&material, high, high) == (a < 4));
+        good &= CHECK(a == 4 || spsi_transfer_shows(&material, high, 1) == (a < 4));
+        if (!good) printf("    %d quarters\n", a);
+    }
+    CHECK(spsi_transfer_shows(&material, 0, 1) && !spsi_transfer_shows(&material, 0.75f, 1));
+}
+
+enum { WIDE = 43, TALL = 37, DEEP = 70, MATTER = WIDE * TALL * DEEP };
+static float matter[MATTER];
+static unsigned char held[MATTER], wanted[MATTER];
+
+/* Marks each voxel within three of voxel n. */
+static void mark_about(int n) {
+    const int at[3] = {n % WIDE, n / WIDE % TALL, n / (WIDE * TALL)};
+    for (int z = at[2] - 3; z <= at[2] + 3; ++z)
+        for (int y = at[1] - 3; y <= at[1] + 3; ++y)
+            for (int x = at[0] - 3; x <= at[0] + 3; ++x)
+                if (x >= 0 && x < WIDE && y >= 0 && y < TALL && z >= 0 && z < DEEP)
+                    wanted[(z * TALL + y) * WIDE + x] = 1;
+}
+
+/* Marks what the context holds; gives how many of its voxels are wrong, or held twice. */
+static int mark_held(void) {
+    int wrong = 0;
+    memset(held, 0, sizeof held);
+    for (int b = 0; b < context->brick_count; ++b) {
+        const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + b;
+        const spsi_segment *segment = spsi_segment_at(context, brick->segment);
+        for (int i = brick->first; i < brick->first + brick->count; ++i) {
+            const int x = brick->base[0] + (int)segment->x[i], y = brick->base[1] + (int)segment->y[i];
+            const int n = ((brick->base[2] + (int)segment->z[i]) * TALL + y) * WIDE + x;
+            wrong += segment->value[i] < matter[n] || segment->value[i] > matter[n] || held[n];
+            held[n] = 1;
+        }
+    }
+    return wrong;
+}
+
+/* A voxel is held within two voxels of a place that has a neighbour which shows: within three of what shows, along each
+   axis, across blocks, and no other. */
+static void test_held_voxels(void) {
+    static const sps_transfer_point points[2] = {{0.5f, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
+    sps_transfer transfer;
+    check_random random;
+    check_array array;
+    check_scene s;
+    sps_volume *volume;
+    int wrong, shown = 0;
+    memset(&transfer, 0, sizeof transfer);
+    memset(&array, 0, sizeof array);
+    memset(wanted, 0, sizeof wanted);
+    random.state = 5;
+    for (int i = 0; i < MATTER; ++i) {
+        const int shows = check_next(&random) < 1.0 / 700; /* so that some 40 % lie within 7^3 voxels of one */
+        matter[i] = shows ? 0.75f : 0.25f;
+        shown += shows;
+        if (shows) mark_about(i);
+    }
+    CHECK(shown > MATTER / 1000);
+    transfer.points = points;
+    transfer.point_count = 2;
+    array.values = matter;
+    start(&s, 3, 3, 1);
+    volume = check_add_volume(&s, WIDE, TALL, DEEP, check_box(-1, -1, -1, 1, 1, 1));
+    volume->read_fn = check_read_array;
+    volume->user = &array;
+    volume->transfer = &transfer;
+    array.size[0] = WIDE, array.size[1] = TALL, array.size[2] = DEEP;
+    if (!check_render(context, &s, image_a)) return;
+    wrong = mark_held();
+    for (int i = 0; i < MATTER; ++i) wrong += held[i] != wanted[i];
+    CHECK(wrong == 0);
+}
+
+static int range_constant(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)lo, (void)size;
+    out[0] = out[1] = *(const float *)user;
+    return 0;
+}
+
+/* Where matter of value 1 ends, its value falls to 0 and passes what a transfer function shows on the way. A range_fn
+   that says 1 of all of it leaves that in the picture. */
+static void test_shell_of_constant(void) {
+    static const sps_transfer_point shell[4] = {
+        {0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 30}, {0.6f, {1, 1, 1}, 30}, {0.8f, {1, 1, 1}, 0}};
+    sps_transfer transfer;
+    memset(&transfer, 0, sizeof transfer);
+    transfer.points = shell;
+    transfer.point_count = 4;
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        sps_volume *volume;
+        start(&s, 3, 3, 0.1);
+        volume = add_gas(&s, 1, -1, 1, 0);
+        volume->transfer = &transfer;
+        volume->range_fn = n ? range_constant : NULL;
+        if (!check_render(context, &s, n ? image_b : image_a)) return;
+    }
+    CHECK(image_a[3] > 0.5f);
+    CHECK(!memcmp(image_a, image_b, 9 * 4 * sizeof(float)));
+}
+
+/* -------------------------------------------------------------------------------------------------- grey scenes */
+
+/* What has a colour in one place alone, in one channel alone. */
+static void coloured_scene(check_scene *s, int place, int channel) {
+    const int gas = place > 2;
+    float color[3] = {0.5f, 0.5f, 0.5f};
+    float *places[5];
+    start(s, 3, 3, 0.1);
+    add_square(&ground, 4, 0, 0);
+    if (!gas) check_add_mesh(s, &ground, 0.5);
+    if (gas) add_gas(s, 1, -1, 1, place == 3 ? 1 : 0);
+    check_add_directional(s, 0, 0, -1, 0.5)->no_shadow = 1;
+    places[0] = s->scene.ambient;
+    places[1] = s->mesh[0].color;
+    places[2] = s->light[0].color;
+    places[3] = s->volume[0].albedo;
+    places[4] = s->volume[0].emission;
+    color[channel] = 0.125f;
+    memcpy(places[place], color, sizeof color);
+    if (place != 2) check_color(s->light[0].color, place ? 1 : 0, place ? 1 : 0, place ? 1 : 0);
+}
+
+/* All else is grey: that channel is a quarter of the others, to the last bit, as a quarter of a float is exact. */
+static void test_one_channel_differs(void) {
+    for (int place = 0; place < 5; ++place)
+        for (int channel = 0; channel < 3; ++channel) {
+            check_scene s;
+            coloured_scene(&s, place, channel);
+            if (!check_render(context, &s, image_a)) return;
+            for (int i = 0; i < 9; ++i)
+                for (int c = 0; c < 3; ++c) {
+                    const float full = image_a[4 * i + (channel + 1) % 3], share = c == channel ? 0.25f : 1;
+                    if (!CHECK(full > 0) || !CHECK_NEAR((double)image_a[4 * i + c], (double)(share * full), 0))
+                        printf("    place %d, channel %d\n", place, channel);
+                }
+        }
+}
+
 /* ------------------------------------------------------------------------------------------------- bookkeeping */
 
 typedef struct course {
@@ -432,6 +748,23 @@ static void test_progress_of_calls(void) {
         image.rgba = image_a;
         CHECK(sps_render(own, &s.scene, &s.view, &image) == SPS_ERROR_ARGUMENT && c.messages == 1 && c.calls == 0);
     }
+    sps_destroy(own);
+}
+
+/* The first of two failures stands: its result, its sentence, and one message. */
+static void test_first_failure(void) {
+    course c;
+    sps_config config;
+    sps_context *own;
+    memset(&config, 0, sizeof config);
+    memset(&c, 0, sizeof c);
+    config.message_fn = message;
+    config.message_user = &c;
+    own = sps_create(&config);
+    if (!CHECK(own)) return;
+    CHECK(spsi_fail(own, SPS_ERROR_DATA, "the cause") == SPS_ERROR_DATA && c.messages == 1);
+    CHECK(spsi_fail(own, SPS_ERROR_MEMORY, "what follows from it") == SPS_ERROR_DATA && c.messages == 1);
+    CHECK(!strcmp(sps_error(own), "the cause"));
     sps_destroy(own);
 }
 
@@ -516,6 +849,12 @@ static void test_unwritten_voxels(void) {
 
 int main(void) {
     context = sps_create(NULL);
+    RUN(test_table_entries);
+    RUN(test_what_shows);
+    RUN(test_held_voxels);
+    RUN(test_shell_of_constant);
+    RUN(test_one_channel_differs);
+    RUN(test_first_failure);
     RUN(test_normals_stretched);
     RUN(test_behind_a_chunk);
     RUN(test_behind_the_light);
@@ -525,6 +864,10 @@ int main(void) {
     RUN(test_classified_together);
     RUN(test_polygon_beside);
     RUN(test_eye_amid_surface);
+    RUN(test_near_plane_before);
+    RUN(test_cut_slab_of_rising);
+    RUN(test_depth_of_thick_gas);
+    RUN(test_lit_down_to_the_ground);
     RUN(test_progress_of_calls);
     RUN(test_failed_plans);
     RUN(test_unwritten_voxels);

@@ -1005,8 +1005,62 @@ static void test_stats(void) {
     stage_free(&x);
 }
 
+/* Where particles are and how large, far from the world's origin and from the first of them: six about one middle. */
+static void test_measures(void) {
+    static const double offsets[6][3] = {{3, 0, 0}, {-3, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 1}, {0, 0, -1}};
+    static spsi_frame frame;
+    sps_particle list[6];
+    memset(list, 0, sizeof list);
+    for (int i = 0; i < 6; ++i) { /* whole numbers that floats have */
+        check_color(list[i].position, 70000 + offsets[i][0], -3000 + offsets[i][1], 500 + offsets[i][2]);
+        list[i].radius = i & 1 ? 8 : 2;
+    }
+    memset(&frame, 0, sizeof frame);
+    frame.volume_bounds = spsi_nowhere;
+    frame.particles = list;
+    frame.particle_count = 6;
+    spsi_measure_particles(&frame);
+    CHECK_NEAR(frame.particle_radius, 4, 1e-12);
+    CHECK_NEAR(frame.particle_spread, sqrt((9 + 9 + 4 + 4 + 1 + 1) / 6.0), 1e-12);
+    CHECK_NEAR(frame.volume_bounds.low[0], 70000 - 11, 1e-9); /* the second one's */
+    CHECK_NEAR(frame.volume_bounds.high[0], 70000 + 8, 1e-9); /* the fourth's and sixth's */
+    CHECK_NEAR(frame.volume_bounds.low[1], -3000 - 10, 1e-9);
+    CHECK_NEAR(frame.volume_bounds.high[2], 500 + 8, 1e-9);
+}
+
+/* A particle below a texel is as wide on all six faces of a cube about a light: as a texel is at the largest of its
+   three coordinates, no more, and its optical depth less by the square of that. */
+static void test_sizes_on_six_faces(void) {
+    static const double offsets[3][3] = {{3, -4, 2}, {-3, 3, 3}, {0.5, 0.25, -7}}, largest[3] = {4, 3, 7};
+    static const double origin[3] = {100, 200, 300};
+    enum { SIZE = 65 };
+    sps_particles set;
+    memset(&set, 0, sizeof set);
+    for (int n = 0; n < 3; ++n)
+        for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
+            const double wide = SPSI_BALL_LEAST * 2 / (SIZE - 1) * largest[n];
+            sps_particle particle;
+            spsi_rays rays;
+            spsi_ball ball;
+            double radius;
+            memset(&particle, 0, sizeof particle);
+            memset(&ball, 0, sizeof ball);
+            particle.radius = 0.01f;
+            particle.optical_depth = 3;
+            CHECK(spsi_rays_of_cube_face(origin, face, SIZE, 0, &rays));
+            spsi_ball_size(&rays, &set, &particle, offsets[n], &ball, &radius);
+            CHECK_NEAR(radius, wide, 1e-12);
+            CHECK_NEAR((double)ball.depth * wide * wide / 3e-4, 1, 4 * ROUNDING);
+            particle.radius = 2;
+            spsi_ball_size(&rays, &set, &particle, offsets[n], &ball, &radius);
+            CHECK(radius >= 2 && radius <= 2 && ball.depth >= 3 && ball.depth <= 3);
+        }
+}
+
 int main(void) {
     context = check_context(NULL);
+    RUN(test_sizes_on_six_faces);
+    RUN(test_measures);
     RUN(test_one_ball);
     RUN(test_near_plane);
     RUN(test_cut_by_polygon);

@@ -1057,8 +1057,77 @@ static void test_sizes_on_six_faces(void) {
         }
 }
 
+/* What the library makes of a ball's chords against the same in double precision. */
+typedef struct chord_errors {
+    int missed;            /* pixels that meet the ball, but are not in its range */
+    double square, middle; /* of a chord's share of the diameter; of the depth of its middle */
+} chord_errors;
+
+/* The vector of pixels from (x, y) on. */
+static void compare_chords(const spsi_rays *rays, const sps_particle *particle, const spsi_ball *ball, int x, int y,
+                           chord_errors *errors) {
+    const double radius = (double)particle->radius;
+    float share[SPSI_LANES], middle[SPSI_LANES];
+    spsi_chord chord;
+    spsi_ball_chord(rays, ball, x, y, &chord);
+    spsi_store(share, chord.share);
+    spsi_store(middle, chord.middle);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        double ray[3], centre[3], nearest[3], exact, square;
+        for (int k = 0; k < 3; ++k) centre[k] = (double)particle->position[k];
+        spsi_ray_direction(rays, x + i, y, ray);
+        exact = spsi_dot(centre, ray) / spsi_dot(ray, ray);
+        spsi_along(centre, ray, -exact, nearest);
+        square = fmax(1 - spsi_dot(nearest, nearest) / (radius * radius), 0);
+        if (exact + radius * sqrt(square / spsi_dot(ray, ray)) < 0) continue; /* all of it is behind the eye */
+        if (x + i < ball->x0 || x + i > ball->x1 || y < ball->y0 || y > ball->y1) {
+            errors->missed += square > RIM;
+            continue;
+        }
+        errors->square = fmax(errors->square, fabs((double)share[i] * (double)share[i] - square));
+        if (square > 0) errors->middle = fmax(errors->middle, fabs((double)middle[i] + rays->depth_reference - exact));
+    }
+}
+
+/* Close by, within four radii, chords are as good as floats can hold them: the square of the share to twice a float's
+   rounding, the middle, which lies up to 4 radii of 1.5 ahead, to one. All pixels that meet the ball are in its range.
+ */
+static void test_chords_close_by(void) {
+    enum { WIDTH = 64, HEIGHT = 40 };
+    check_random random;
+    random.state = 3;
+    for (int n = 0; n < 200; ++n) {
+        const double radius = 0.5 + check_next(&random), ahead = n % 40 * 0.1 * radius;
+        chord_errors errors = {0, 0, 0};
+        sps_particles set;
+        sps_particle particle;
+        sps_view view;
+        spsi_rays rays;
+        spsi_ball ball;
+        memset(&set, 0, sizeof set);
+        memset(&view, 0, sizeof view);
+        memset(&rays, 0, sizeof rays);
+        rays.width = WIDTH, rays.height = view.height = HEIGHT;
+        view.field_of_view = 0.3 + 1.5 * check_next(&random);
+        view.up[1] = 1;
+        view.target[2] = -1;
+        if (!CHECK(spsi_rays_from_camera(&rays, &view))) return;
+        check_color(particle.position, (check_next(&random) - 0.5) * radius, (check_next(&random) - 0.5) * radius,
+                    -ahead);
+        particle.radius = (float)radius;
+        particle.optical_depth = 1;
+        spsi_ball_build(&rays, &set, &particle, &ball);
+        for (int y = 0; y < HEIGHT; ++y)
+            for (int x = 0; x < WIDTH; x += SPSI_LANES) compare_chords(&rays, &particle, &ball, x, y, &errors);
+        if (!CHECK(errors.missed == 0 && errors.square < 2 * ROUNDING && errors.middle < 4 * 1.5 * ROUNDING))
+            printf("    %g radii ahead: %d missed, square off by %g, middle by %g\n", ahead / radius, errors.missed,
+                   errors.square, errors.middle);
+    }
+}
+
 int main(void) {
     context = check_context(NULL);
+    RUN(test_chords_close_by);
     RUN(test_sizes_on_six_faces);
     RUN(test_measures);
     RUN(test_one_ball);

@@ -561,6 +561,34 @@ static void test_no_pixels(void) {
     check_free_triangles(&t.triangles);
 }
 
+/* Flat voxels of 1 x 1 x 0.1, classified, seen along x, where they are long, and lit along z, where they are flat:
+   slabs, which lie aslant, are 0.4 of what the light crosses of one. Kernels reach 2.5 voxels beyond the box. */
+static void test_slabs_of_flat_voxels(void) {
+    sps_context *context = check_context(NULL);
+    for (int lamp = 0; lamp < 2; ++lamp) {
+        const double along = (2 + 5 * 1 + 2 + 5 * 0.1) / sqrt(2.0); /* of the bounds, square to the slabs */
+        sps_plan_report plan;
+        sps_volume *volume;
+        check_scene s;
+        float value = 1;
+        check_clear(&s, 8, 8);
+        s.view.ortho_height = 3;
+        s.view.quality = SPS_QUALITY_HIGH;
+        check_set3(s.view.position, -20, 0, 0);
+        volume = check_add_volume(&s, 2, 2, 20, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = check_read_constant;
+        volume->user = &value;
+        volume->transfer = &grey_transfer;
+        if (lamp)
+            check_add_point(&s, 0, 0, 1e6, 1e12);
+        else
+            check_add_directional(&s, 0, 0, -1, 1);
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK_NEAR(plan.slab_count, along / (0.4 * 0.1) + 0.5, 0.5 + 1e-3); /* the lamp, too: its rays spread by 5e-6 */
+    }
+    sps_destroy(context);
+}
+
 int main(void) {
     setup t;
     outcome full;
@@ -588,6 +616,7 @@ int main(void) {
     test_light_maps(&full);
     test_sheet_channels();
     test_no_pixels();
+    test_slabs_of_flat_voxels();
     check_free_triangles(&t.triangles);
     return check_report();
 }

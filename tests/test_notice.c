@@ -485,6 +485,38 @@ static void test_lit_down_to_the_ground(void) {
     }
 }
 
+/* Thin classified matter between z = -1 and 1 in the shadow of a plate whose edge cuts it aslant: what is lit along a
+   ray ends where the edge's shadow does, at whichever part of a slab. Each part is lit as its middle is, which takes
+   half a part; a light's texel, of at most 6 / 1024 units, the box's diagonal with its kernels' reach, blurs that by
+   5 / 3 of its size along z. The ripple is medium quality's. */
+static void test_shadow_edge_in_slabs(void) {
+    static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1e-4f}};
+    const double way = 0.2 / cos(0.5 * acos(0.8)), texel = 6.0 / 1024; /* through slabs, which face eye and light */
+    sps_transfer transfer;
+    memset(&transfer, 0, sizeof transfer);
+    transfer.points = points;
+    transfer.point_count = 2;
+    for (int n = 0; n < 2; ++n) {
+        const int side = n ? -1 : 1; /* from before; from behind */
+        const double corner[3] = {-40, -40, 3.0 * side}, u[3] = {40 - 2.25, 0, 0}, v[3] = {0, 80, 0};
+        check_scene s;
+        start(&s, SIDE, SIDE, 1.2);
+        s.view.quality = SPS_QUALITY_MEDIUM;
+        s.view.slab = 2;
+        add_gas(&s, 1.5, -1, 1, 0)->transfer = &transfer;
+        check_add_quad(&body, corner, u, v);
+        check_add_mesh(&s, &body, 0);
+        check_add_directional(&s, 0.6, 0, -0.8 * side, 4 * PI * 1e4);
+        if (!check_render(context, &s, image_a)) return;
+        for (int i = 0; i < PIXELS; ++i) { /* in gas that takes 2e-4 of it along either way */
+            const double x = (i % SIDE - (SIDE - 1) / 2.0) * 1.2 / SIDE, lit = 1 + x / 0.75;
+            if (!CHECK_NEAR((double)image_a[4 * i], lit,
+                            lit * (0.0037 + 5e-4) + 0.5 * way / SPSI_PARTS + texel * 5 / 3))
+                printf("    %d, x %g\n", n, x);
+        }
+    }
+}
+
 /* ------------------------------------------------------------------------------------------- transfer functions */
 
 /* What some points come to, between 0 and 1. */
@@ -868,6 +900,7 @@ int main(void) {
     RUN(test_cut_slab_of_rising);
     RUN(test_depth_of_thick_gas);
     RUN(test_lit_down_to_the_ground);
+    RUN(test_shadow_edge_in_slabs);
     RUN(test_progress_of_calls);
     RUN(test_failed_plans);
     RUN(test_unwritten_voxels);

@@ -345,7 +345,7 @@ static double ramp(const void *user, const double p[3]) {
 static void test_eye_amid_surface(void) {
     static const sps_transfer_point points[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
     static check_field field;
-    for (int n = 0; n < 6; ++n) {
+    for (int n = 0; n < 12; ++n) {
         static const double directions[6][3] = {{1, 0, 0},  {-1, 0, 0},       {0, 1, 0.1},
                                                 {0, 0, -1}, {0.6, -0.5, 0.4}, {-0.3, 0.4, 0.8}};
         sps_transfer transfer;
@@ -354,9 +354,10 @@ static void test_eye_amid_surface(void) {
         const double turn = 2 * PI * RIPPLE * 0.65 / 0.1;
         double least = HUGE_VAL, most = 0;
         start(&s, SIDE, SIDE, 0);
-        check_set3(s.view.position, 0.013 * n, -0.02, 0.03);
-        for (int i = 0; i < 3; ++i) s.view.target[i] = s.view.position[i] + directions[n][i];
+        check_set3(s.view.position, 0.013 * (n % 6), n < 6 ? -0.02 : 0.03, 0.03);
+        for (int i = 0; i < 3; ++i) s.view.target[i] = s.view.position[i] + directions[n % 6][i];
         s.view.field_of_view = 0.9;
+        s.view.slab = n < 6 ? 0 : 1; /* thick ones ask kernels and bricks that lie wholly behind the eye */
         memset(&transfer, 0, sizeof transfer);
         transfer.points = points;
         transfer.point_count = 2;

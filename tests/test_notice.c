@@ -345,19 +345,22 @@ static double ramp(const void *user, const double p[3]) {
 static void test_eye_amid_surface(void) {
     static const sps_transfer_point points[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
     static check_field field;
-    for (int n = 0; n < 12; ++n) {
-        static const double directions[6][3] = {{1, 0, 0},  {-1, 0, 0},       {0, 1, 0.1},
-                                                {0, 0, -1}, {0.6, -0.5, 0.4}, {-0.3, 0.4, 0.8}};
+    for (int n = 0; n < 13; ++n) {
+        static const double directions[7][3] = {{1, 0, 0},        {-1, 0, 0},       {0, 1, 0.1}, {0, 0, -1},
+                                                {0.6, -0.5, 0.4}, {-0.3, 0.4, 0.8}, {0, 1, 0}};
+        const int way = n < 12 ? n % 6 : 6;
         sps_transfer transfer;
         check_scene s;
         sps_volume *volume;
         const double turn = 2 * PI * RIPPLE * 0.65 / 0.1;
         double least = HUGE_VAL, most = 0;
         start(&s, SIDE, SIDE, 0);
-        check_set3(s.view.position, 0.013 * (n % 6), n < 6 ? -0.02 : 0.03, 0.03);
-        for (int i = 0; i < 3; ++i) s.view.target[i] = s.view.position[i] + directions[n % 6][i];
+        check_set3(s.view.position, 0.013 * (n % 6), n < 6 ? -0.02 : n < 12 ? 0.03 : 0.12, 0.03);
+        for (int i = 0; i < 3; ++i) s.view.target[i] = s.view.position[i] + directions[way][i];
         s.view.field_of_view = 0.9;
-        s.view.slab = n < 6 ? 0 : 1; /* thick ones ask kernels and bricks that lie wholly behind the eye */
+        s.view.slab = n < 6    ? 0
+                      : n < 12 ? 1
+                               : 2; /* thick ones ask kernels, and bricks, that lie wholly behind the eye */
         memset(&transfer, 0, sizeof transfer);
         transfer.points = points;
         transfer.point_count = 2;
@@ -376,6 +379,47 @@ static void test_eye_amid_surface(void) {
         }
         if (!CHECK(least > 0.8 * (1 - turn * turn) && most < 0.8 * (1 + 1e-5)))
             printf("    view %d: %g to %g instead of 0.8\n", n, least, most);
+    }
+}
+
+/* The eye amid an even gas, in a picture of several tiles: each holds the bricks that it sees, also those that the
+   eye's own plane cuts. A ray's optical depth is the gas's by its way to the box's side, but within a kernel's reach of
+   an edge of that, where the blur of two sides meets. Half a voxel of blur is as much before a side as behind it;
+   RIPPLE is of the optical depth, and rays leave a side at a slant of 45 degrees at most or are passed over. */
+static void test_eye_amid_tiles(void) {
+    enum { WIDE = 150 };
+    static float image[4 * WIDE * WIDE];
+    for (int n = 0; n < 3; ++n) {
+        static const double directions[3][3] = {{1, 0.2, 0.1}, {0.1, -1, 0.3}, {-0.2, 0.1, -1}};
+        long looked_at = 0, wrong = 0;
+        spsi_rays rays;
+        check_scene s;
+        start(&s, WIDE, WIDE, 0);
+        check_set3(s.view.position, 0, 0, 0);
+        memcpy(s.view.target, directions[n], sizeof s.view.target);
+        s.view.field_of_view = 1.7;
+        add_gas(&s, 1, -1, 1, 0.5);
+        if (!check_render(context, &s, image)) return;
+        memset(&rays, 0, sizeof rays);
+        rays.width = rays.height = WIDE;
+        if (!CHECK(spsi_rays_from_camera(&rays, &s.view))) return;
+        for (int y = 0; y < WIDE; ++y)
+            for (int x = 0; x < WIDE; ++x) {
+                double d[3], most = 0, second = 0, exact;
+                spsi_ray_direction(&rays, x, y, d);
+                spsi_normalise(d);
+                for (int i = 0; i < 3; ++i) {
+                    const double size = fabs(d[i]);
+                    second = fmax(second, fmin(most, size));
+                    most = fmax(most, size);
+                }
+                if (second > 0.65 * most) continue; /* it leaves the box 0.35 units from an edge, at least */
+                exact = -expm1(-0.5 / most);
+                wrong += !(fabs((double)image[4 * (y * WIDE + x) + 3] - exact) < 0.5 / most * RIPPLE + 1e-5);
+                ++looked_at;
+            }
+        if (!CHECK(wrong == 0 && looked_at > WIDE * WIDE / 10))
+            printf("    view %d: %ld of %ld\n", n, wrong, looked_at);
     }
 }
 
@@ -897,6 +941,7 @@ int main(void) {
     RUN(test_classified_together);
     RUN(test_polygon_beside);
     RUN(test_eye_amid_surface);
+    RUN(test_eye_amid_tiles);
     RUN(test_near_plane_before);
     RUN(test_cut_slab_of_rising);
     RUN(test_depth_of_thick_gas);

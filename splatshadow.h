@@ -51,8 +51,8 @@ CONTENTS (search for the tag)
 
 WHAT IT DOES NOT DO
     No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
-    One sample per pixel: render larger and average where edges of polygons matter, or of what is classified where its
-    voxels are smaller than pixels. Gas is filtered, since its mean over a pixel is what a pixel shows.
+    One sample per pixel: render larger and average where the edges of polygons matter, or those of a classified volume
+    whose voxels are smaller than pixels. Gas is filtered, since what a pixel shows of it is its mean.
 
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are the caller's unit.
@@ -76,14 +76,15 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
     SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
     SPS_SNPRINTF                 snprintf; writes the error sentences
     SPS_ALLOW_FAST_MATH          compile under -ffast-math, -ffinite-math-only or /fp:fast, which is an #error
-otherwise: invalid data pass unnoticed then, and polygons may show gaps SPS_NO_SIMD                  plain C only.
-Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the compiler is told to use (-march=native, /arch:AVX2,
-...)
+                                 otherwise: invalid data goes unnoticed then, and polygons may show gaps
+    SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
+                                 compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
     about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 168 per triangle
-    and 68 more where lights cast shadows, 24 to 60 per pixel, 76 per texel of shadow buffer, and per worker a tile of
-sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much, before; a memory_limit is never passed.
+    and 68 more where lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, 18 per texel of a depth
+    map, and per worker a tile of sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much,
+    before; a memory_limit is never exceeded.
 ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
     failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
@@ -93,8 +94,8 @@ REPEATABLE   One build gives the same bits for any number of workers, on every r
     several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
 LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
     voxels are told apart from 1e-14 to 1e10 world units, and polygons' shadows in gas from point lights up to 1e7 times
-    as far away as it is wide. A polygon shades what is farther behind it than its corners are rounded by as floats in
-    their mesh, 1.2e-7 of how far they reach from its origin.
+    as far away as it is wide. A polygon shades only what lies farther behind it than the rounding of its corners, which
+    are floats: 1.2e-7 of their distance from the mesh's origin.
     Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
     0; a polygon counts as 1e15. Where a volume's optical depth is well above 1 per voxel, its silhouette shrinks by a
     fraction of a voxel, since kernels are cut, and what is classified wants slabs of 0.7 voxels or less.
@@ -158,8 +159,8 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as it was asked for */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* 0..1, never falling; non-zero cancels, if not at once. Called amid all work, every few milliseconds of it at most
-       sizes. */
+    /* 0..1, never falling; non-zero cancels, if not at once. Called throughout, every few milliseconds of work
+       at most sizes. */
     int (*progress_fn)(void *user, float fraction);
     void (*message_fn)(void *user, const char *text); /* one line without newline: errors (being cancelled is none),
                                                          replaced data */
@@ -365,8 +366,8 @@ typedef struct sps_tmap_settings {
        it up and cosine maps lose it. Opaque surfaces shade from where they are, before near_depth and behind
        far_depth, too; but points before near_depth are lit. */
     double near_depth, far_depth;
-    /* 1: six faces about the light's position; of its view only position and size count. 0 for a light of one view amid
-       voxels: what it leaves out counts as lit, and message_fn is told. */
+    /* 1: six faces about the light's position; of its view only position and size count. 0: one view. If such a light
+       lies among voxels, those outside its view count as lit, and message_fn is told. */
     int omnidirectional;
     /* Opacity: u of each plane, rising from above 0 to 1, copied: as many as `components` (deep opacity: two less),
        which must be set; NULL: even steps. Techniques that have none do not look at this, nor at what is below. */
@@ -386,8 +387,8 @@ typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_l
 /* A light of no extent. It shadows volumes and particles by slabs perpendicular to the half-way vector between eye and
    light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine of at least 0.1;
    otherwise (a point light inside or close to a volume, a very wide camera) rendering stops with
-   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are square to the eye's middle ray: then only a camera is refused that
-   sees volumes across more than 168 degrees (2.94) from corner to corner. Polygons have no such limit. */
+   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are perpendicular to the eye's middle ray: then only a camera is refused
+   that sees volumes across more than 168 degrees (2.94) from corner to corner. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -594,11 +595,11 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, 
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
 /* Pulls the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
-   kernel cut at slabs square to the light's axis, every triangle where it is. Time is about occluders * texels under
-   them * components; memory, on top of the map's, 160 bytes a particle and 4 bytes a component of 64 rows of texels, or
-   16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made from lists
-   take per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5 KB, and 18 KB
-   for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
+   kernel cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels
+   under them * components; memory, on top of the map's, 160 bytes a particle and 4 bytes a component of 64 rows of
+   texels, or 16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made
+   from lists take per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5
+   KB, and 18 KB for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
    (finished already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
@@ -1004,7 +1005,7 @@ static void spsi_along(const double a[3], const double b[3], double t, double ou
     for (int i = 0; i < 3; ++i) out[i] = a[i] + t * b[i];
 }
 
-/* Scales a to length 1 without overflow or underflow; gives 0, and leaves a alone, where it has no direction. */
+/* Scales a to length 1 without overflow or underflow; returns 0, and leaves a alone, if it has no direction. */
 static int spsi_normalise(double a[3]) {
     const double square = spsi_dot(a, a);
     double largest, length;
@@ -1021,7 +1022,7 @@ static int spsi_normalise(double a[3]) {
     return 1;
 }
 
-/* Two unit vectors square to the unit vector n; `x` lies along the coordinate axis that is least along n. */
+/* Two unit vectors perpendicular to the unit vector n; `x` lies along the coordinate axis that is least along n. */
 static void spsi_basis(const double n[3], double x[3], double y[3]) {
     const double ax = fabs(n[0]), ay = fabs(n[1]), az = fabs(n[2]);
     const int least = ax <= ay && ax <= az ? 0 : ay <= az ? 1 : 2;
@@ -1039,7 +1040,7 @@ static double spsi_determinant(const double a[3], const double b[3], const doubl
     return spsi_dot(a, bc);
 }
 
-/* Rows of the inverse of the matrix with columns a, b, c; gives 0 where there is none. */
+/* Rows of the inverse of the matrix with columns a, b, c; returns 0 if there is none. */
 static int spsi_invert(const double a[3], const double b[3], const double c[3], double rows[3][3]) {
     const double determinant = spsi_determinant(a, b, c);
     if (!(fabs(determinant) > 0) || !(fabs(determinant) <= DBL_MAX)) return 0;
@@ -1085,7 +1086,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FACE_ROWS, /* which rows each triangle covers */
     SPSI_BUFFER_FACE_ORDER, /* their tree, >>trees */
     SPSI_BUFFER_FACE_NODES,
-    SPSI_BUFFER_TREE_ITEMS, /* any tree's, while it is made */
+    SPSI_BUFFER_TREE_ITEMS, /* any tree's, while it is being built */
     SPSI_BUFFER_EYE_FACES, /* the triangle that each pixel shows */
     SPSI_BUFFER_SURFACE_LIGHT, /* which pixels' polygons see the light at hand */
     SPSI_BUFFER_DEPTH_MAPS,
@@ -1206,7 +1207,7 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     return data;
 }
 
-/* Calls progress_fn amid work, so that it is called often enough whatever tasks take. */
+/* Calls progress_fn in the middle of work, so that it is called often enough however long tasks take. */
 static void spsi_tick(sps_context *context) {
     if (context->config.progress_fn && !context->cancelled)
         context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
@@ -1214,7 +1215,7 @@ static void spsi_tick(sps_context *context) {
 
 #define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
 
-/* memcpy of what may be much. */
+/* memcpy of what may be large. */
 static void spsi_copy(sps_context *context, void *to, const void *from, size_t bytes) {
     for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
         const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
@@ -1394,7 +1395,7 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
-/* How far into a stretch of optical depth d what is seen of it lies on average, as a share of its length: 1/d -
+/* The mean position, as a share of its length, of what the eye sees of a stretch of optical depth d: 1/d -
    1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is good to 1e-7. */
 static inline spsi_v spsi_mean_way(spsi_v d) {
     const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
@@ -1426,7 +1427,7 @@ static size_t spsi_ray_count(const spsi_rays *rays) { return (size_t)rays->width
 static int spsi_tile_columns(const spsi_rays *rays) { return (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH; }
 static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT; }
 
-/* Gives 0 where the rays do not span space, or a singular matrix has sent them too far away. */
+/* Returns 0 if the rays do not span space, or a singular matrix has sent them too far away. */
 static int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
     return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
@@ -2797,9 +2798,9 @@ static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     return 1;
 }
 
-/* A texel's moments, mixed with a share of those of a wide distribution, lest rounding make them those of none, or of
-   too few points to be told apart; more where that is not enough. The distributions are those of [Muenstermann et al.
-   2018], for the same reason: their matrices are far from singular. Gives the share. */
+/* A texel's moments, mixed with a share of those of a wide distribution, so that rounding cannot make them those of
+   none, or of too few points to be told apart; more where that is not enough. The distributions are those of
+   [Muenstermann et al. 2018], for the same reason: their matrices are far from singular. Gives the share. */
 static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
     static const double wide[3][SPSI_MOMENTS_MAX / 2] = {
         {0.375, 0.375}, {0.48, 0.451, 0.45}, {0.75, 0.67666666666666667, 0.63, 0.60030303030303030}};
@@ -3116,7 +3117,7 @@ typedef struct spsi_frame {
     int splats_slopes;  /* or 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
 } spsi_frame;
 
-#define SPSI_BEHIND       3  /* slabs behind the eye that profiles of the first before it ask, and a part of one */
+#define SPSI_BEHIND       3  /* slabs behind the eye that are splatted: profiles of the first visible slab ask 2 */
 #define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
@@ -3161,8 +3162,8 @@ static double spsi_voxel_chord(const spsi_medium *medium, const double d[3]) {
     return 1 / sqrt(sum);
 }
 
-/* The least length of a voxel's kernel along any direction in the plane of two unit vectors that are square to each
-   other: the root of the lesser eigenvalue of (x, y)' V V' (x, y). */
+/* The least length of a voxel's kernel along any direction in the plane of two unit vectors that are perpendicular to
+   each other: the root of the lesser eigenvalue of (x, y)' V V' (x, y). */
 static double spsi_voxel_breadth(const spsi_medium *medium, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
@@ -4292,23 +4293,24 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 /* ================================================================================================ >>trees
    11 Trees of boxes, which rays go through: of triangles, and of the reference's particles. Built from the top, each
    node cut where areas times numbers of items come out least, by 16 bins along the axis on which the items' centres
-   spread most [Wald 2007]. That stays good where a ground is a million times as wide as what stands on it, since area
-   sets such outliers apart at once. Boxes are floats about a centre, rounded outwards; rays are widened by what their
-   own floats may be off, so that a box is never missed by rounding: it only says which items deserve an exact test.
-   Cost: items times levels to build, some 0.3 us an item of a million; 36 bytes an item, and 28 while it is made. */
+   spread most [Wald 2007]. That copes with a ground a million times as wide as what stands on it, since the area term
+   sets such outliers apart at once. Boxes are floats about a centre, rounded outwards; rays are widened by the
+   rounding error of their own floats, so that rounding never misses a box: it only says which items deserve an exact
+   test. Cost: items times levels to build, some 0.3 us an item of a million; 36 bytes an item, and 28 while it is made.
+   */
 
-#define SPSI_TREE_LEAF  4  /* items in a leaf, at most; 2 at least, where there are so many */
+#define SPSI_TREE_LEAF  4  /* items in a leaf, at most; at least 2, unless the tree has only 1 */
 #define SPSI_TREE_BINS  16
 #define SPSI_TREE_DEPTH 48 /* from here on, nodes are cut in halves: 2^31 items go 30 deeper at most */
 #define SPSI_TREE_STACK 96
-#define SPSI_TREE_TASKS 64 /* subtrees that are built side by side, about */
+#define SPSI_TREE_TASKS 64 /* about how many subtrees are built in parallel */
 
 typedef struct spsi_tree_node {
     float low[3], high[3];
     int first, count; /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
 } spsi_tree_node;
 
-/* An item while the tree is made. */
+/* An item while the tree is being built. */
 typedef struct spsi_tree_item {
     float low[3], high[3];
     int number;
@@ -4362,8 +4364,8 @@ typedef struct spsi_tree_bin {
     int count;
 } spsi_tree_bin;
 
-/* How a node's items are to be parted: those whose middle, along the axis, lies in a bin up to `last`. last < 0: no
-   bin parts them. */
+/* How to split a node's items: those whose middle, along the axis, lies in a bin up to `last` come first. last < 0: no
+   bin separates them. */
 typedef struct spsi_tree_cut {
     int axis, last;
     float start, scale;
@@ -4379,7 +4381,7 @@ static void spsi_tree_bins_clear(spsi_tree_bin *bins, int count) {
         for (int k = 0; k < 3; ++k) bins[i].low[k] = FLT_MAX, bins[i].high[k] = -FLT_MAX;
 }
 
-/* The bin behind which a cut is cheapest: from both ends, what the bins so far span. */
+/* The bin after which a cut is cheapest, found by sweeping over the bins from both ends. */
 static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
     spsi_tree_bin sum;
@@ -4443,9 +4445,9 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
     return first;
 }
 
-/* Makes a leaf of a node, or splits it in two. Both sides get two items at least, even if one of them is far from the
-   other: so no cut comes closer than that to the next, and its place tells where its two nodes are, whoever builds
-   them. Returns the first child, or 0 for a leaf. */
+/* Makes a leaf of a node, or splits it in two. Both sides get at least two items, even if one of them is far from the
+   other: so cuts are at least two apart, and a cut's place alone determines where its two nodes are stored, whichever
+   task builds them. Returns the first child, or 0 for a leaf. */
 static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
     const int first = node->first, count = node->count;
@@ -4492,14 +4494,14 @@ static void spsi_tree_task_run(void *data, int index, int worker) {
     }
 }
 
-/* Nodes that a tree of so many items takes. */
+/* Nodes that a tree of `count` items needs. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
 static size_t spsi_tree_bytes(size_t count) {
     return count * (sizeof(int) + sizeof(spsi_tree_item)) + spsi_tree_nodes(count) * sizeof(spsi_tree_node);
 }
 
-/* Builds a tree whose memory is there: its top one node after the other, then the subtrees side by side. */
+/* Builds a tree whose memory is already reserved: the top nodes one after the other, then the subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job;
     const int few = spsi_most(tree->count / SPSI_TREE_TASKS, 1024);
@@ -4539,8 +4541,8 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
    an edge or a corner. Cost: triangles * rows of tiles for sorting out, then three edge functions per pixel of a
    triangle's bounding box.
    Shadows that triangles cast on each other are exact: a ray for each pixel, through a tree of them, with neither
-   texels nor a bias. Gas is shaded by depth maps, which are rasterised as the eye's picture is, >>sweep. Cost: what a
-   tree's height takes, for each pixel and light. */
+   texels nor a bias. Gas is shaded by depth maps, which are rasterised as the eye's picture is, >>sweep. Cost: the
+   tree's height, for each pixel and light. */
 
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
@@ -4578,7 +4580,7 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
         if (wrong >= 0) value = wrong == 0 ? world[i / 3][i % 3] : (double)local[wrong];
     }
     if (wrong < 0) return SPS_OK;
-    for (int i = 0; i < 9 && wrong == 0; ++i) /* what is no number makes others so on its way into the world */
+    for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
     SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
     return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, field, value, rules[wrong]);
@@ -4591,8 +4593,8 @@ static void spsi_place(const sps_placement *placement, const float local[3], dou
         world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
 }
 
-/* Corner normals in the world (by the cofactors of the placement, so that they stay square to the surface under any
-   affine map), or the triangle's own. */
+/* Corner normals in the world (by the cofactors of the placement, so that they stay perpendicular to the surface under
+   any affine map), or the triangle's own. */
 static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
                               const double own[3], spsi_face *face) {
     double cofactors[3][3];
@@ -4606,7 +4608,7 @@ static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placeme
     }
 }
 
-/* Turns one triangle into a face; gives 0 where it has no area. */
+/* Turns one triangle into a face; returns 0 if it has no area. */
 static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
                                    double world[3][3], spsi_frame *frame, spsi_face *face) {
     double u[3], v[3], own[3], reach = 0;
@@ -4821,7 +4823,7 @@ static int spsi_face_hit_exactly(const spsi_edges *e, double x, double y) {
     return 1;
 }
 
-/* Where the pixel's ray meets the triangle: barycentric weights; gives 0 where it misses. One that is seen nearly
+/* Where the pixel's ray meets the triangle: barycentric weights; returns 0 if it misses. One that is seen nearly
    edge-on may be met behind the eye. */
 static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
     double sum = 0;
@@ -4934,8 +4936,9 @@ typedef struct spsi_surface {
     double normal[3]; /* for shading, turned towards the eye, and not of unit length */
 } spsi_surface;
 
-/* The point of the face's plane on a pixel's ray; where that grazes the plane, what the rasteriser found is put onto
-   it. A float's depth would be too coarse: light that grazes would find the point behind the plane. */
+/* The point of the face's plane on a pixel's ray; if the ray grazes the plane, the point that the rasteriser found is
+   projected onto it. The rasteriser's float depth alone is too coarse: for grazing light the point would lie behind the
+   plane. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
     const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* the square of a cosine: below, a float tells more */
@@ -4949,8 +4952,8 @@ static void spsi_surface_place(const spsi_face *face, const double plane[3], con
 }
 
 /* Where rays to lights begin on a mesh with normals of its own: raised from the facet to the surface that the normals
-   tell of, so that neighbouring facets do not shade what shading says is lit [Hanika 2021, "Hacking the Shadow
-   Terminator"]. What floats round a flat mesh's normals by raises nothing. */
+   describe, so that neighbouring facets do not shadow what shading says is lit [Hanika 2021, "Hacking the Shadow
+   Terminator"]. Rounding of a flat mesh's normals raises nothing. */
 static void spsi_surface_raise(const spsi_face *face, const double weights[3], const double plane[3], int turned,
                                spsi_surface *surface) {
     const double side = turned ? -1 : 1; /* of the plane's normal, on which the eye is */
@@ -5015,7 +5018,7 @@ typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
     double reach;         /* the light is at origin + reach * toward; infinity: it is a direction */
     double rounding;      /* of coordinates in the world */
-    int on_faces;         /* 0: rays begin in the midst of gas, where nothing is so near that rounding counts */
+    int on_faces;         /* 0: rays begin in gas, where no face is near enough for rounding to matter */
     int own[SPSI_PACKET]; /* the face that each begins on, which it passes over; -1: none */
     int count;            /* vectors of rays that hold any */
     int open;             /* bits: rays that nothing has stopped */
@@ -5023,7 +5026,7 @@ typedef struct spsi_packet {
     float above[3][SPSI_PACKET], below[3][SPSI_PACKET], inverse[3][SPSI_PACKET];
 } spsi_packet;
 
-/* Rays with nothing in them. */
+/* An empty packet. */
 static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_faces, spsi_packet *packet) {
     memset(packet, 0, sizeof *packet);
     packet->on_faces = on_faces;
@@ -5031,8 +5034,8 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* Adds a ray. Its room takes what its origin loses as a float, and the subtraction from that; reciprocals are kept
-   finite, as no box is 1e30 times as far away as it is wide. */
+/* Adds a ray. `room` covers the rounding of its origin to floats, and of the subtraction from it. Reciprocals are kept
+   finite: no box is 1e30 times as far away as it is wide. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -5071,7 +5074,7 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): on which side of an edge a ray in direction d passes that begins where a and b are counted from. */
+/* d . (a x b): on which side of an edge a ray passes, d being its direction and a, b relative to its origin. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
@@ -5079,9 +5082,9 @@ static inline double spsi_edge_side(const double a[3], const double b[3], const 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
 /* Whether a ray in direction d passes between three corners, counted from where it begins, of which ab, bc and ac are
-   the edges' sides. What rounding may have turned counts as inside: it is below 8 * 2^-53 of the lengths multiplied, of
-   which their sums of components are bounds. So rays through an edge or a corner slip between no two faces, whatever
-   the compiler contracts. */
+   the edges' sides. A side whose sign rounding may have changed counts as inside: rounding is below 8 * 2^-53 of the
+   product of the lengths, which their sums of components bound. So rays through an edge or a corner slip between no two
+   faces, whatever the compiler contracts. */
 static inline int spsi_edges_hold(const double a[3], const double b[3], const double c[3], const double d[3], double ab,
                                   double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -5090,9 +5093,9 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
 }
 
 /* Bits: those of a vector of rays, from number `first` on, that a face stops. Where they begin on faces it must be
-   before a ray's origin by more than rounding can be: of the world's coordinates, and of its corners in their mesh. So
-   neither what joins on at an edge nor a twin in the same plane shades a point, and nothing needs to know which faces
-   are neighbours. */
+   ahead of a ray's origin by more than rounding explains: that of world coordinates, and of its corners in their mesh.
+   So neither an adjoining face nor a twin in the same plane shades a point, and nothing needs to know which faces are
+   neighbours. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double u[3], v[3], n[3], room, stops[SPSI_LANES];
@@ -5329,7 +5332,7 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     ball->y = (float)(q[1] - ball->y0);
 }
 
-/* One ray and a near ball; gives 0 where it is missed. */
+/* One ray and a near ball; returns 0 if it is missed. */
 static int spsi_ball_meets(const spsi_rays *rays, const spsi_ball *ball, int x, int y, double chord[3]) {
     const double radius = (double)ball->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
@@ -5493,7 +5496,7 @@ static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *pla
     return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
 }
 
-/* Gives 0 outside of the map, before near_depth, and where a point is no number or not finite. */
+/* Returns 0 outside of the map, before near_depth, and for a point that is not finite. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
     const int width = map->rays[0].width, height = map->rays[0].height;
     double q[3], offset[3];
@@ -5709,8 +5712,8 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 }
 
 /* ============================================================================================== >>slicing
-   15 Slabs. They are square to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or to
-   normalise(l - e) where these part by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
+   15 Slabs. They are perpendicular to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or
+   to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
    always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
    4] */
 
@@ -5943,8 +5946,8 @@ static double spsi_voxel_across(const spsi_frame *frame, const double right[3], 
 /* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
    for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
    Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
-   come and go in pairs at the borders: errors that jump would be seen. Gives 0 where a point light does not see the
-   bounds within a cone. */
+   come and go in pairs at the borders: errors that jump would be seen. Returns 0 if a point light does not
+   see the bounds within a cone. */
 static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -6051,12 +6054,12 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
    Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near
    a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is taken
-   instead. Sections end at polygons and at the near plane, and footprints are widened to a pixel by its filter, but for
-   the eye's of what is classified: a transfer function of a mean is not the mean of a transfer function, so that is
-   sampled once a pixel, as polygons are, from whole slabs, which its profile and its neighbours' need. Where voxels are
-   smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes). Sheets hold
-   the integral of value over t; the length of a ray per t comes in at shading. Cost: about 14 vector operations per
-   vector of fragments and section, and 25 per row. */
+   instead. Sections end at polygons and at the near plane, and footprints are widened to a pixel by its filter.
+   Classified volumes as the eye sees them are the exception: a transfer function of a mean is not the mean of a
+   transfer function, so they are sampled once a pixel, as polygons are, and from whole slabs, as profiles and gradients
+   need. Where voxels are smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section
+   (spsi_add_slopes). Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost:
+   about 14 vector operations per vector of fragments and section, and 25 per row. */
 
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
@@ -6141,7 +6144,7 @@ static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, i
     return open;
 }
 
-/* Gives 0 where footprints would leave the range of floats. */
+/* Returns 0 if footprints would leave the range of floats. */
 static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
                                double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, weight;
@@ -6448,7 +6451,7 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
 }
 
 /* The least and greatest pixel coordinate of an ellipsoid (centre q, reach^2 times the covariance) along one axis, by
-   the tangent planes through the eye; gives 0 where the eye's plane cuts it, so that there is no bound. */
+   the tangent planes through the eye; returns 0 if the eye's plane cuts it, so that there is no bound. */
 static int spsi_near_extent(float q, float q2, float c, float c2, float c22, float cut, float *low, float *high) {
     const float square = cut * cut, a = q2 * q2 - square * c22, b = q * q2 - square * c2;
     const float root = b * b - a * (q * q - square * c);
@@ -6507,7 +6510,7 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
                       tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
 }
 
-/* Whether a kernel, or where the rays go on behind the eye (side -1) its mirror image there, meets a tile's rays. */
+/* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
 static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
     const float *c = s->near_covariance;
     return spsi_near_reaches(side * q[0], side * q[2], c[0], c[2], c[5], s->cut, tile->x0, tile->x1) &&
@@ -6641,7 +6644,7 @@ typedef struct spsi_crossing {
     float eye_near;               /* t at which rays begin, as t - depth_reference */
     double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
     double reach;                 /* change of slab coordinate, and */
-    double reach_depth;           /* of t, per world unit square to slabs, and along the rays' axis, at most */
+    double reach_depth;           /* of t, per world unit perpendicular to slabs, and along the rays' axis, at most */
 } spsi_crossing;
 
 /* A particle as one set of rays sees it, in one chunk of slabs. */
@@ -6926,13 +6929,13 @@ static inline spsi_parabola spsi_parabola_through(spsi_v before, spsi_v here, sp
     return p;
 }
 
-/* A portion of a slab: its middle, counted from the slab's, and the mean of the square of what lies in it; of a width w
-   about x that is x^2 + w^2 / 12. */
+/* A portion of a slab: its middle x, relative to the slab's, and the mean of the squared position over its width w,
+   x^2 + w^2 / 12. */
 typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* One of SPSI_PARTS parts of what lies between the shares `first` and `last` of a slab. */
+/* One of SPSI_PARTS equal parts of the stretch between the shares `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
     const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_PARTS));
     spsi_portion s;
@@ -7037,9 +7040,9 @@ static void spsi_planes_level(spsi_planes *planes, int tile) {
 #define SPSI_CELL  16   /* texels on a side of a depth map's cells */
 #define SPSI_STEEP 1024 /* texels that a depth map's planes rise by from one to the next, at most */
 
-/* Polygons as gas sees them between itself and a light: for each texel the nearest one's plane, which is asked on the
-   gas's own ray. So a plane shades nothing before it, however slanted; only at a polygon's edge does a texel's size
-   show. */
+/* Polygons as gas sees them between itself and a light: for each texel the nearest one's plane, which is evaluated
+   on the gas's own ray. So a plane shades nothing in front of it, however slanted; a texel's size shows only at a
+   polygon's edge. */
 typedef struct spsi_depth_map {
     int face_count; /* 0: no polygons; 1; 6 for a point light among the gas */
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -7275,7 +7278,7 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
     return (wide & ~clear) != 0;
 }
 
-/* The mean value of a classified material in slab k along a line, whose sections nothing cuts. */
+/* The mean value of a classified material in slab k along a line. Nothing cuts these sections. */
 static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const size_t at =
@@ -7346,8 +7349,8 @@ static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2]
     along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
 }
 
-/* How far apart neighbouring rays are in the middle of slab k: as far as that is from the eye, in slabs, and the other
-   way round behind it. 1 for parallel rays. */
+/* How far apart neighbouring rays are in the middle of slab k, in proportion to its distance from the eye, in slabs;
+   negative behind the eye. 1 for parallel rays. */
 static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     return shader->frame->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
@@ -7356,9 +7359,9 @@ static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, 
 /* Whether the eye is in a slab, where rays meet and have no neighbours. */
 static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
 
-/* The difference in slab k between the neighbours to either side, by the rays' spread. With two on each side, it is
-   that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of the
-   next ones': rays go on behind it. */
+/* The difference in slab k between the neighbours to either side, divided by the rays' spread. With two on each side,
+   it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
+   those in the slabs before and behind. */
 static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                int channel, int axis) {
     const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
@@ -7394,7 +7397,7 @@ static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *
     }
 }
 
-/* The changes aside in slabs k - 1 to k + 1, whose means are given; by sheets of slopes where there are any. */
+/* The sideways changes in slabs k - 1 to k + 1, whose means are given; from sheets of slopes if there are any. */
 static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                int channel, const spsi_v means[3], spsi_parabola aside[2]) {
     spsi_v change[3][2];
@@ -7411,8 +7414,8 @@ static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile,
         aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis]);
 }
 
-/* The way from the neighbour before to the one behind along x or y, by the rays' spread, or (axis 2) from the slab
-   before to the slab behind; in voxels. */
+/* The way from the neighbour before to the one behind along x or y, divided by the rays' spread, or (axis 2) from the
+   slab before to the slab behind; in voxels. */
 static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
                              float per_length, spsi_v way[3]) {
     const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
@@ -7424,8 +7427,8 @@ static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, c
     for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
 }
 
-/* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not square to
-   each other: a gradient is solved from way . g = difference. No volume spanned by the ways: no gradient. */
+/* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not
+   perpendicular: the gradient is solved from way . g = difference. If they span no volume there is no gradient. */
 static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                   int channel, const spsi_v means[3], spsi_profile *profile) {
     const float per_length = 1 / shader->frame->materials[channel].voxel_length;
@@ -7903,7 +7906,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
 
 /* --- a tile --- */
 
-/* Reads slab k of a vector of pixels; gives 0 where it holds nothing. */
+/* Reads slab k of a vector of pixels; returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
@@ -7978,7 +7981,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Composites slab k and the polygons between the slab coordinates `low` and `high`; gives 0 where it held nothing. */
+/* Composites slab k and the polygons between the slab coordinates `low` and `high`; returns 0 if it held nothing. */
 static int spsi_add_slab(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int width, int k,
                          float low, float high, spsi_slab *slab, spsi_gathered *sum) {
     const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, tile, p, k, slab);
@@ -8006,7 +8009,7 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
 }
 
 /* Ends the rays that little comes through any more before plane k: what is left is taken as seen there, so that no
-   bright background shines through, and what is still added to them counts nothing. Gives 0 where all have ended. */
+   bright background shines through, and what is still added to them counts for nothing. Returns 0 if all have ended. */
 static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
     const int bits = spsi_bits(open);
@@ -8021,7 +8024,7 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
 }
 
 /* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
-   from the very first, the polygons that belong to it. Gives the number of slabs that held something. */
+   from the very first, the polygons that belong to it. Returns the number of slabs that held something. */
 static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, spsi_sample *samples, int x, int y,
                              int width, int slab_count, float low, float high) {
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
@@ -8139,7 +8142,7 @@ static size_t spsi_worker_floats(const spsi_frame *frame) {
     return eye > light ? eye : light;
 }
 
-/* The tiles that a brick's kernels can reach, for one set of rays, which may go on `behind` their origin. */
+/* The tiles that a brick's kernels can reach, for one set of rays; `behind`: 1 if rays extend behind their origin. */
 static void spsi_span_tiles(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays, int margin,
                             int behind, short tiles[4]) {
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -8254,7 +8257,8 @@ static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int c
     return spsi_tile_splat_wide(run, bins, tile, column, row, floats, touched);
 }
 
-/* Splats the chunk's bricks and particles that meet a tile; gives 0, the sheets not even cleared, where none do. */
+/* Splats the chunk's bricks and particles that meet a tile; returns 0, with the sheets not even cleared, if none does.
+   */
 static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
     const spsi_sweep *sweep = run->sweep;
     const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
@@ -8951,9 +8955,9 @@ static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *f
    and triangles in their order, so that bits do not depend on the number of workers. What meets a vector of texels is
    always a vector of stretches; what becomes of it depends on the visit: sums of a technique that takes them in any
    order; the texel's range, before that, where the technique wants it; or a list that is first counted, then filled,
-   sorted, and made into a curve to which the technique is fitted. Volumes are splatted into slabs square to the light's
-   axis, which is one visit of all voxels for sums and two for the rest. Cost: occluders times texels under them times
-   components; 4 bytes for each of these in a band of 64 rows, or 16 for each stretch in it. */
+   sorted, and made into a curve to which the technique is fitted. Volumes are splatted into slabs perpendicular to the
+   light's axis, which is one visit of all voxels for sums and two for the rest. Cost: occluders times texels under them
+   times components; 4 bytes for each of these in a band of 64 rows, or 16 for each stretch in it. */
 
 typedef enum spsi_visit { SPSI_VISIT_RANGE, SPSI_VISIT_SUMS, SPSI_VISIT_COUNT, SPSI_VISIT_LIST } spsi_visit;
 
@@ -9840,7 +9844,7 @@ static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_
 
 /* --- a face, and a map --- */
 
-/* Slabs square to a face's axis, for the volumes of a frame. */
+/* Slabs perpendicular to a face's axis, for the volumes of a frame. */
 static sps_result spsi_tmap_sweep(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                   spsi_sweep *sweep) {
     double least;
@@ -10185,7 +10189,7 @@ static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame)
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Tells message_fn of a light amid the gas, of which one view holds what is before it alone. */
+/* Tells message_fn if the light lies among the gas, of which its one view sees only what is in front of it. */
 static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];

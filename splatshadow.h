@@ -424,14 +424,14 @@ typedef struct sps_scene {
     uint32_t end_canary; /* leave 0 */
 } sps_scene;
 
-/* What each quality sets:   slab (voxels) of a   shadow texels   rays end at     kernels end   ripple of a constant
-                             gas, classified      per voxel       transmittance   at (voxels)   grid (rms, largest) */
+/* What each quality sets:   slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
+                             gas, classified      voxel; classified   transmittance   at (voxels)   (rms, largest) */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
-    SPS_QUALITY_DRAFT,       /*  2     1.4         0.75            0.01            1.82          0.5 %   1.5 %  */
-    SPS_QUALITY_MEDIUM,      /*  1     0.7         1               0.003           2.15          0.12 %  0.4 %  */
-    SPS_QUALITY_HIGH,        /*  0.5   0.4         2               0.0005          2.5           0.07 %  0.2 %  */
-    SPS_QUALITY_ULTRA        /*  0.25  0.2         4               0.00005         2.5           0.07 %  0.2 %  */
+    SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
+    SPS_QUALITY_MEDIUM,      /*  1     0.7         1     1.25         0.003           2.15          0.12 %  0.4 %  */
+    SPS_QUALITY_HIGH,        /*  0.5   0.4         2     2            0.0005          2.5           0.07 %  0.2 %  */
+    SPS_QUALITY_ULTRA        /*  0.25  0.2         4     4            0.00005         2.5           0.07 %  0.2 %  */
 } sps_quality;
 
 typedef struct sps_view {
@@ -3113,8 +3113,8 @@ typedef struct spsi_frame {
     int lit_count;                 /* lights that are not black */
     int shadow_count;              /* of these, lights that cast shadows */
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
-    int gradient_reach; /* pixels to either side that gradients take: 1, or 2 where voxels are up to 4 wide, */
-    int splats_slopes;  /* or 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
+    int gradient_reach; /* pixels to either side that gradients take: 1, or 2 where voxels are up to 4 pixels wide */
+    int splats_slopes;  /* 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
 } spsi_frame;
 
 #define SPSI_BEHIND       3  /* slabs behind the eye that are splatted: profiles of the first visible slab ask 2 */
@@ -3496,12 +3496,12 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 
 static void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
-    static const double texels[] = {1, 0.75, 1, 2, 4};
+    static const double texels[2][5] = {{1, 0.75, 1, 2, 4}, {1.25, 1, 1.25, 2, 4}};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
-    frame->shadow_texels = texels[frame->view.quality];
+    frame->shadow_texels = texels[frame->classifies][frame->view.quality];
     frame->threshold = threshold[frame->view.quality];
     frame->cut = cut[frame->view.quality];
     frame->depth_map_texels = depth_map_texels[frame->view.quality];
@@ -5103,7 +5103,8 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     spsi_along(q, p, -1, u);
     spsi_along(r, p, -1, v);
     spsi_cross(u, v, n);
-    room = packet->on_faces * (fabs(n[0]) + fabs(n[1]) + fabs(n[2])) * ((double)face->rounding + packet->rounding);
+    room = packet->on_faces ? (double)face->rounding + packet->rounding : 0;
+    room *= fabs(n[0]) + fabs(n[1]) + fabs(n[2]);
     for (int i = 0; i < SPSI_LANES; ++i) {
         const int at = first + i;
         const double o[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
@@ -5822,8 +5823,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     if (sweep->sheets && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->light);
     SPS_SNPRINTF(sentence, sizeof sentence,
-                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; narrow %s", camera,
-                 cosine, way_out);
+                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s", camera,
+                 cosine, frame->view.world_to_clip ? "is it row-major? If it is, " : "", way_out);
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
 
@@ -6521,7 +6522,7 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
                             float *channel) {
     const float *c = s->near_covariance, q[3] = {at[0] / s->near_unit, at[1] / s->near_unit, at[2] / s->near_unit};
     const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
-    const int behind = s->whole && fabsf((slab - tile->eye_slab)) < s->reach_slabs + SPSI_BEHIND;
+    const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
     const float side = behind && q[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     float low, high;
@@ -7088,8 +7089,7 @@ typedef struct spsi_line {
 /* What a vector of pixels knows about its rays. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line
-        around[8]; /* of the neighbours at x - 1, x + 1, y - 1, y + 1, where there are gradients, and at twice that */
+    spsi_line around[8]; /* where there are gradients: neighbours at x - 1, x + 1, y - 1, y + 1, and at twice that */
     spsi_v length;       /* world length per t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
     spsi_v toward[3];    /* unit direction from the eye */

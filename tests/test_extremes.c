@@ -1143,6 +1143,7 @@ static void test_widest_camera(void) {
             if (!wide && !lit) continue;
             CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
             CHECK(strstr(sentence, matrix ? "view.world_to_clip is too wide:" : "view.field_of_view is 2.") != NULL);
+            CHECK((strstr(sentence, "is it row-major?") != NULL) == matrix);
             CHECK(strstr(sentence, wide ? "narrow it to 168 degrees"
                                         : "narrow it, or set shadow_map or no_shadow on light[0]") != NULL);
             CHECK((strstr(sentence, "no_shadow") == NULL) == wide);

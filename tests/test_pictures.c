@@ -136,7 +136,7 @@ static void test_rays_end(void) {
    either side; a light's sheets have two texels of border. Rounding up takes one slab, and a pair of texels. */
 static void test_slabs_and_texels(void) {
     static const double slabs[2][4] = {{2, 1, 0.5, 0.25}, {1.4, 0.7, 0.4, 0.2}};
-    static const double texels[4] = {0.75, 1, 2, 4};
+    static const double texels[2][4] = {{0.75, 1, 2, 4}, {1, 1.25, 2, 4}};
     const double voxels = 20 + 2 * 2.5;
     const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 5}};
     sps_transfer transfer;
@@ -160,7 +160,7 @@ static void test_slabs_and_texels(void) {
             check_add_directional(&s, 0, 0, -1, 1);
             if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
             CHECK_NEAR(plan.slab_count, voxels / slabs[classified][n] + 0.5, 0.5 + ROUND);
-            CHECK_NEAR(plan.shadow_width, voxels * texels[n] + 4 + 1, 1 + ROUND);
+            CHECK_NEAR(plan.shadow_width, voxels * texels[classified][n] + 4 + 1, 1 + ROUND);
             CHECK(plan.shadow_height == plan.shadow_width);
         }
 }

@@ -5823,8 +5823,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     if (sweep->sheets && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->light);
     SPS_SNPRINTF(sentence, sizeof sentence,
-                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s", camera,
-                 cosine, frame->view.world_to_clip ? "is it row-major? If it is, " : "", way_out);
+                 "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
+                 camera, cosine, frame->view.world_to_clip ? "is it row-major? If it is, " : "", way_out);
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
 

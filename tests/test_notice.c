@@ -398,7 +398,7 @@ static void test_eye_amid_tiles(void) {
         check_set3(s.view.position, 0, 0, 0);
         memcpy(s.view.target, directions[n], sizeof s.view.target);
         s.view.field_of_view = 1.7;
-        add_gas(&s, 1, -1, 1, 0.5);
+        add_gas(&s, 1, -1, 1, 0.5)->size[0] = 80; /* slender: bricks four times as long along the view as across */
         if (!check_render(context, &s, image)) return;
         memset(&rays, 0, sizeof rays);
         rays.width = rays.height = WIDE;

@@ -93,9 +93,9 @@ THREADS   A context serves one call at a time; any number of contexts can run at
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
     several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
 LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
-    voxels are told apart from 1e-14 to 1e10 world units, and polygons' shadows in gas from point lights up to 1e7 times
-    as far away as it is wide. A polygon shades only what lies farther behind it than the rounding of its corners, which
-    are floats: 1.2e-7 of their distance from the mesh's origin.
+    voxels are told apart from 1e-14 to 1e10 world units, polygons from 1e-30 on, and polygons' shadows in gas from
+    point lights up to 1e7 times as far away as it is wide. A polygon shades only what lies farther behind it than the
+    rounding of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
     Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
     0; a polygon counts as 1e15. Where a volume's optical depth is well above 1 per voxel, its silhouette shrinks by a
     fraction of a voxel, since kernels are cut, and what is classified wants slabs of 0.7 voxels or less.
@@ -253,8 +253,8 @@ typedef struct sps_triangle {
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
-    /* Writes `count` triangles from `first` on; asked in blocks of 256, each once a call. `out` comes zeroed.
-       Non-zero: failure. */
+    /* Writes `count` triangles from `first` on; asked in blocks of 256, each once a call, or never where `revision`
+       says that all are known. `out` comes zeroed. Non-zero: failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
@@ -504,7 +504,7 @@ typedef struct sps_plan_report {
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
     /* all that the context will hold, at most, with image.depth: often 2 or 3 times what it comes to, and far more
-       where there are particles, since nobody has seen yet how far they reach */
+       where there are particles or maps made from lists, since nobody has seen yet how far they reach */
     size_t bytes;
 } sps_plan_report;
 
@@ -4841,7 +4841,7 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
     return 1;
 }
 
-/* Of the pixels x0 .. x1 of a row, those whose rays may meet the triangle, and up to two more: edges are straight. */
+/* Narrows x0 .. x1 to the pixels of row y whose rays may meet the triangle, and at most one more at each end. */
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
     for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* below that pixels cost less than divisions */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];

@@ -558,6 +558,36 @@ static void test_boxes(void) {
     sps_destroy(context);
 }
 
+/* Every texel of a map that voxels about as fine as texels fill. */
+static void test_fine_voxels(void) {
+    sps_context *context = sps_create(NULL);
+    for (int spot = 0; spot < 2; ++spot) {
+        enum { MANY = 80 };
+        fixture f;
+        sps_volume *volume;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_OPACITY);
+        see(&f, spot ? SPOT : ORTHO, MANY);
+        f.light.quality = SPS_QUALITY_HIGH;
+        volume = add_box(&f, MANY, 8, 0, 0.1);
+        volume->size[2] = 4;
+        volume->placement.axis[2][2] = 8, volume->placement.origin[2] = -4;
+        map = must_build(&f, context);
+        for (int i = 0; i < MANY * MANY && map; ++i) {
+            double point[3];
+            on_ray(map, 0, i % MANY, i / MANY, 20, point);
+            {
+                const double dx = spot ? point[0] / 20 : 0, dy = spot ? point[1] / 20 : 0;
+                const double exact = 0.8 * sqrt(1 + dx * dx + dy * dy);
+                if (!CHECK_NEAR(query_at(map, point), exact, RIPPLE * exact))
+                    printf("    texel %d %d\n", i % MANY, i / MANY);
+            }
+        }
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
 static double blob(const void *user, const double p[3]) { return exp(-0.5 * spsi_dot(p, p)) + 0 * !user; }
 
 /* A Gaussian of variance 1, sampled at voxels of 0.25 and made of kernels, is one of variance 1 + 0.65^2 / 16 whose
@@ -688,6 +718,61 @@ static void test_opaque(void) {
             CHECK_NEAR(through(map, -0.25 * behind, 0, -5), 0.75, 1e-6);
             CHECK_NEAR(query(map, 0.001, 0, -9), 0, 1e-15);
             CHECK(sps_tmap_surfaces(map) && sps_tmap_surfaces(map)[3] < 0.51f && sps_tmap_surfaces(map)[4] > 1);
+        }
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* Where texels are not square, the bias is that of their longer side. */
+static void test_bias_of_oblong_texels(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 4; ++n) {
+        const int spot = n / 2;
+        const double bias = spot ? 15 : 6; /* two texels of 3; of a spot 0.3 t: t - 10 = 2 * 0.3 t */
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_DEEP);
+        see(&f, spot ? SPOT_MATRIX : ORTHO_MATRIX, SIDE);
+        f.matrix[n % 2 ? 0 : 5] /= 3;
+        add_square(&f, 0, -90, 90, 90, 0);
+        add_mesh(&f, 0, 0);
+        map = must_build(&f, context);
+        CHECK_NEAR(query(map, 0, 0, -0.99 * bias), 0, 1e-15);
+        CHECK_NEAR(query(map, 0, 0, -1.01 * bias), DARK, 0);
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* What is behind a light that sees by perspective shades nothing before it, and what reaches from there to before it
+   does so as far as it is before it. */
+static void test_behind_the_light(void) {
+    sps_context *context = sps_create(NULL);
+    for (int n = 0; n < 4; ++n) {
+        const double across[3] = {0, 60, 0}, along[3] = {0, 0, 40}, corner[3] = {-2.5, -30, -5};
+        const int opaque = n % 2;
+        const double left = opaque ? 0 : 0.5;
+        fixture f;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_DEEP);
+        see(&f, n / 2 ? SPOT_MATRIX : SPOT, SIDE);
+        f.settings.surface_bias = 0.01;
+        add_square(&f, 0, -30, 30, 30, 10.5);
+        add_square(&f, 0, -30, 30, 30, 14);
+        check_add_quad(&f.triangles[0], corner, across, along);
+        add_mesh(&f, 0, opaque ? 0 : 0.5);
+        map = must_build(&f, context);
+        for (int i = 0; i < SIDE * SIDE && map; ++i) { /* a ray meets the upright square where x = -2.5 */
+            const int x = i % SIDE;
+            const double t = 8 + i % 7, at = 10 * 2.5 / (SIDE / 2 - x), shaded = x < SIDE / 2 && at < 15;
+            double point[3];
+            float passes;
+            on_ray(map, 0, x, i / SIDE, t, point);
+            sps_tmap_query(map, 1, point, NULL, &passes);
+            if (!shaded || fabs(t - at) > 0.1) CHECK_NEAR((double)passes, shaded && t > at ? left : 1, 1e-7);
         }
         sps_tmap_destroy(map);
         end(&f);
@@ -1626,7 +1711,10 @@ static void test_planes(void) {
     static const char *const texts[5] = {"settings.planes[0] is 0;", "settings.planes[1] is 0.5;",
                                          "settings.planes[1] is 0.4;", "settings.planes[2] is 0.9;",
                                          "settings.planes[1] is 1.5;"};
-    sps_context *context = sps_create(NULL);
+    check_hooks hooks;
+    sps_context *context;
+    memset(&hooks, 0, sizeof hooks);
+    context = check_context(&hooks);
     for (int technique = SPS_TMAP_OPACITY; technique <= SPS_TMAP_DEEP_OPACITY; ++technique) {
         float planes[3] = {0.25f, 0.5f, 1};
         sps_tmap_settings resolved;
@@ -1662,6 +1750,7 @@ static void test_planes(void) {
         sps_tmap_destroy(map);
     }
     sps_destroy(context);
+    CHECK(hooks.live == 0 && hooks.live_blocks == 0);
 }
 
 /* Views and scenes. */
@@ -2823,7 +2912,11 @@ static void test_default_size(void) {
         check_render(context, &p.s, n ? image_b : image_a);
         {
             const sps_tmap *map = (const sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAP].data;
-            CHECK(map->face_count == 6 && map->rays[0].width >= (n ? 128 : 16) && map->rays[0].width <= 128);
+            const double voxel = 2.0 / 16, farthest = 1.45; /* kernels reach 2.5 voxels farther at most */
+            CHECK(map->face_count == 6);
+            CHECK(n ? map->rays[0].width == 128
+                    : map->rays[0].width >= 2 * farthest / voxel &&
+                          map->rays[0].width <= 2 * (farthest / voxel + 2.5) + 1);
         }
         check_free_triangles(&p.floor);
     }
@@ -3076,9 +3169,12 @@ int main(void) {
     RUN(test_small_particles);
     RUN(test_small_particles_around);
     RUN(test_boxes);
+    RUN(test_fine_voxels);
     RUN(test_blob);
     RUN(test_cut_kernels);
     RUN(test_opaque);
+    RUN(test_bias_of_oblong_texels);
+    RUN(test_behind_the_light);
     RUN(test_surfaces_at_the_ends);
     RUN(test_translucent);
     RUN(test_across_the_light);

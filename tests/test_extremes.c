@@ -130,25 +130,22 @@ static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
 /* Gives an enumeration a number that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
 
-/* The n-th field out of range: what its sentence must hold, "FIELD is VALUE"; gives NULL after the last one. */
-static const char *spoil(mixed *m, int n) {
-    const double nan = not_a_number();
-    const float inf_f = (float)infinite, nan_f = (float)nan;
-    sps_volume *v = m->s.volume;
-    sps_light *sun = m->s.light, *lamp = m->s.light + 1;
-    sps_scene *scene = &m->s.scene;
-    sps_view *view = &m->s.view;
-    sps_mesh *mesh = m->s.mesh;
+/* Fields out of range, numbered from 0: each function spoils the n-th and returns what the sentence
+   must hold, "FIELD is VALUE"; or, where it has fewer, counts n down by these and returns NULL. */
 #define SPOIL(statement, text)                                                                                         \
-    if (n-- == 0) {                                                                                                    \
+    if ((*n)-- == 0) {                                                                                                 \
         statement;                                                                                                     \
         return text;                                                                                                   \
     }
+
+static const char *spoil_volume(mixed *m, int *n) {
+    const float inf_f = (float)infinite, nan_f = (float)not_a_number();
+    sps_volume *v = m->s.volume;
     SPOIL(v->start_canary = 1, "volume[0].start_canary is 1;")
     SPOIL(v->end_canary = 1, "volume[0].end_canary is 1;")
     SPOIL(v->size[0] = -1, "volume[0].size is -1;")
     SPOIL(v->size[2] = 65537, "volume[0].size is 65537;")
-    SPOIL(v->placement.origin[1] = nan, "volume[0].placement.origin[1] is nan;")
+    SPOIL(v->placement.origin[1] = not_a_number(), "volume[0].placement.origin[1] is nan;")
     SPOIL(v->placement.axis[1][2] = infinite, "volume[0].placement.axis[1][2] is inf;")
     SPOIL(memcpy(v->placement.axis[1], v->placement.axis[0], 24), "volume[0].placement's determinant is 0;")
     SPOIL(v->eval_fn = check_eval_constant, "volume[0].read_fn and eval_fn are both set;")
@@ -187,6 +184,13 @@ static const char *spoil(mixed *m, int n) {
     SPOIL((v->transfer = &m->transfer, m->points[1].extinction = inf_f),
           "volume[0].transfer.points[1].extinction is inf;")
     SPOIL((v->transfer = &m->transfer, m->transfer.value_max = -1), "volume[0].transfer.value_max is -1;")
+    return NULL;
+}
+
+static const char *spoil_mesh_and_lights(mixed *m, int *n) {
+    const double nan = not_a_number();
+    sps_light *sun = m->s.light, *lamp = m->s.light + 1;
+    sps_mesh *mesh = m->s.mesh;
     SPOIL(mesh->start_canary = 7, "mesh[0].start_canary is 7;")
     SPOIL(mesh->end_canary = 7, "mesh[0].end_canary is 7;")
     SPOIL(mesh->triangle_count = (size_t)1 << 31, "mesh[0].triangle_count is 2.14748e+09;")
@@ -202,10 +206,17 @@ static const char *spoil(mixed *m, int n) {
     SPOIL(lamp->position[2] = infinite, "light[1].position is inf;")
     SPOIL(lamp->color[0] = -1, "light[1].color is -1;")
     SPOIL(lamp->color[1] = -1, "light[1].color is -1;")
-    SPOIL(lamp->color[2] = inf_f, "light[1].color is inf;")
+    SPOIL(lamp->color[2] = (float)infinite, "light[1].color is inf;")
     SPOIL(memset(sun->direction, 0, sizeof sun->direction), "light[0].direction is 0;")
     SPOIL(sun->direction[1] = nan, "light[0].direction is nan;")
     SPOIL(sun->direction[1] = infinite, "light[0].direction is inf;")
+    return NULL;
+}
+
+static const char *spoil_scene_and_view(mixed *m, int *n) {
+    const double nan = not_a_number();
+    sps_scene *scene = &m->s.scene;
+    sps_view *view = &m->s.view;
     SPOIL(scene->start_canary = 7, "scene.start_canary is 7;")
     SPOIL(scene->end_canary = 7, "scene.end_canary is 7;")
     SPOIL(scene->volume_count = -1, "scene.volume_count is -1;")
@@ -216,7 +227,7 @@ static const char *spoil(mixed *m, int n) {
     SPOIL(scene->lights = NULL, "scene.light_count is 2;")
     SPOIL(scene->ambient[0] = -1, "scene.ambient is -1;")
     SPOIL(scene->ambient[2] = 2e18f, "scene.ambient is 2e+18;")
-    SPOIL(scene->background[0] = nan_f, "scene.background is nan;")
+    SPOIL(scene->background[0] = (float)nan, "scene.background is nan;")
     SPOIL(scene->background[1] = -1, "scene.background is -1;")
     SPOIL(view->start_canary = 7, "view.start_canary is 7;")
     SPOIL(view->end_canary = 7, "view.end_canary is 7;")
@@ -244,8 +255,14 @@ static const char *spoil(mixed *m, int n) {
     SPOIL(view->slab = 1e-9, "view.slab is 1e-09;") /* more than 2^20 slabs */
     SPOIL(view->shadow_size = -1, "view.shadow_size is -1;")
     SPOIL(view->shadow_size = 16385, "view.shadow_size is 16385;")
-#undef SPOIL
     return NULL;
+}
+#undef SPOIL
+
+static const char *spoil(mixed *m, int n) {
+    const char *text = spoil_volume(m, &n);
+    if (!text) text = spoil_mesh_and_lights(m, &n);
+    return text ? text : spoil_scene_and_view(m, &n);
 }
 
 /* The reference has no slabs; all else is as in sps_render. */

@@ -504,7 +504,67 @@ static void test_sweeps(const outcome *full) {
     o = measure(&t);
     CHECK(o.plan.sweep_count == 2 && runs(&o, SPS_PASS_EYE_SHEETS) == 2 && runs(&o, SPS_PASS_LIGHT_SHEETS) == 2);
     CHECK(runs(&o, SPS_PASS_EMISSION) == 1 && runs(&o, SPS_PASS_AMBIENT) == 1);
+    CHECK(runs(&o, SPS_PASS_SCATTERING) == 2 && runs(&o, SPS_PASS_SURFACE_LIGHT) == 2);
     CHECK(o.stats.light_fragments > full->stats.light_fragments);
+    check_free_triangles(&t.triangles);
+}
+
+/* Particles that all lie in one slab. */
+static int read_flat(void *user, size_t first, size_t count, sps_particle *out) {
+    *(uint64_t *)user += 1;
+    for (size_t i = 0; i < count; ++i) {
+        const size_t n = first + i;
+        out[i].position[0] = (float)(n % 251) / 251 - 0.5f, out[i].position[1] = (float)(n / 251 % 241) / 241 - 0.5f;
+        out[i].radius = 0.01f, out[i].optical_depth = 0.1f;
+    }
+    return 0;
+}
+
+/* As many calls as batches of 4096, and a place for each particle in what the eye and the light keep of them. */
+static void test_particles(void) {
+    static float rgba[4 * WIDTH * HEIGHT];
+    for (size_t count = 4096; count < 70000; count += count == 4096 ? 1 : 60000) {
+        sps_context *context = check_context(NULL);
+        sps_particles particles;
+        sps_plan_report plan;
+        uint64_t calls = 0;
+        check_scene s;
+        check_clear(&s, WIDTH, HEIGHT);
+        s.view.ortho_height = 1;
+        s.view.slab = 1000;
+        memset(&particles, 0, sizeof particles);
+        particles.count = count, particles.read_fn = read_flat, particles.user = &calls;
+        check_color(particles.albedo, 0.5, 0.5, 0.5);
+        s.scene.particles = &particles, s.scene.particles_count = 1;
+        check_add_directional(&s, 0, 0, -1, 1);
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        check_render(context, &s, rgba);
+        CHECK(plan.particle_calls == calls && calls == (count + 4095) / 4096);
+        CHECK(plan.pass[SPS_PASS_EYE_SHEETS].bytes >=
+              context->buffers[SPSI_BUFFER_EYE_BALLS].size + context->buffers[SPSI_BUFFER_CROWD].size);
+        CHECK(plan.pass[SPS_PASS_LIGHT_SHEETS].bytes >= context->buffers[SPSI_BUFFER_LIGHT_BALLS].size);
+        CHECK(context->buffers[SPSI_BUFFER_EYE_BALLS].size >= count * sizeof(spsi_seen));
+        sps_destroy(context);
+    }
+}
+
+/* Pixels of a large region, where they are nearly all that there is to hold. */
+static void test_large_region(void) {
+    static float rgba[4 * 1000 * 900];
+    check_hooks hooks;
+    sps_context *context;
+    sps_plan_report plan;
+    setup t;
+    setup_build(&t);
+    t.s.scene.mesh_count = 0;
+    t.s.view.width = 1024, t.s.view.height = 1024;
+    t.s.view.region[0] = 17, t.s.view.region[1] = 33, t.s.view.region[2] = 1000, t.s.view.region[3] = 900;
+    memset(&hooks, 0, sizeof hooks);
+    context = check_context(&hooks);
+    CHECK_OK(context, sps_plan(context, &t.s.scene, &t.s.view, &plan));
+    check_render(context, &t.s, rgba);
+    CHECK(hooks.peak <= plan.bytes && hooks.peak > 1000 * 900 * 4 * sizeof(float));
+    sps_destroy(context);
     check_free_triangles(&t.triangles);
 }
 
@@ -613,6 +673,8 @@ int main(void) {
     test_triangle_batches();
     test_depth_only_when_asked(&full);
     test_sweeps(&full);
+    test_particles();
+    test_large_region();
     test_light_maps(&full);
     test_sheet_channels();
     test_no_pixels();

@@ -93,7 +93,7 @@ THREADS   A context serves one call at a time; any number of contexts can run at
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
     several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
 LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
-    voxels are told apart from 1e-14 to 1e10 world units, polygons from 1e-30 on, and polygons' shadows in gas from
+    voxels are told apart from 1e-14 to 1e10 world units, polygons from 1e-20 on, and polygons' shadows in gas from
     point lights up to 1e7 times as far away as it is wide. A polygon shades only what lies farther behind it than the
     rounding of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
     Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
@@ -895,9 +895,9 @@ static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only eve
 static inline spsi_v spsi_iota(void) { return 0; }
 #endif
 
-/* Zeroes what wide registers hold above their first 128 bits. Compilers see to that before they call a function, but gcc
-   12 forgets it here and there after it has copied a struct through such a register. Some processors then take 200 ns
-   for each call of a function of the C library that knows SSE alone, such as fmin, until something zeroes it. */
+/* Zeroes what wide registers hold above their first 128 bits. Compilers do that before they call a function, but gcc 12
+   now and then forgets it after it has copied a struct through such a register. Until something zeroes it, some
+   processors take 200 ns for each call of a C library function that knows only SSE, such as fmin. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 #else
@@ -1777,7 +1777,7 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      within epsilon                            [Lokovic & Veach 2000]
 
    Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
-   (components), but n log n for an adaptive map or a compressed list; a query what its function says. T stands for
+   (components), but n log n for an adaptive or a compressed map; a query what its function says. T stands for
    exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* most floats a texel */
@@ -1943,7 +1943,7 @@ static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
     return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
 }
 
-/* Where the first of a vector's stretches begins and the last ends, within 0..1; gives 0 if there are none. */
+/* Where the first of a vector's stretches begins and the last ends, within 0..1; returns 0 if there are none. */
 static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
     const spsi_m there = spsi_less(spsi_set(0), stretches->depth);
@@ -2018,7 +2018,7 @@ static void spsi_bends_add(spsi_bends *bends, float u, float share) {
 }
 
 /* The bends of what of a stretch lies within 0..1, in several pieces of a soft one; what lies before or behind is a
-   jump. A deep stretch's pieces lie where its light goes, but the last. Gives how many there are. */
+   jump. A deep stretch's pieces lie where its light goes, but the last. Returns how many there are. */
 static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *list) {
     const float first = spsi_higher(spsi_lower(stretch->u0, 1), 0), last = spsi_higher(spsi_lower(stretch->u1, 1), 0);
     const int pieces = stretch->soft > 0 && last > first ? soft_pieces : 1;
@@ -2531,7 +2531,7 @@ static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->end = exp(-cuts->piece.t1);
 }
 
-/* Goes to the next cut; gives 0 behind the last, which is the piece's end. Cuts are floats, no later than asked for;
+/* Goes to the next cut; returns 0 at the last, which is the piece's end. Cuts are floats, no later than asked for;
    where floats lie too far apart there is nothing between them to be wrong. */
 static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     const spsi_piece *piece = &cuts->piece;
@@ -2642,7 +2642,7 @@ static float spsi_compressed_depth(const spsi_node *nodes, uint32_t count, float
 
 #define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* what lines that nodes are chosen from may be off */
 
-/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; what leaving a node out changes of the area
+/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; how much removing a node changes the area
    below the curve, and its place in the heap. */
 typedef struct spsi_adaptive_node {
     spsi_node node;
@@ -2718,7 +2718,7 @@ static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nod
     return made;
 }
 
-/* Few lines that are as good as the curve first; then, of all nodes left, the one whose leaving changes the area least
+/* Few lines that are as good as the curve first; then, of all nodes left, the one whose removal changes the area least
    goes, until there are few enough. [Salvi et al. 2010 do so as nodes come, where few are seen at a time: with 4 nodes
    that errs twice as much.] */
 static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
@@ -2800,7 +2800,7 @@ typedef struct spsi_hankel {
     double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower left; H = factor * its transpose */
 } spsi_hankel;
 
-/* Cholesky's factor; gives 0 where b are no moments of more than size - 1 points. */
+/* Cholesky factor; returns 0 if b are not the moments of at least `size` points. */
 static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     for (int i = 0; i < hankel->size; ++i)
         for (int j = 0; j <= i; ++j) {
@@ -2814,7 +2814,7 @@ static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
 
 /* A texel's moments, mixed with a share of those of a wide distribution, so that rounding cannot make them those of
    none, or of too few points to be told apart; more where that is not enough. The distributions are those of
-   [Muenstermann et al. 2018], for the same reason: their matrices are far from singular. Gives the share. */
+   [Muenstermann et al. 2018], for the same reason: their matrices are far from singular. Returns the share. */
 static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
     static const double wide[3][SPSI_MOMENTS_MAX / 2] = {
         {0.375, 0.375}, {0.48, 0.451, 0.45}, {0.75, 0.67666666666666667, 0.63, 0.60030303030303030}};
@@ -4315,7 +4315,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 #define SPSI_TREE_LEAF  4  /* items in a leaf, at most; at least 2, unless the tree has only 1 */
 #define SPSI_TREE_BINS  16
-#define SPSI_TREE_DEPTH 48 /* from here on, nodes are cut in halves: 2^31 items go 30 deeper at most */
+#define SPSI_TREE_DEPTH 48 /* from here on, nodes are split in half: 2^31 items go 30 deeper at most */
 #define SPSI_TREE_STACK 96
 #define SPSI_TREE_TASKS 64 /* about how many subtrees are built in parallel */
 
@@ -4378,7 +4378,7 @@ typedef struct spsi_tree_bin {
     int count;
 } spsi_tree_bin;
 
-/* How to split a node's items: those whose middle, along the axis, lies in a bin up to `last` come first. last < 0: no
+/* How to split a node's items: those whose centre falls, along the axis, in bins 0..last come first. last < 0: no
    bin separates them. */
 typedef struct spsi_tree_cut {
     int axis, last;
@@ -4445,7 +4445,7 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     cut->last = spsi_tree_cheapest(bins, 1 / size);
 }
 
-/* Parts items first..end-1, those up to the cut before the others; returns where the others begin. */
+/* Partitions items first..end-1, those up to the cut before the others; returns where the others begin. */
 static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_tree_cut *cut) {
     while (first < end) {
         if (spsi_tree_bin_of(cut, &items[first]) <= cut->last) {
@@ -4675,8 +4675,6 @@ static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int 
             if (spsi_triangle_check(context, &triangles[i], mesh, index, first + i, world)) return context->result;
             if (spsi_face_from_triangle(mesh, &placement, &triangles[i], world, frame, &list[faces->count]))
                 faces->count += 1;
-            else
-                context->stats.triangles_degenerate += 1;
         }
     }
     return SPS_OK;
@@ -4738,6 +4736,7 @@ static sps_result spsi_gather_faces(sps_context *context, spsi_frame *frame, sps
     for (int i = 0; i < 3; ++i)
         faces->extent = fmax(faces->extent, fmax(fabs(context->mesh_low[i]), fabs(context->mesh_high[i])));
     context->stats.triangles = (uint64_t)faces->count;
+    context->stats.triangles_degenerate = (uint64_t)(frame->triangle_count - (size_t)faces->count);
     return SPS_OK;
 }
 
@@ -5106,7 +5105,7 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Bits: those of a vector of rays, from number `first` on, that a face stops. Where they begin on faces it must be
+/* Bits: the rays of a vector, from number `first` on, that a face occludes. Where they begin on faces it must be
    ahead of a ray's origin by more than rounding explains: that of world coordinates, and of its corners in their mesh.
    So neither an adjoining face nor a twin in the same plane shades a point, and nothing needs to know which faces are
    neighbours. */
@@ -5136,7 +5135,7 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* Ends the rays among `bits` that a face stops. */
+/* Closes the rays among `bits` that a face occludes. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
     for (int first = 0; first < SPSI_PACKET; first += SPSI_LANES) {
         int stopped;
@@ -5228,8 +5227,8 @@ typedef struct spsi_ball {
     float shift;        /* the chord's middle lies shift (p + q) / (e.e / c.c) behind the centre */
     float depth;        /* optical depth along the diameter */
     int soft;           /* 1: densest in the middle */
-    int near_by;        /* 1: near the rays' origin; then */
-    float offset[3];    /* of the centre from the origin, and */
+    float offset[3];    /* of the centre from the rays' origin */
+    int near_by;        /* 1: near that; then */
     float world_radius;
 } spsi_ball;
 
@@ -5334,10 +5333,10 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     ball->near_by =
         rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > SPSI_BALL_ASIDE * spsi_length(offset));
     ball->t = (float)(q[2] - rays->depth_reference);
+    for (int i = 0; i < 3; ++i) ball->offset[i] = (float)offset[i];
     if (ball->near_by) {
         spsi_ball_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
         spsi_ball_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
-        for (int i = 0; i < 3; ++i) ball->offset[i] = (float)offset[i];
         ball->world_radius = (float)radius;
         return;
     }
@@ -7556,7 +7555,7 @@ static void spsi_sample_response(const spsi_material *material, const spsi_sampl
     for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
 }
 
-/* The angle between the x axis and the point (x, y), y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
+/* atan2(y, x) for y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
 static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     const spsi_v size = spsi_abs(x), most = spsi_max(spsi_max(size, y), spsi_set(FLT_MIN));
     const spsi_v ratio = spsi_div(spsi_min(size, y), most), square = spsi_mul(ratio, ratio);
@@ -7772,7 +7771,7 @@ static double spsi_surface_irradiance(const sps_light *light, const spsi_surface
     return light->kind == SPS_LIGHT_POINT ? cosine / square : cosine;
 }
 
-/* Reflectance where a pixel meets a face. */
+/* Albedo where a pixel meets a face. */
 static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, double colour[3]) {
     const spsi_face *face = &faces->list[hit->face];
     double w[3];
@@ -7782,7 +7781,7 @@ static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, do
             w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
 }
 
-/* What is known of a pixel's polygon and a light. */
+/* Whether a pixel's polygon is lit by a light. */
 typedef enum spsi_surface_sight {
     SPSI_SURFACE_AWAY = 0, /* no polygon, or turned away from the light: no ray was traced */
     SPSI_SURFACE_LIT,
@@ -7801,14 +7800,17 @@ typedef struct spsi_sight_job {
     unsigned char *lit;
 } spsi_sight_job;
 
-/* Traces the rays of one block of pixels. */
-static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0, int x1, int y1) {
+/* Traces the rays of one block of pixels, those of the region. */
+static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
     const int width = job->frame->eye.width, is_direction = job->light->kind == SPS_LIGHT_DIRECTIONAL;
+    const int *region = job->frame->view.region;
+    const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
+    const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
     spsi_packet packet;
     int asked;
     spsi_packet_begin(job->faces, is_direction, 1, &packet);
-    for (int y = y0; y < y1; ++y)
-        for (int x = x0; x < x1; ++x) {
+    for (int y = spsi_most(y0, region[1]); y < y1; ++y)
+        for (int x = spsi_most(x0, region[0]); x < x1; ++x) {
             const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
             spsi_surface surface;
             double toward[3];
@@ -7829,23 +7831,24 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0, int x1, 
                 packet.open >> at & 1 ? SPSI_SURFACE_LIT : SPSI_SURFACE_SHADED;
 }
 
-static int spsi_sight_tiles(int pixels) { return (pixels + SPSI_SIGHT_TILE - 1) / SPSI_SIGHT_TILE; }
+/* Tiles of the image that a region's columns or rows are in. */
+static int spsi_sight_tiles(int first, int pixels) {
+    return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
+}
 
-/* One tile of blocks. */
+/* One tile of blocks. They lie where they do whatever the region: a face near a box's border is met or not by all. */
 static void spsi_sight_task(void *data, int index, int worker) {
     const spsi_sight_job *job = (const spsi_sight_job *)data;
     const int *region = job->frame->view.region;
-    const int columns = spsi_sight_tiles(region[2]);
-    const int x0 = region[0] + index % columns * SPSI_SIGHT_TILE, y0 = region[1] + index / columns * SPSI_SIGHT_TILE;
-    const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_TILE);
-    const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_TILE);
+    const int columns = spsi_sight_tiles(region[0], region[2]);
+    const int x0 = (region[0] / SPSI_SIGHT_TILE + index % columns) * SPSI_SIGHT_TILE;
+    const int y0 = (region[1] / SPSI_SIGHT_TILE + index / columns) * SPSI_SIGHT_TILE;
     (void)worker;
-    for (int y = y0; y < y1; y += SPSI_SIGHT_BLOCK)
-        for (int x = x0; x < x1; x += SPSI_SIGHT_BLOCK)
-            spsi_sight_block(job, x, y, spsi_least(x1, x + SPSI_SIGHT_BLOCK), spsi_least(y1, y + SPSI_SIGHT_BLOCK));
+    for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
+        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK) spsi_sight_block(job, x, y);
 }
 
-/* Finds out which pixels' polygons see a light: an exact ray for each that faces it. NULL: failed, or no polygons. */
+/* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. NULL: failed, or no polygons. */
 static const unsigned char *spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                        const spsi_hit *hits, const sps_light *light) {
     const int *region = frame->view.region;
@@ -7860,7 +7863,8 @@ static const unsigned char *spsi_sight(sps_context *context, const spsi_frame *f
     if (!job.lit) return NULL;
     memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
     spsi_toward_light(light, frame->mesh_bounds.low, job.toward);
-    spsi_parallel(context, spsi_sight_tiles(region[2]) * spsi_sight_tiles(region[3]), spsi_sight_task, &job);
+    spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
+                  spsi_sight_task, &job);
     for (int y = region[1]; y < region[1] + region[3]; ++y)
         for (int x = region[0]; x < region[0] + region[2]; ++x)
             context->stats.shadow_rays +=
@@ -9056,7 +9060,7 @@ static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretch
     spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* How far ends of stretches may lie outside: in u, so that lengths stay finite; and in their texel's range, which may
+/* How far stretches may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range, which may
    be tiny, where no farther tells anything. */
 #define SPSI_STRETCH_REACH 1e30
 #define SPSI_RANGE_REACH   1e6f
@@ -9133,7 +9137,7 @@ static double spsi_cut_chord_share(const spsi_cut_chord *chord, double u) {
     return chord->soft ? s * s * (3 - 2 * s) : s;
 }
 
-/* Gauss's rule of six points on -1..1, exact for a soft chord's density, of second degree, times eight powers of u. */
+/* Six-point Gauss-Legendre rule on -1..1: exact for a soft chord's density (degree 2) times powers of u up to 9. */
 #define SPSI_GAUSS_POINTS 6
 static const double spsi_gauss_nodes[SPSI_GAUSS_POINTS] = {-0.9324695142031521, -0.6612093864662645,
                                                            -0.2386191860831969, 0.2386191860831969,
@@ -9782,7 +9786,7 @@ static void spsi_balls_task(void *data, int index, int worker) {
     }
 }
 
-#define SPSI_OUTSIDE 1e-3 /* of a map's depths, beyond them: less is nothing to speak of */
+#define SPSI_OUTSIDE 1e-3 /* of a map's depths, beyond them: less is negligible */
 
 /* Tiles that a ball meets, on the mean, from which on no lists are made: such balls cover much of a map anyway. */
 #define SPSI_BALL_TILES 8
@@ -9801,7 +9805,7 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
     }
 }
 
-/* Counts the balls of a face that reach beyond the map's depths. */
+/* Counts the balls that reach beyond the map's depths; of six faces each counts before the one that it is before. */
 static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
     const double per_length = spsi_length(rays->inverse[2]);
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
@@ -9810,7 +9814,10 @@ static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_
         const double radius = ball->near_by ? (double)ball->world_radius * per_length : (double)ball->radius;
         const double low = fmax(((double)ball->t - radius) * map->per_depth, light); /* behind the light is no loss */
         const double high = ((double)ball->t + radius) * map->per_depth;
+        double offset[3];
         if (ball->x1 < ball->x0 || ball->y1 < ball->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE)) continue;
+        for (int k = 0; k < 3; ++k) offset[k] = (double)ball->offset[k];
+        if (map->face_count > 1 && rays != &map->rays[spsi_cube_face_of(offset)]) continue;
         map->context->stats.particles_outside += 1;
     }
 }
@@ -10195,15 +10202,15 @@ static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame)
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
     const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->volume_bounds);
-    char text[160];
+    char counted[40] = "", text[160];
     if (!context->config.message_fn || (!(particles > 0) && !voxels)) return;
-    SPS_SNPRINTF(text, sizeof text,
-                 "tmap: %.0f particles%s reach beyond near_depth %g or far_depth %g, and count there", particles,
-                 voxels ? " and the box about all voxels" : "", map->settings.near_depth, map->settings.far_depth);
+    if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f particles%s", particles, voxels ? " and " : "");
+    SPS_SNPRINTF(text, sizeof text, "tmap: %s%s: beyond near_depth %g or far_depth %g, and counted there", counted,
+                 voxels ? "the box about all voxels" : "", map->settings.near_depth, map->settings.far_depth);
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Tells message_fn if the light lies among the gas, of which its one view sees only what is in front of it. */
+/* Tells message_fn if the light is inside the gas, since its one view covers only what is in front of it. */
 static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];
@@ -11128,7 +11135,7 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
             spsi_point_add_light(marcher, point, &scene->lights[i], source);
 }
 
-/* Light of all lights and the ambience from the polygon that a ray meets. */
+/* Radiance from the polygon that a ray meets: all lights and the ambient light. */
 static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
     const sps_scene *scene = marcher->frame->scene;
     double colour[3];
@@ -11378,7 +11385,7 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
 /* =============================================================================================== >>public
    24 The public functions: they check what they are handed and make one call down. */
 
-#ifdef __GNUC__ /* with SPS_API static, those that a program does not call are no reason to warn */
+#ifdef __GNUC__ /* if SPS_API is static, functions that a program does not call must not warn */
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif

@@ -2111,6 +2111,40 @@ static void test_outside(void) {
     sps_destroy(context);
 }
 
+/* Particles that several of six faces see count once, and nothing that there is none of is said. */
+static void test_outside_around(void) {
+    static const double toward[4][3] = {{1, 1, 1}, {1, -1, 0.2}, {0, 0, -1}, {-1, 0.1, 0}};
+    sps_config config;
+    sps_context *context;
+    memset(&config, 0, sizeof config);
+    config.message_fn = take_message;
+    context = sps_create(&config);
+    for (int n = 0; n < 10; ++n) { /* far from the light and about it; voxels alone */
+        fixture f;
+        sps_stats_report stats;
+        sps_tmap *map;
+        begin(&f, SPS_TMAP_OPACITY);
+        see(&f, ROUND, SIDE);
+        if (n < 8) {
+            const double *to = toward[n % 4], far_away = n < 4 ? 25 : 15;
+            add(&f, 0, 0.5 + far_away * to[0], -0.25 + far_away * to[1], 1 + far_away * to[2], n < 4 ? 4 : 14, 1);
+        } else {
+            add_box(&f, 4, 22, 0, 1);
+        }
+        if (n == 9) f.settings.far_depth = 60;
+        messages_told = 0;
+        map = must_build(&f, context);
+        sps_stats(context, &stats);
+        if (!CHECK(stats.particles_outside == (n < 8))) printf("    case %d: %d\n", n, (int)stats.particles_outside);
+        CHECK(messages_told == (n < 9));
+        CHECK(n == 9 ||
+              strncmp(last_message, n < 8 ? "tmap: 1 particles: " : "tmap: the box about all voxels: ", 19) == 0);
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
 /* A light amid voxels lights what its one view leaves out: message_fn is told of `omnidirectional`, unless the view has
    that, is outside of the voxels, or is of parallel rays, which pass all of them. */
 static void test_light_amid(void) {
@@ -3207,6 +3241,7 @@ int main(void) {
     RUN(test_projection);
     RUN(test_projection_round);
     RUN(test_outside);
+    RUN(test_outside_around);
     RUN(test_light_amid);
     RUN(test_surface_before_near);
     RUN(test_states);

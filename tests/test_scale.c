@@ -562,15 +562,16 @@ static int render_padded(int from, int surface, int pad, float *image) {
     return check_render(context, &s, image);
 }
 
-/* Nor where bricks begin, which padding moves. Sums of the same kernels in another order: 1e-5 of the picture, or,
-   since a surface's normal comes from differences of neighbours in the sum, ten times that. No voxel's centre lies
-   within 0.009 of a voxel of the eye's plane, where rounding is divided by next to nothing. */
+/* Nor where bricks begin, which padding moves. Sums of the same kernels in another order: 1e-5 of the picture. Normals
+   are differences of such sums, 1e-7 off each: next to an eye in the skin, where a pixel is 1/80 of a voxel wide, 1e-5
+   a voxel, of the 0.05 at which shading is wholly a surface's, is 2e-4, and of sums 2 or 3 take part. No voxel's centre
+   lies within 0.009 of a voxel of the eye's plane, where rounding is divided by next to nothing. */
 static void test_brick_seams(void) {
     for (int from = 0; from < 3; ++from)
         for (int surface = 0; surface < 2; ++surface)
             for (int pad = 0; pad < 8; pad += 1 + (pad > 0))
                 if (render_padded(from, surface, pad, pad ? image_b : image_a) && pad > 0)
-                    if (!CHECK(apart(image_a, image_b, 48 * 48) <= (surface ? 1e-4 : 1e-5)))
+                    if (!CHECK(apart(image_a, image_b, 48 * 48) <= (from == 1 && surface ? 5e-4 : 1e-5)))
                         printf("    from %d, %s, padded by %d\n", from, surface ? "surface" : "gas", pad);
 }
 

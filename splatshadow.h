@@ -896,8 +896,8 @@ static inline spsi_v spsi_iota(void) { return 0; }
 #endif
 
 /* Zeroes what wide registers hold above their first 128 bits. Compilers do that before they call a function, but gcc 12
-   now and then forgets it after it has copied a struct through such a register. Until something zeroes it, some
-   processors take 200 ns for each call of a C library function that knows only SSE, such as fmin. */
+   now and then forgets it after it has copied a struct through such a register. Until something zeroes it, each call of
+   a C library function that knows only SSE, such as fmin, takes tens of times as long on some processors. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 #else
@@ -7771,7 +7771,7 @@ static double spsi_surface_irradiance(const sps_light *light, const spsi_surface
     return light->kind == SPS_LIGHT_POINT ? cosine / square : cosine;
 }
 
-/* Albedo where a pixel meets a face. */
+/* Reflectance where a pixel meets a face. */
 static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, double colour[3]) {
     const spsi_face *face = &faces->list[hit->face];
     double w[3];
@@ -7800,7 +7800,7 @@ typedef struct spsi_sight_job {
     unsigned char *lit;
 } spsi_sight_job;
 
-/* Traces the rays of one block of pixels, those of the region. */
+/* Traces the rays of those pixels of a block that are in the region. */
 static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
     const int width = job->frame->eye.width, is_direction = job->light->kind == SPS_LIGHT_DIRECTIONAL;
     const int *region = job->frame->view.region;
@@ -7836,7 +7836,8 @@ static int spsi_sight_tiles(int first, int pixels) {
     return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
 }
 
-/* One tile of blocks. They lie where they do whatever the region: a face near a box's border is met or not by all. */
+/* One tile of blocks. These are aligned to the image, not to the region: within rounding, the rays that share a packet
+   decide which faces each is tested against. */
 static void spsi_sight_task(void *data, int index, int worker) {
     const spsi_sight_job *job = (const spsi_sight_job *)data;
     const int *region = job->frame->view.region;
@@ -9805,7 +9806,7 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
     }
 }
 
-/* Counts the balls that reach beyond the map's depths; of six faces each counts before the one that it is before. */
+/* Counts the balls that reach beyond the map's depths: of six faces, on the one that the centre is seen through. */
 static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
     const double per_length = spsi_length(rays->inverse[2]);
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
@@ -10204,9 +10205,9 @@ static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame)
     const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->volume_bounds);
     char counted[40] = "", text[160];
     if (!context->config.message_fn || (!(particles > 0) && !voxels)) return;
-    if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f particles%s", particles, voxels ? " and " : "");
-    SPS_SNPRINTF(text, sizeof text, "tmap: %s%s: beyond near_depth %g or far_depth %g, and counted there", counted,
-                 voxels ? "the box about all voxels" : "", map->settings.near_depth, map->settings.far_depth);
+    if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f of the particles%s", particles, voxels ? ", " : "");
+    SPS_SNPRINTF(text, sizeof text, "tmap: gas beyond near_depth %g or far_depth %g counts there: %s%s",
+                 map->settings.near_depth, map->settings.far_depth, counted, voxels ? "the box about all voxels" : "");
     context->config.message_fn(context->config.message_user, text);
 }
 

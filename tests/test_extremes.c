@@ -130,8 +130,8 @@ static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
 /* Gives an enumeration a number that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
 
-/* Fields out of range, numbered from 0: each function spoils the n-th and returns what the sentence
-   must hold, "FIELD is VALUE"; or, where it has fewer, counts n down by these and returns NULL. */
+/* Fields out of range, numbered from 0: each function spoils the n-th and returns what the sentence must hold, "FIELD
+   is VALUE"; or, where it has fewer, counts n down by these and returns NULL. */
 #define SPOIL(statement, text)                                                                                         \
     if ((*n)-- == 0) {                                                                                                 \
         statement;                                                                                                     \

@@ -469,12 +469,9 @@ static void test_faces_of_volume(void) {
 
 /* The largest difference between two pictures, of the brightest pixel. */
 static double apart(const float *image, const float *other, int pixels) {
-    double largest = 0, brightest = 0;
-    for (int i = 0; i < 4 * pixels; ++i) {
-        largest = fmax(largest, fabs((double)image[i] - (double)other[i]));
-        brightest = fmax(brightest, (double)image[i]);
-    }
-    return largest / brightest;
+    double brightest = 0;
+    for (int i = 0; i < 4 * pixels; ++i) brightest = fmax(brightest, (double)image[i]);
+    return (double)check_largest(image, other, (size_t)(4 * pixels)) / brightest;
 }
 
 /* What moves seams, and is too thin to be seen. */
@@ -575,8 +572,7 @@ static void test_brick_seams(void) {
                         printf("    from %d, %s, padded by %d\n", from, surface ? "surface" : "gas", pad);
 }
 
-/* --------------------------------------------------------------------------------------------- cut and lit from behind
- */
+/* --------------------------------------------------------------------------------------- cut and lit from behind */
 
 /* Gas lit from behind is composited back to front: pictures and depths as the reference has them. */
 static void test_back_to_front(void) {

@@ -159,13 +159,15 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as it was asked for */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* 0..1, never falling; non-zero cancels, if not at once. Called throughout, every few milliseconds of work
-       at most sizes. */
+    /* 0..1, never falling; non-zero cancels, if not at once. Called throughout by the thread that called, every few
+       milliseconds of work at most sizes. With parallel_for_fn it wants clock_fn: else all workers wait for each other
+       after every few tasks, which takes up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
     void (*message_fn)(void *user, const char *text); /* one line without newline: errors (being cancelled is none),
                                                          replaced data */
-    double (*clock_fn)(void *user);                          /* seconds; NULL: sps_stats reports no times */
-    size_t memory_limit;                                     /* bytes; 0: none */
+    /* Seconds; asked by all workers at once where there is progress_fn. NULL: sps_stats reports no times. */
+    double (*clock_fn)(void *user);
+    size_t memory_limit; /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
     uint32_t end_canary; /* leave 0 */
 } sps_config;
@@ -518,7 +520,7 @@ typedef struct sps_stats_report {
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
-    uint64_t shadow_rays; /* from pixels' polygons towards lights */
+    uint64_t shadow_rays;        /* from pixels' polygons towards lights */
     uint64_t particles;          /* that have a radius and an optical depth */
     uint64_t particles_outside;  /* of a transmittance map: that reach beyond near_depth or far_depth; message_fn hears
                                     of these, and of voxels that do */
@@ -1093,13 +1095,13 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TABLES, /* transfer functions */
     SPSI_BUFFER_BLOCK,  /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
-    SPSI_BUFFER_SEGMENTS,  /* the list of voxel segments */
-    SPSI_BUFFER_FACES,     /* triangles, >>polygons */
-    SPSI_BUFFER_FACE_ROWS, /* which rows each triangle covers */
+    SPSI_BUFFER_SEGMENTS,   /* the list of voxel segments */
+    SPSI_BUFFER_FACES,      /* triangles, >>polygons */
+    SPSI_BUFFER_FACE_ROWS,  /* which rows each triangle covers */
     SPSI_BUFFER_FACE_ORDER, /* their tree, >>trees */
     SPSI_BUFFER_FACE_NODES,
-    SPSI_BUFFER_TREE_ITEMS, /* any tree's, while it is being built */
-    SPSI_BUFFER_EYE_FACES, /* the triangle that each pixel shows */
+    SPSI_BUFFER_TREE_ITEMS,    /* any tree's, while it is being built */
+    SPSI_BUFFER_EYE_FACES,     /* the triangle that each pixel shows */
     SPSI_BUFFER_SURFACE_LIGHT, /* which pixels' polygons see the light at hand */
     SPSI_BUFFER_DEPTH_MAPS,
     SPSI_BUFFER_PIXELS,    /* optical depth and radiance, >>shading */
@@ -1280,39 +1282,74 @@ static int spsi_worker_count(const sps_context *context) {
     return context->config.parallel_for_fn && context->config.worker_count > 0 ? context->config.worker_count : 1;
 }
 
-#define SPSI_TICK_TASKS 4 /* per worker: fewer would leave workers idle at the end of each group */
+static double spsi_clock(const sps_context *context) {
+    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
+}
 
-/* Tasks from `first` on, as a group of their own. */
-typedef struct spsi_task_group {
-    sps_task_fn task;
-    void *data;
-    int first;
-} spsi_task_group;
+#define SPSI_GROUP_TASKS  1024
+#define SPSI_TICK_SECONDS 0.01
+#define SPSI_TICK_TASKS   4 /* per worker, where no clock tells: fewer would leave yet more workers idle */
 
-static void spsi_group_task(void *data, int index, int worker) {
-    const spsi_task_group *group = (const spsi_task_group *)data;
+static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
-    group->task(group->data, group->first + index, worker);
+    task(data, index, worker);
     spsi_zero_upper();
 }
 
-/* Runs task(data, i, worker) for i = 0..count-1, in groups with a call of progress_fn after each. Tasks write to
-   disjoint places, so the order does not matter. */
+/* Tasks from `first` on. A task whose turn comes after the deadline is left for another round, so that workers wait for
+   each other when progress_fn is due and not once per few tasks, which took a sixth of a frame. */
+typedef struct spsi_task_group {
+    const sps_context *context;
+    sps_task_fn task;
+    void *data;
+    int first, count;
+    double deadline;                      /* by clock_fn; infinity: none */
+    unsigned char done[SPSI_GROUP_TASKS]; /* per task, written by the worker that ran it */
+} spsi_task_group;
+
+static void spsi_group_task(void *data, int index, int worker) {
+    spsi_task_group *group = (spsi_task_group *)data;
+    if (group->done[index]) return;
+    if (group->deadline < HUGE_VAL && spsi_clock(group->context) > group->deadline) return;
+    group->done[index] = 1;
+    spsi_task_run(group->task, group->data, group->first + index, worker);
+}
+
+/* Runs a group's tasks, in rounds with a call of progress_fn after each. The round after one in which nothing was done,
+   as the clock leaps, has no deadline. */
+static void spsi_group_run(sps_context *context, spsi_task_group *group) {
+    const int timed = context->config.progress_fn && context->config.clock_fn;
+    int left = group->count, stuck = 0;
+    memset(group->done, 0, (size_t)group->count);
+    while (left > 0) {
+        int still = 0;
+        group->deadline = timed && !stuck ? spsi_clock(context) + SPSI_TICK_SECONDS : HUGE_VAL;
+        context->config.parallel_for_fn(context->config.parallel_user, group->count, spsi_group_task, group);
+        spsi_tick(context);
+        for (int i = 0; i < group->count; ++i) still += !group->done[i];
+        stuck = still == left;
+        left = still;
+    }
+}
+
+/* Runs task(data, i, worker) for i = 0..count-1, and calls progress_fn now and then. Tasks write to disjoint places, so
+   the order does not matter. */
 static void spsi_parallel(sps_context *context, int count, sps_task_fn task, void *data) {
-    spsi_task_group group = {task, data, 0};
-    int some = count;
+    const int untimed = context->config.progress_fn && !context->config.clock_fn;
+    int some = SPSI_GROUP_TASKS;
+    spsi_task_group group;
     if (!context->config.parallel_for_fn || count <= 1) {
         for (int i = 0; i < count; ++i) {
-            spsi_group_task(&group, i, 0);
+            spsi_task_run(task, data, i, 0);
             spsi_tick(context);
         }
         return;
     }
-    if (context->config.progress_fn) some = SPSI_TICK_TASKS * spsi_worker_count(context);
-    for (; group.first < count; group.first += some) {
-        const int here = spsi_least(some, count - group.first);
-        context->config.parallel_for_fn(context->config.parallel_user, here, spsi_group_task, &group);
-        spsi_tick(context);
+    if (untimed) some = spsi_least(some, SPSI_TICK_TASKS * spsi_worker_count(context));
+    group.context = context, group.task = task, group.data = data;
+    for (group.first = 0; group.first < count; group.first += some) {
+        group.count = spsi_least(some, count - group.first);
+        spsi_group_run(context, &group);
     }
 }
 
@@ -1330,17 +1367,12 @@ static void spsi_parallel_batches(sps_context *context, int count, sps_task_fn t
 /* Where the batch of a task ends, which begins at index * SPSI_BATCH. */
 static int spsi_batch_end(int index, int count) { return spsi_least(count, (index + 1) * SPSI_BATCH); }
 
-static double spsi_clock(const sps_context *context) {
-    return context->config.clock_fn ? context->config.clock_fn(context->config.clock_user) : 0;
-}
-
 /* Tells how far the work is; SPS_ERROR_CANCELLED where the caller wants to stop. */
 static sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
     context->progress = now;
     spsi_tick(context);
-    if (context->cancelled)
-        return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
+    if (context->cancelled) return spsi_fail(context, SPS_ERROR_CANCELLED, "cancelled by progress_fn");
     return SPS_OK;
 }
 
@@ -4313,7 +4345,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
    test. Cost: items times levels to build, some 0.3 us an item of a million; 36 bytes an item, and 28 while it is made.
    */
 
-#define SPSI_TREE_LEAF  4  /* items in a leaf, at most; at least 2, unless the tree has only 1 */
+#define SPSI_TREE_LEAF  4 /* items in a leaf, at most; at least 2, unless the tree has only 1 */
 #define SPSI_TREE_BINS  16
 #define SPSI_TREE_DEPTH 48 /* from here on, nodes are split in half: 2^31 items go 30 deeper at most */
 #define SPSI_TREE_STACK 96
@@ -5937,8 +5969,8 @@ static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame
         frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
         extent = fmax(spsi_particle_edge(frame), (high - low) / (SPSI_SLABS_MAX / 16));
     for (int i = 0; i < frame->medium_count; ++i)
-        extent = fmin(extent,
-                      spsi_slab_voxel(frame, &frame->media[i], for_particles ? &frame->eye : &sweep->rays, sweep));
+        extent =
+            fmin(extent, spsi_slab_voxel(frame, &frame->media[i], for_particles ? &frame->eye : &sweep->rays, sweep));
     sweep->start = low;
     sweep->thickness = fmin(frame->view.slab * extent, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / sweep->thickness);
@@ -6131,10 +6163,10 @@ typedef struct spsi_tile {
     float nearest_limit;    /* least depth of a polygon in the tile */
     const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
     int limit_width, limit_height;
-    float *slopes; /* where the sheets of d/dx, and behind these d/dy, of the channel at hand are; or NULL */
-    uint64_t open;              /* patches that are not opaque yet; footprints that meet none are passed over */
-    int margin;                 /* pixels beyond the patches, which belong to the patches at the edge */
-    float eye_slab;             /* slab coordinate of the eye, for the near case */
+    float *slopes;  /* where the sheets of d/dx, and behind these d/dy, of the channel at hand are; or NULL */
+    uint64_t open;  /* patches that are not opaque yet; footprints that meet none are passed over */
+    int margin;     /* pixels beyond the patches, which belong to the patches at the edge */
+    float eye_slab; /* slab coordinate of the eye, for the near case */
     uint64_t visits, fragments; /* footprints written, and pixels times slabs of them */
 } spsi_tile;
 
@@ -6427,7 +6459,12 @@ static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, c
         if (sloped) {
             const float dy = rows->dy[r];
             const spsi_sections sections = {
-                slabs, rows->starts[r], rows->ends[r], weight, spsi_add(v_column, spsi_set(rows->v[r])), per_slab,
+                slabs,
+                rows->starts[r],
+                rows->ends[r],
+                weight,
+                spsi_add(v_column, spsi_set(rows->v[r])),
+                per_slab,
                 {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
                 {f->slope_x[i], f->slope_y[i]}};
             spsi_add_slopes(tile, &sections,
@@ -7881,8 +7918,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     spsi_surface surface;
     spsi_surface_at(&shader->frame->eye, shader->faces, &shader->hits[at], x, y, &surface);
     spsi_surface_colour(shader->faces, &shader->hits[at], colour);
-    for (int c = 0; c < 3; ++c)
-        radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
+    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
     for (int i = 0; i < scene->light_count; ++i) {
         const sps_light *light = &scene->lights[i];
         const int shadows = spsi_light_shadows(shader->frame, light);
@@ -8125,10 +8161,10 @@ typedef struct spsi_run {
     spsi_sample *samples; /* one per material, per worker */
     float *sheets;        /* sheet_floats per worker */
     size_t sheet_floats;
-    uint64_t (*counts)[5];   /* per worker: visits and fragments for lights and for the eye, pixels shaded */
+    uint64_t (*counts)[5];      /* per worker: visits and fragments for lights and for the eye, pixels shaded */
     int margin, slab_margin[2]; /* about a tile; slabs: of the eye, of a light */
-    int slab_count;          /* to composite in this chunk; 0: polygons only */
-    float low, high;         /* polygons between these slab coordinates belong to this chunk */
+    int slab_count;             /* to composite in this chunk; 0: polygons only */
+    float low, high;            /* polygons between these slab coordinates belong to this chunk */
     int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
     uint64_t *open;                         /* per tile of the region: its patches whose rays have not all ended */
     float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
@@ -8277,7 +8313,7 @@ static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int c
 }
 
 /* Splats the chunk's bricks and particles that meet a tile; returns 0, with the sheets not even cleared, if none does.
-   */
+ */
 static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
     const spsi_sweep *sweep = run->sweep;
     const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
@@ -9613,8 +9649,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     if (spsi_progress(context, filling->progress) || !technique->lists) return context->result;
     if (spsi_append_band(filling)) return context->result;
     filling->has_sizes = 1;
-    if (map->settings.technique == SPS_TMAP_COMPRESSED)
-        spsi_parallel(context, tasks, spsi_fit_task, filling);
+    if (map->settings.technique == SPS_TMAP_COMPRESSED) spsi_parallel(context, tasks, spsi_fit_task, filling);
     return spsi_progress(context, filling->progress);
 }
 
@@ -9760,8 +9795,7 @@ static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, 
     const spsi_rays *rays = job->rays;
     double centre[3], offset[3], texel, share, mass;
     /* most are too large by far: the sum of the outline's two inverse squared half axes is small */
-    if (!ball->near_by &&
-        (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
+    if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
         return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
@@ -10496,7 +10530,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
    calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",       "eye polygons", "light polygons", "triangle tree", "shadow rays", "eye sheets",   "light sheets",
+    "gather",     "eye polygons", "light polygons", "triangle tree", "shadow rays", "eye sheets",   "light sheets",
     "light maps", "gradient",     "scattering",     "emission",      "ambient",     "surface light"};
 
 /* Counts the blocks of all volumes that will be read, and what comes of them at most. */
@@ -10822,7 +10856,7 @@ static double spsi_field(const spsi_grid *grid, const double point[3], double gr
 
 typedef struct spsi_ray {
     double origin[3], direction[3];
-    double low, high; /* the stretch of interest */
+    double low, high;  /* the stretch of interest */
     double weights[2]; /* of corners 1 and 2 of what was hit */
 } spsi_ray;
 

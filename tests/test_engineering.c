@@ -881,6 +881,67 @@ static void test_clock(const mixed *m) {
     sps_destroy(context);
 }
 
+/* What runs and counts tasks. Its clock goes on by `step` each time that it is asked. */
+typedef struct task_count {
+    double now, step;
+    int ran[3000], wrong;
+    long ticks;
+} task_count;
+
+static double stepping_clock(void *user) {
+    task_count *t = (task_count *)user;
+    return t->now += t->step;
+}
+
+static int count_tick(void *user, float fraction) {
+    task_count *t = (task_count *)user;
+    (void)fraction;
+    t->ticks++;
+    return 0;
+}
+
+static void count_task(void *data, int index, int worker) {
+    task_count *t = (task_count *)data;
+    t->ran[index]++;
+    t->wrong += worker != 3;
+}
+
+/* The last first, all by the worker of number 3. */
+static void backwards(void *user, int count, sps_task_fn task, void *data) {
+    (void)user;
+    while (count-- > 0) task(data, count, 3);
+}
+
+/* Each task is run once, whatever the clock does; and progress is told once 0.01 s have gone by. A clock that goes on
+   by 0.0011 s lets 9 tasks begin in between, and two rounds of any kind in a row do at least one task. Without a clock
+   there are 4 tasks per worker to a round, and without progress_fn no rounds but for each 1024 tasks. */
+static void test_rounds_of_tasks(void) {
+    static const double steps[] = {0, 1e-9, 0.0011, 0.5, HUGE_VAL, NAN};
+    for (int counts = 1; counts <= 3000; counts = counts * 3 + 7)
+        for (int which = 0; which < 8; ++which) {
+            task_count t;
+            sps_config config;
+            sps_context *context;
+            const int clocked = which < 6;
+            memset(&t, 0, sizeof t);
+            memset(&config, 0, sizeof config);
+            if (clocked) config.clock_fn = stepping_clock, t.step = steps[which];
+            if (which < 7) config.progress_fn = count_tick;
+            config.parallel_for_fn = backwards, config.worker_count = 4;
+            config.clock_user = config.progress_user = &t;
+            context = sps_create(&config);
+            t.ticks = 0;
+            spsi_parallel(context, counts, count_task, &t);
+            for (int i = 0; i < 3000; ++i) CHECK(t.ran[i] == (i < counts));
+            if (counts > 1) CHECK(t.wrong == 0);
+            if (which < 2) CHECK(t.ticks == (counts + 1023) / 1024);
+            if (which == 2 && counts > 1) CHECK(t.ticks >= counts / 10 && t.ticks <= counts / 9 + 4);
+            if (which == 6) CHECK(t.ticks == (counts + 15) / 16);
+            if (which == 7) CHECK(t.ticks == 0);
+            sps_destroy(context);
+        }
+}
+
 /* The file's text from here or up to four folders above; NULL if it is not found. */
 static char *read_text(const char *path) {
     char at[256];
@@ -1539,6 +1600,7 @@ int main(void) {
     test_null_arguments(&m);
     test_configs();
     test_version_and_names();
+    test_rounds_of_tasks();
     test_clock(&m);
 #ifndef SANITIZED
     test_stack(&m);

@@ -907,6 +907,24 @@ static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 static inline void spsi_zero_upper(void) {}
 #endif
 
+/* The first numbers of a vector, where there may be fewer than it has; the others are read as 0. */
+static inline spsi_v spsi_load_first(const float *p, int count) {
+    float lanes[SPSI_LANES] = {0};
+    if (count >= SPSI_LANES) return spsi_load(p);
+    memcpy(lanes, p, (size_t)count * sizeof(float));
+    return spsi_load(lanes);
+}
+
+static inline void spsi_store_first(float *p, spsi_v a, int count) {
+    float lanes[SPSI_LANES];
+    if (count >= SPSI_LANES) {
+        spsi_store(p, a);
+        return;
+    }
+    spsi_store(lanes, a);
+    memcpy(p, lanes, (size_t)count * sizeof(float));
+}
+
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Largest whole number not above a, for |a| < 2^30. */
 static inline spsi_v spsi_floor(spsi_v a) {
@@ -7056,12 +7074,9 @@ static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_ti
             const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
             const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
             const int count = spsi_least(SPSI_LANES, last_x - x + 1);
-            float lanes[SPSI_LANES] = {0};
-            memcpy(lanes, planes->depth[SPSI_CHUNK] + to, (size_t)count * sizeof(float));
-            spsi_v depth = spsi_load(lanes);
+            spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
             for (int k = 0; k <= SPSI_CHUNK; ++k) {
-                spsi_store(lanes, depth);
-                memcpy(planes->depth[k] + to, lanes, (size_t)count * sizeof(float));
+                spsi_store_first(planes->depth[k] + to, depth, count);
                 if (k == SPSI_CHUNK) break;
                 const spsi_v sheet = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size,
                                                       length, per_slab, slabs);

@@ -146,7 +146,8 @@ typedef enum sps_result {
 } sps_result;
 
 /* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads, and return when all are done and what they wrote is visible to the caller. `worker` is 0..worker_count-1
+   threads, and return when all are done and what they wrote is visible to the caller; the calling thread does those
+   that it leaves out. `worker` is 0..worker_count-1
    and never the same for two calls that run at the same moment. Tasks do not block, do not call back, and take up to
    16 KB of stack (AVX-512: 24). */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
@@ -1335,20 +1336,22 @@ static void spsi_group_task(void *data, int index, int worker) {
 }
 
 /* Runs a group's tasks, in rounds with a call of progress_fn after each. The round after one in which nothing was done,
-   as the clock leaps, has no deadline. */
+   as the clock leaps, has no deadline and is the last: what parallel_for_fn left out then is done here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
     memset(group->done, 0, (size_t)group->count);
-    while (left > 0) {
+    for (int last = 0; left > 0 && !last;) {
         int still = 0;
-        group->deadline = timed && !stuck ? spsi_clock(context) + SPSI_TICK_SECONDS : HUGE_VAL;
+        last = !timed || stuck;
+        group->deadline = last ? HUGE_VAL : spsi_clock(context) + SPSI_TICK_SECONDS;
         context->config.parallel_for_fn(context->config.parallel_user, group->count, spsi_group_task, group);
         spsi_tick(context);
         for (int i = 0; i < group->count; ++i) still += !group->done[i];
         stuck = still == left;
         left = still;
     }
+    for (int i = 0; i < group->count && left > 0; ++i) spsi_group_task(group, i, 0);
 }
 
 /* Runs task(data, i, worker) for i = 0..count-1, and calls progress_fn now and then. Tasks write to disjoint places, so

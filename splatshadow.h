@@ -147,9 +147,8 @@ typedef enum sps_result {
 
 /* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
    threads, and return when all are done and what they wrote is visible to the caller; the calling thread does those
-   that it leaves out. `worker` is 0..worker_count-1
-   and never the same for two calls that run at the same moment. Tasks do not block, do not call back, and take up to
-   16 KB of stack (AVX-512: 24). */
+   that it leaves out. `worker` is 0..worker_count-1 and never the same for two calls that run at the same moment. Tasks
+   do not block, do not call back, and take up to 16 KB of stack (AVX-512: 24). */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 

@@ -3163,7 +3163,7 @@ typedef struct spsi_frame {
     double shadow_texels; /* per voxel */
     int depth_map_texels; /* on a side of a depth map, at least */
     double cut;           /* standard deviations at which the splatter's kernels end */
-    double light_cut;     /* the same in a light's sheets of what is classified */
+    double light_cut;     /* the same in a light's sheets of what is classified; maps have `cut` */
     spsi_rays eye;
     int medium_count, material_count, light_channel_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
@@ -8522,9 +8522,9 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
         if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
         if (material->table) spsi_splatter_classified(&run->eye_splatters[i]);
         if (run->sweep->sheets)
-            good &= spsi_splatter_build(&frame->media[i], &run->sweep->rays, run->sweep,
-                                        material->table ? 1 : material->extinction,
-                                        material->table ? frame->light_cut : frame->cut, &run->light_splatters[i]);
+            good &= spsi_splatter_build(
+                &frame->media[i], &run->sweep->rays, run->sweep, material->table ? 1 : material->extinction,
+                material->table && run->sweep->light >= 0 ? frame->light_cut : frame->cut, &run->light_splatters[i]);
         if (!good)
             return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index, "voxel edge",
                                    cbrt(frame->media[i].voxel_volume),

@@ -655,6 +655,34 @@ static void test_cut_kernels(void) {
     sps_destroy(context);
 }
 
+/* Maps cut the kernels of what is classified where they cut those of a gas, not where a light's sheets do: a voxel shows
+   on a ray that passes it 2.12 voxels away, at medium, whose kernels end at 2.15, and not at draft: at 1.82. */
+static void test_classified_kernels(void) {
+    const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
+    const sps_transfer transfer = {points, 2, NULL, NULL, 0};
+    static float values[10 * 10 * 10];
+    sps_context *context = sps_create(NULL);
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_MEDIUM; ++quality) {
+        check_array array = {values, {10, 10, 10}, 0, 0};
+        fixture f;
+        sps_tmap *map;
+        sps_volume *volume;
+        begin(&f, SPS_TMAP_OPACITY);
+        f.settings.components = 1;
+        f.light.quality = (sps_quality)quality;
+        volume = add_box(&f, 10, 5, 0, 1);
+        values[555] = 1;
+        volume->read_fn = check_read_array, volume->user = &array;
+        volume->transfer = &transfer;
+        map = must_build(&f, context);
+        if (!map) return;
+        CHECK(sps_tmap_texels(map)[4 * SIDE + 4] > 0.1f); /* (0, 0) */
+        CHECK((sps_tmap_texels(map)[2 * SIDE + 6] > 1e-4f) == (quality == SPS_QUALITY_MEDIUM)); /* (2, 2) */
+        sps_tmap_destroy(map);
+    }
+    sps_destroy(context);
+}
+
 static void test_blob(void) {
     sps_context *context = sps_create(NULL);
     for (int way = 0; way < ROUND; ++way) {
@@ -3206,6 +3234,7 @@ int main(void) {
     RUN(test_fine_voxels);
     RUN(test_blob);
     RUN(test_cut_kernels);
+    RUN(test_classified_kernels);
     RUN(test_opaque);
     RUN(test_bias_of_oblong_texels);
     RUN(test_behind_the_light);

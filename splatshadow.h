@@ -499,7 +499,7 @@ typedef struct sps_pass_report {
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    int sweep_count;                 /* passes over the slabs: one per shadowing light, or one */
+    int sweep_count;                 /* passes over the slabs: one for each light that shades by sheets, or one */
     int color_channels;              /* 3, or 1 where every colour is grey */
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
@@ -1121,7 +1121,9 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FACE_NODES,
     SPSI_BUFFER_TREE_ITEMS,    /* any tree's, while it is being built */
     SPSI_BUFFER_EYE_FACES,     /* the triangle that each pixel shows */
-    SPSI_BUFFER_SURFACE_LIGHT, /* which pixels' polygons see the light at hand */
+    SPSI_BUFFER_SHADOWS,       /* of a sweep's lights, >>shading */
+    SPSI_BUFFER_ARRIVALS,      /* how their light comes to a vector of pixels, per worker */
+    SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: which pixels' polygons see it */
     SPSI_BUFFER_DEPTH_MAPS,
     SPSI_BUFFER_PIXELS,    /* optical depth and radiance, >>shading */
     SPSI_BUFFER_PLANES,    /* a light's optical depth at the slabs of a chunk, >>lightsheets */
@@ -1133,13 +1135,13 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CROWD,     /* which chunks each particle touches, >>sweep */
     SPSI_BUFFER_EYE_BALLS, /* the particles of one chunk as the eye sees them, by tile */
     SPSI_BUFFER_LIGHT_BALLS,
-    SPSI_BUFFER_TILES,      /* what is known of each tile */
-    SPSI_BUFFER_RUN,        /* what the tasks of a sweep share */
-    SPSI_BUFFER_TMAP_RUN,   /* the same of a map's volumes, >>occluders */
-    SPSI_BUFFER_LIGHT_TMAP, /* a light's transmittance map */
-    SPSI_BUFFER_TOTAL,      /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,        /* directions and colours of one row of background */
-    SPSI_BUFFER_MARCHER,    /* >>reference */
+    SPSI_BUFFER_TILES,       /* what is known of each tile */
+    SPSI_BUFFER_RUN,         /* what the tasks of a sweep share */
+    SPSI_BUFFER_TMAP_RUN,    /* the same of a map's volumes, >>occluders */
+    SPSI_BUFFER_LIGHT_TMAPS, /* lights' transmittance maps */
+    SPSI_BUFFER_TOTAL,       /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,         /* directions and colours of one row of background */
+    SPSI_BUFFER_MARCHER,     /* >>reference */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
@@ -1373,6 +1375,11 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
         spsi_group_run(context, &group);
     }
 }
+
+/* A part of a call: how far the call is when it begins, and its share of the call. */
+typedef struct spsi_part_of_call {
+    double progress, share;
+} spsi_part_of_call;
 
 /* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its light's map. */
 #define SPSI_PROGRESS_GATHER 0.2
@@ -3180,6 +3187,7 @@ typedef struct spsi_frame {
     int channels;                  /* of radiance: 1 where all is grey */
     int lit_count;                 /* lights that are not black */
     int shadow_count;              /* of these, lights that cast shadows */
+    int sliced_count;              /* of these, lights that shade gas by sheets: each takes a sweep of its own */
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
     int gradient_reach; /* pixels to either side that gradients take: 1, or 2 where voxels are up to 4 pixels wide */
     int splats_slopes;  /* 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
@@ -3770,16 +3778,23 @@ static int spsi_light_shadows(const spsi_frame *frame, const sps_light *light) {
     return !spsi_black(light->color) && !light->no_shadow && !frame->view.no_shadows;
 }
 
+/* Whether a light's shadows lie in sheets, which take slabs that suit it. Those of maps do not, nor do those of
+   polygons alone. */
+static int spsi_light_sliced(const spsi_frame *frame, const sps_light *light) {
+    return frame->extinguishes && spsi_light_shadows(frame, light) && !light->shadow_map;
+}
+
 /* Counts lights, none where nothing could answer to them. */
 static void spsi_resolve_lights(spsi_frame *frame) {
-    for (int i = 0; i < frame->scene->light_count && (frame->scatters || frame->triangle_count > 0); ++i) {
-        frame->lit_count += !spsi_black(frame->scene->lights[i].color);
-        frame->shadow_count += spsi_light_shadows(frame, &frame->scene->lights[i]);
-    }
     for (int i = 0; i < frame->material_count; ++i) {
         const spsi_material *material = &frame->materials[i];
         frame->extinguishes |= material->extinguishes;
         frame->has_gradient |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+    }
+    for (int i = 0; i < frame->scene->light_count && (frame->scatters || frame->triangle_count > 0); ++i) {
+        frame->lit_count += !spsi_black(frame->scene->lights[i].color);
+        frame->shadow_count += spsi_light_shadows(frame, &frame->scene->lights[i]);
+        frame->sliced_count += spsi_light_sliced(frame, &frame->scene->lights[i]);
     }
     if (frame->lit_count == 0) frame->has_gradient = 0;
 }
@@ -5791,9 +5806,9 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 #define SPSI_COSINE_MIN    0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
 
 typedef struct spsi_sweep {
-    int light;  /* index of the light that casts shadows in this sweep; -1: none */
-    int sheets; /* 1: gas shades by that light's sheets, 0: there is no light, or it has a map */
-    int first;  /* 1: this sweep also carries ambient, emission, lights without shadow, and coverage */
+    int light;  /* index of the light whose sheets this sweep has; -1: none */
+    int sheets; /* 1: there are sheets, of that light or of a map */
+    int first;  /* 1: this sweep also carries coverage, ambient light, emission, and all lights that have no sheets */
     int back_to_front;
     double normal[3]; /* s */
     double start;     /* s . p of the first slab's entry */
@@ -6093,22 +6108,34 @@ static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame
     return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
 }
 
-/* How many sweeps a frame takes: one per light that casts shadows, or one. */
-static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->shadow_count); }
+/* The number of sweeps in a frame: one for each light that shades by sheets, and one at least. */
+static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->sliced_count); }
 
-/* The index of the n-th light that casts shadows; -1 if there is none. */
-static int spsi_shadow_light(const spsi_frame *frame, int n) {
-    if (n >= frame->shadow_count) return -1;
+/* The index of the n-th light that shades by sheets; -1 if there is none. */
+static int spsi_sliced_light(const spsi_frame *frame, int n) {
+    if (n >= frame->sliced_count) return -1;
     for (int i = 0; i < frame->scene->light_count; ++i)
-        if (spsi_light_shadows(frame, &frame->scene->lights[i]) && n-- == 0) return i;
+        if (spsi_light_sliced(frame, &frame->scene->lights[i]) && n-- == 0) return i;
     return -1;
+}
+
+/* Whether a sweep carries the shadows of a light that casts some: its own light's, and in the first sweep those of all
+   lights that take no slabs of their own. */
+static int spsi_sweep_carries(const spsi_frame *frame, const spsi_sweep *sweep, const sps_light *light) {
+    if (spsi_light_sliced(frame, light)) return sweep->light >= 0 && light == &frame->scene->lights[sweep->light];
+    return sweep->first && spsi_light_shadows(frame, light);
+}
+
+/* The number of lights whose shadows a sweep carries. No other sweep carries as many as the first. */
+static int spsi_sweep_shadow_count(const spsi_frame *frame, const spsi_sweep *sweep) {
+    return (sweep->light >= 0) + (sweep->first ? frame->shadow_count - frame->sliced_count : 0);
 }
 
 /* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
     memset(sweep, 0, sizeof *sweep);
-    sweep->light = spsi_shadow_light(frame, n);
-    sweep->sheets = sweep->light >= 0 && !frame->scene->lights[sweep->light].shadow_map;
+    sweep->light = spsi_sliced_light(frame, n);
+    sweep->sheets = sweep->light >= 0;
     sweep->first = n == 0;
     sweep->normal[2] = sweep->thickness = 1;
     if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
@@ -7126,20 +7153,35 @@ typedef struct spsi_depth_map {
     spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
+/* What keeps one light's rays from gas and surfaces: gas by the sweep's planes or by a map, polygons by a depth map for
+   gas and by rays for polygons. */
+typedef struct spsi_shadow {
+    const sps_light *light;
+    const sps_tmap *tmap;     /* NULL: the sweep's planes, if there are any */
+    const unsigned char *lit; /* whole image: spsi_surface_sight */
+    spsi_linear along[3];     /* coordinates on the planes, or in the map for spsi_tmap_lookup, along the eye's rays */
+    spsi_depth_map depth_map;
+} spsi_shadow;
+
+/* How one light comes to the slab at hand of a vector of pixels. */
+typedef struct spsi_arrival {
+    spsi_v light[2];        /* optical depth between the light and the two ends of the ray's way through the slab; */
+    int plane;              /* and it was looked up on this plane last, */
+    spsi_v plane_light;     /* and was this there */
+    spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave in the light */
+} spsi_arrival;
+
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_sweep *sweep;
     const spsi_faces *faces;
     const spsi_planes *planes;
-    const sps_tmap *tmap; /* what the sweep's light shades gas by instead of planes; NULL: planes */
-    const spsi_depth_map *depth_map;
-    const spsi_hit *hits;      /* whole image */
-    const unsigned char *lit;  /* whole image: spsi_surface_sight of the sweep's light */
-    spsi_linear slab;          /* slab coordinate */
-    spsi_linear light_rays[3]; /* what the light's planes, or its map by spsi_tmap_lookup, are asked by */
-    spsi_linear position[3];   /* relative to `position_origin` */
+    const spsi_shadow *shadows; /* of the lights that the sweep carries */
+    int shadow_count;
+    const spsi_hit *hits;    /* whole image */
+    spsi_linear slab;        /* slab coordinate */
+    spsi_linear position[3]; /* relative to `position_origin` */
     double position_origin[3];
-    const sps_light *light;                /* of the sweep, or NULL */
     int unshadowed;                        /* 1: the sweep also carries lights without shadow */
     int first_slab;                        /* of the chunk at hand */
     int x_origin, y_origin;                /* pixel that comes first in the buffers below */
@@ -7164,7 +7206,6 @@ typedef struct spsi_pixels {
     spsi_v length;       /* world length per t */
     spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
     spsi_v toward[3];    /* unit direction from the eye */
-    spsi_v light_base[3], light_slope[3];
 } spsi_pixels;
 
 /* What a vector of rays has gathered so far. */
@@ -7180,17 +7221,18 @@ typedef struct spsi_sample {
     int has_normal;
 } spsi_sample;
 
-#define SPSI_SAMPLE_ALIGNMENT 64 /* of the widest vectors */
+#define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
 
-static size_t spsi_sample_bytes(const sps_context *context, int count) {
-    return (size_t)spsi_worker_count(context) * (size_t)count * sizeof(spsi_sample) + SPSI_SAMPLE_ALIGNMENT;
+/* Bytes of `count` structs with vectors in them for each worker. */
+static size_t spsi_vectors_bytes(const sps_context *context, int count, size_t size) {
+    return (size_t)spsi_worker_count(context) * (size_t)count * size + SPSI_VECTOR_ALIGNMENT;
 }
 
-/* Room for `count` samples for each worker: too much for the stacks of some job systems. NULL: failed. */
-static spsi_sample *spsi_samples_reserve(sps_context *context, int count) {
-    char *memory = (char *)spsi_reserve(context, SPSI_BUFFER_SAMPLES, 1, spsi_sample_bytes(context, count));
-    const uintptr_t beyond = (uintptr_t)memory % SPSI_SAMPLE_ALIGNMENT;
-    return memory ? (spsi_sample *)(void *)(memory + (beyond ? SPSI_SAMPLE_ALIGNMENT - beyond : 0)) : NULL;
+/* Room for them: too much for the stacks of some job systems. NULL: failed. */
+static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
+    char *memory = (char *)spsi_reserve(context, id, 1, spsi_vectors_bytes(context, count, size));
+    const uintptr_t beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
+    return memory ? memory + (beyond ? SPSI_VECTOR_ALIGNMENT - beyond : 0) : NULL;
 }
 
 static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
@@ -7215,11 +7257,8 @@ static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixe
     inverse_length = spsi_div(spsi_set(1), p->length);
     p->polygon_slab =
         spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; ++i)
         p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
-        p->light_base[i] = spsi_linear_base(&shader->light_rays[i], at, fy);
-        p->light_slope[i] = spsi_linear_slope(&shader->light_rays[i], at, fy);
-    }
 }
 
 static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
@@ -7243,25 +7282,23 @@ static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y
             spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
 }
 
-static spsi_v spsi_lookup_tmap(const spsi_shader *shader, const spsi_pixels *p, spsi_v d) {
-    spsi_v q[3];
-    for (int i = 0; i < 3; ++i) q[i] = spsi_fma(d, p->light_slope[i], p->light_base[i]);
-    return spsi_tmap_lookup(shader->tmap, q);
-}
-
-/* Optical depth between the sweep's light and the rays' points at depth d, on plane k. */
-static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_v d) {
+/* Optical depth between a light and the rays' points at depth d, on plane k. */
+static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                                       int k, spsi_v d) {
     const spsi_planes *planes = shader->planes;
-    spsi_v x = spsi_fma(d, p->light_slope[0], p->light_base[0]), y = spsi_fma(d, p->light_slope[1], p->light_base[1]);
-    if (shader->tmap) return spsi_lookup_tmap(shader, p, d);
+    spsi_v q[3];
+    for (int i = 0; i < 3; ++i)
+        q[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, (float)p->line.y),
+                        spsi_linear_base(&shadow->along[i], p->line.at, (float)p->line.y));
+    if (shadow->tmap) return spsi_tmap_lookup(shadow->tmap, q);
     if (shader->sweep->rays.perspective) {
-        const spsi_v t = spsi_max(spsi_fma(d, p->light_slope[2], p->light_base[2]), spsi_set(FLT_MIN * 16));
-        x = spsi_div(x, t);
-        y = spsi_div(y, t);
+        const spsi_v t = spsi_max(q[2], spsi_set(FLT_MIN * 16));
+        q[0] = spsi_div(q[0], t);
+        q[1] = spsi_div(q[1], t);
     }
     if (shader->frame->classifies && planes->width >= 4 && planes->height >= 4)
-        return spsi_bicubic(planes->depth[k], planes->width, planes->height, x, y);
-    return spsi_bilinear(planes->depth[k], planes->width, planes->height, x, y);
+        return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+    return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
 /* The share of the way from d0 to d1 that one face of a depth map leaves in the light; 1 outside of its grid. What a
@@ -7380,10 +7417,7 @@ typedef struct spsi_slab {
     spsi_sample *samples;                 /* material_count for each part */
     spsi_v enter, leave;                  /* depths along the ray */
     spsi_v first, last;                   /* shares of the slab, in the light's order, between which the ray is in it */
-    spsi_v light[2];                      /* optical depth between the light and these two ends; */
-    int plane;                            /* and it was looked up on this plane last, */
-    spsi_v plane_light;                   /* and was this there */
-    spsi_v lit[SPSI_PARTS];               /* share of each part that polygons leave in the light */
+    spsi_arrival *arrivals;               /* one for each of the shader's shadows */
     spsi_v depth, part_depth[SPSI_PARTS]; /* optical depth of all samples */
 } spsi_slab;
 
@@ -7393,7 +7427,7 @@ typedef struct spsi_part {
     spsi_v middle, half;  /* depth along the ray, and half of the way through the part */
     spsi_v depth;         /* optical depth */
     spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
-    spsi_v lit;           /* share of it that polygons leave in the light */
+    int number;           /* from the first that light comes to */
     spsi_v before, after; /* optical depth between the eye and its first and last end, in the light's order */
 } spsi_part;
 
@@ -7710,46 +7744,49 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
 
 /* The shares of the parts of a ray's way through a slab that polygons leave in the light: a shadow's edge may cross the
    way sideways, so one look at the whole would not do. */
-static void spsi_lit_shares(const spsi_shader *shader, const spsi_pixels *p, spsi_slab *slab) {
+static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
+                            const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
     const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
-    for (int i = 0; i < SPSI_PARTS; ++i) slab->lit[i] = spsi_set(1);
-    for (int face = 0; face < shader->depth_map->face_count; ++face) {
-        if (!spsi_depth_map_may_shade(shader->depth_map, face, p->line.at, (float)p->line.y, from, to)) continue;
+    for (int i = 0; i < SPSI_PARTS; ++i) lit[i] = spsi_set(1);
+    for (int face = 0; face < map->face_count; ++face) {
+        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, from, to)) continue;
         for (int i = 0; i < SPSI_PARTS; ++i) {
             const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-            slab->lit[i] = spsi_min(
-                slab->lit[i], spsi_depth_map_share(shader->depth_map, face, p->line.at, (float)p->line.y, d0, d1));
+            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, d0, d1));
         }
     }
     if (slab->part_count > 1) return;
-    for (int i = 1; i < SPSI_PARTS; ++i) slab->lit[0] = spsi_add(slab->lit[0], slab->lit[i]);
-    slab->lit[0] = spsi_mul(slab->lit[0], spsi_set(1.0f / SPSI_PARTS));
+    for (int i = 1; i < SPSI_PARTS; ++i) lit[0] = spsi_add(lit[0], lit[i]);
+    lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
 }
 
-/* What the sweep's own light is when it enters and leaves a slab where the ray does. */
-static void spsi_slab_light(const spsi_shader *shader, const spsi_pixels *p, spsi_slab *slab) {
-    const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1), a1 = spsi_lookup_light(shader, p, slab->k + 1, d1);
-    spsi_v a0 = slab->plane_light;
-    if (slab->plane != slab->k) a0 = spsi_lookup_light(shader, p, slab->k, spsi_plane_depth(&p->line, slab->k));
-    slab->plane = slab->k + 1;
-    slab->plane_light = a1;
-    slab->light[0] = spsi_mix(a0, a1, slab->first);
-    slab->light[1] = spsi_mix(a0, a1, slab->last);
-    spsi_lit_shares(shader, p, slab);
+/* What a light is when it enters and leaves a slab where the ray does. */
+static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                            const spsi_slab *slab, spsi_arrival *arrival) {
+    const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1);
+    const spsi_v a1 = spsi_lookup_light(shader, shadow, p, slab->k + 1, d1);
+    spsi_v a0 = arrival->plane_light;
+    if (arrival->plane != slab->k)
+        a0 = spsi_lookup_light(shader, shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+    arrival->plane = slab->k + 1;
+    arrival->plane_light = a1;
+    arrival->light[0] = spsi_mix(a0, a1, slab->first);
+    arrival->light[1] = spsi_mix(a0, a1, slab->last);
+    spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
-/* Light of the sweep's own light: through its planes, ended by polygons. Within a slab, what is in the light's way
-   grows as what is in the eye's does: both are the same matter. */
-static void spsi_add_shadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab,
-                              const spsi_part *part, spsi_v radiance[3]) {
-    const spsi_v end_share = spsi_mix(part->first, part->last, part->lit);
+/* Light of one of the sweep's lights: through its planes or its map, ended by polygons. Within a slab, what is in the
+   light's way grows as what is in the eye's does: both are the same matter. */
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                              const spsi_pixels *p, const spsi_part *part, spsi_v radiance[3]) {
+    const spsi_v lit = arrival->lit[part->number], end_share = spsi_mix(part->first, part->last, lit);
     spsi_v start, end;
-    if (!spsi_bits(spsi_less(spsi_set(0), part->lit))) return;
-    start = spsi_add(spsi_mix(slab->light[0], slab->light[1], part->first), part->before);
-    end = spsi_add(spsi_mix(slab->light[0], slab->light[1], end_share), spsi_mix(part->before, part->after, part->lit));
-    spsi_add_light(shader, p, part, shader->light, spsi_mul(part->lit, spsi_mean_transmittance(start, end)), radiance);
+    if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
+    start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
+    end = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
+    spsi_add_light(shader, p, part, shadow->light, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
 }
 
 /* Ambient light, emission, and lights without shadow. */
@@ -7785,15 +7822,15 @@ static double spsi_bilinear_at(const float *grid, int width, int height, double 
     return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
 }
 
-/* Optical depth between the sweep's light and a point, by the planes of the chunk at hand. */
-static double spsi_light_depth(const spsi_shader *shader, const double point[3]) {
+/* Optical depth between a light and a point, by its map or the planes of the chunk at hand. */
+static double spsi_light_depth(const spsi_shader *shader, const spsi_shadow *shadow, const double point[3]) {
     const spsi_sweep *sweep = shader->sweep;
     const spsi_planes *planes = shader->planes;
     double q[3], slab, before, after, lit;
     float depth;
     int k;
-    if (shader->tmap) {
-        spsi_tmap_at(shader->tmap, 1, point, &depth, &lit);
+    if (shadow->tmap) {
+        spsi_tmap_at(shadow->tmap, 1, point, &depth, &lit);
         return (double)depth;
     }
     if (!planes->width) return 0;
@@ -7908,18 +7945,16 @@ static void spsi_sight_task(void *data, int index, int worker) {
 }
 
 /* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. NULL: failed, or no polygons. */
-static const unsigned char *spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                       const spsi_hit *hits, const sps_light *light) {
+static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
+                       const sps_light *light, unsigned char *lit) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job;
-    if (!hits) return NULL;
     job.frame = frame;
     job.faces = faces;
     job.hits = hits;
     job.light = light;
-    job.lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, spsi_ray_count(&frame->eye), 1);
-    if (!job.lit) return NULL;
+    job.lit = lit;
     memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
     spsi_toward_light(light, frame->mesh_bounds.low, job.toward);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
@@ -7929,7 +7964,13 @@ static const unsigned char *spsi_sight(sps_context *context, const spsi_frame *f
             context->stats.shadow_rays +=
                 job.lit[(size_t)y * (size_t)frame->eye.width + (size_t)x] != SPSI_SURFACE_AWAY;
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
-    return job.lit;
+}
+
+/* The sweep's shadow of a light; NULL: another sweep's, or it casts none. */
+static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const sps_light *light) {
+    for (int i = 0; i < shader->shadow_count; ++i)
+        if (shader->shadows[i].light == light) return &shader->shadows[i];
+    return NULL;
 }
 
 static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
@@ -7942,11 +7983,13 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
     for (int i = 0; i < scene->light_count; ++i) {
         const sps_light *light = &scene->lights[i];
-        const int shadows = spsi_light_shadows(shader->frame, light);
+        const spsi_shadow *shadow = spsi_shadow_of(shader, light);
         double arrives;
-        if (shadows ? light != shader->light || shader->lit[at] != SPSI_SURFACE_LIT : !shader->sweep->first) continue;
+        if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT
+                   : !shader->sweep->first || spsi_light_shadows(shader->frame, light))
+            continue;
         arrives = spsi_surface_irradiance(light, &surface) / SPSI_PI;
-        if (shadows && arrives > 0) arrives *= exp(-spsi_light_depth(shader, surface.point));
+        if (shadow && arrives > 0) arrives *= exp(-spsi_light_depth(shader, shadow, surface.point));
         for (int c = 0; c < 3; ++c)
             radiance[c] += (float)fmin(colour[c] * arrives * (double)light->color[c], (double)SPSI_RADIANCE_MAX);
     }
@@ -7982,6 +8025,12 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
 
 /* --- a tile --- */
 
+/* What a worker puts down while it shades. */
+typedef struct spsi_scratch {
+    spsi_sample *samples;   /* one per material and part */
+    spsi_arrival *arrivals; /* one per shadow */
+} spsi_scratch;
+
 /* Reads slab k of a vector of pixels; returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
@@ -8005,8 +8054,8 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
         slab->first = spsi_clamp(from, zero, spsi_set(1));
         slab->last = spsi_clamp(spsi_add(from, spsi_div(way, whole)), slab->first, spsi_set(1));
     }
-    slab->depth = slab->light[0] = slab->light[1] = zero;
-    for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = slab->lit[i] = zero;
+    slab->depth = zero;
+    for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = zero;
     for (int m = 0; m < count; ++m)
         if (shader->frame->materials[m].table)
             spsi_samples_classified(shader, tile, p, m, slab);
@@ -8014,7 +8063,8 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
             spsi_samples_gas(&shader->frame->materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m, slab);
     for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
     if (!shader->frame->emits && !spsi_bits(spsi_less(zero, slab->depth))) return 0; /* values without extinction */
-    if (shader->light && shader->frame->scatters) spsi_slab_light(shader, p, slab);
+    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
+        spsi_slab_light(shader, &shader->shadows[i], p, slab, &slab->arrivals[i]);
     return 1;
 }
 
@@ -8031,7 +8081,7 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->depth = slab->part_depth[i];
     part->first = i > 0 ? part->last : spsi_set(0);
     part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
-    part->lit = slab->lit[i];
+    part->number = i;
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
@@ -8045,7 +8095,8 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
         for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
         sum->distance = spsi_mul(sum->distance, through);
     }
-    if (shader->light && shader->frame->scatters) spsi_add_shadowed(shader, p, slab, part, sum->radiance);
+    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
+        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sum->radiance);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
     if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
         const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
@@ -8101,18 +8152,18 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
 
 /* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
    from the very first, the polygons that belong to it. Returns the number of slabs that held something. */
-static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, spsi_sample *samples, int x, int y,
-                             int width, int slab_count, float low, float high) {
+static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, const spsi_scratch *scratch, int x,
+                             int y, int width, int slab_count, float low, float high) {
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
     spsi_gathered sum;
     spsi_pixels p;
     spsi_slab slab;
     int held = 0;
-    slab.samples = samples;
+    slab.samples = scratch->samples;
+    slab.arrivals = scratch->arrivals;
     slab.material_count = shader->frame->material_count;
     slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
-    slab.plane = -1;
-    slab.plane_light = spsi_set(0);
+    for (int i = 0; i < shader->shadow_count; ++i) slab.arrivals[i].plane = -1;
     spsi_pixels_build(shader, x, y, &p);
     for (int i = 0; i < 4 * shader->frame->gradient_reach && slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
@@ -8178,9 +8229,10 @@ typedef struct spsi_run {
     spsi_shader shader;
     spsi_light_shader light_shader;
     spsi_planes planes;
-    spsi_depth_map depth_map;
-    spsi_sample *samples; /* one per material, per worker */
-    float *sheets;        /* sheet_floats per worker */
+    spsi_shadow *shadows;
+    spsi_sample *samples;   /* one per material and part, per worker */
+    spsi_arrival *arrivals; /* one per shadow, per worker */
+    float *sheets;          /* sheet_floats per worker */
     size_t sheet_floats;
     uint64_t (*counts)[5];      /* per worker: visits and fragments for lights and for the eye, pixels shaded */
     int margin, slab_margin[2]; /* about a tile; slabs: of the eye, of a light */
@@ -8421,7 +8473,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->frame->eye.width, height = run->frame->eye.height;
     const float *range = run->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
-    spsi_sample *samples = run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS);
+    const spsi_scratch scratch = {run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS),
+                                  run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count};
     int touched = 0;
     spsi_tile tile;
     if (!run->open[index]) return;
@@ -8443,7 +8496,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
                 run->counts[worker][4] +=
-                    (uint64_t)spsi_shade_pixels(&run->shader, &tile, samples, x, y, spsi_least(SPSI_LANES, width - x),
+                    (uint64_t)spsi_shade_pixels(&run->shader, &tile, &scratch, x, y, spsi_least(SPSI_LANES, width - x),
                                                 touched ? SPSI_CHUNK : 0, run->low, run->high);
     run->counts[worker][2] += tile.visits;
     run->counts[worker][3] += tile.fragments;
@@ -8533,6 +8586,23 @@ static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
     return SPS_OK;
 }
 
+/* The i-th coordinate in what a shadow looks up, along the eye's rays; `axis` is the world's. */
+static void spsi_shadow_linear(const spsi_run *run, int i, const double axis[3], spsi_shadow *shadow) {
+    const spsi_rays *eye = &run->frame->eye, *light = &run->sweep->rays;
+    spsi_depth_map *map = &shadow->depth_map;
+    if (shadow->tmap) {
+        const spsi_rays *rays = &shadow->tmap->rays[0];
+        const int whole = shadow->tmap->face_count > 1;
+        spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
+                          i == 2 && !whole ? -rays->depth_reference : 0, &shadow->along[i]);
+    } else if (run->planes.width) {
+        spsi_linear_build(eye, light->inverse[i], light->origin, 0, &shadow->along[i]);
+    }
+    for (int face = 0; face < map->face_count; ++face)
+        spsi_linear_build(eye, map->rays[face].inverse[i], map->rays[face].origin,
+                          i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
+}
+
 /* The linear quantities that shading looks up along the eye's rays. */
 static void spsi_run_linears(spsi_run *run) {
     static const double zero[3] = {0, 0, 0};
@@ -8548,18 +8618,7 @@ static void spsi_run_linears(spsi_run *run) {
         double axis[3] = {0, 0, 0};
         axis[i] = 1;
         spsi_linear_build(&frame->eye, axis, shader->position_origin, 0, &shader->position[i]);
-        if (sweep->light < 0) continue;
-        if (run->planes.width)
-            spsi_linear_build(&frame->eye, sweep->rays.inverse[i], sweep->rays.origin, 0, &shader->light_rays[i]);
-        if (shader->tmap) {
-            const spsi_rays *rays = &shader->tmap->rays[0];
-            const int whole = shader->tmap->face_count > 1;
-            spsi_linear_build(&frame->eye, whole ? axis : rays->inverse[i], rays->origin,
-                              i == 2 && !whole ? -rays->depth_reference : 0, &shader->light_rays[i]);
-        }
-        for (int face = 0; face < run->depth_map.face_count; ++face)
-            spsi_linear_build(&frame->eye, run->depth_map.rays[face].inverse[i], run->depth_map.rays[face].origin,
-                              i == 2 ? -run->depth_map.rays[face].depth_reference : 0, &run->depth_map.along[face][i]);
+        for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_linear(run, i, axis, &run->shadows[n]);
     }
 }
 
@@ -8600,8 +8659,11 @@ static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
     run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
     run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
                                         run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
-    run->samples = spsi_samples_reserve(context, run->frame->material_count * SPSI_PARTS);
-    if (!job.spans || !run->chunk_bricks || !run->sheets || !run->samples) return context->result;
+    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES,
+                                                       run->frame->material_count * SPSI_PARTS, sizeof *run->samples);
+    run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
+                                                         sizeof *run->arrivals);
+    if (!job.spans || !run->chunk_bricks || !run->sheets || !run->samples || !run->arrivals) return context->result;
     /* the counters follow the last worker's sheets, rounded up to their alignment */
     run->counts =
         (uint64_t(*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
@@ -8723,9 +8785,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->sweep = sweep;
     shader->faces = faces;
     shader->planes = &run->planes;
-    shader->depth_map = &run->depth_map;
+    shader->shadows = run->shadows;
     shader->hits = faces->count > 0 ? hits : NULL;
-    shader->light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
     shader->unshadowed = sweep->first && (frame->has_ambient || frame->emits || frame->lit_count > frame->shadow_count);
     shader->end_depth = (float)-log(frame->threshold);
     spsi_light_shader_build(frame, sweep, &run->planes, &run->light_shader);
@@ -8904,17 +8965,18 @@ static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const flo
         }
 }
 
-/* Lays out the memory of a depth map. */
-static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *map) {
+static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
     size_t floats = 0;
-    float *memory;
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         floats += 3 * spsi_ray_count(rays);
         floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
     }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
-    if (!memory) return context->result;
+    return floats;
+}
+
+/* Lays a depth map out in memory, and returns what is left of that. */
+static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
         const size_t texels = spsi_ray_count(rays);
@@ -8925,7 +8987,7 @@ static sps_result spsi_depth_map_reserve(sps_context *context, spsi_depth_map *m
         map->cells[face] = spsi_depth_map_cells(rays->width);
         memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
     }
-    return SPS_OK;
+    return memory;
 }
 
 typedef struct spsi_planes_job {
@@ -8997,32 +9059,45 @@ static void spsi_planes_task(void *data, int index, int worker) {
         spsi_planes_row(job, y, cells);
 }
 
-/* Rasterises the polygons as a light sees them in front of the gas: in one map that is fitted to the gas, however far
-   the polygons reach, or in six where gas lies all round a point light. Surfaces do not ask it. */
-static sps_result spsi_depth_map_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                       int light, spsi_depth_map *map) {
+/* Aims a light's depth map: one that is fitted to the gas, however far the polygons reach, or six where gas lies all
+   round a point light. */
+static void spsi_depth_map_aim(const spsi_frame *frame, const sps_light *light, spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_depth_map_size(frame));
-    spsi_planes_job job;
-    map->face_count = 0;
-    if (light < 0 || faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     map->face_count = 1;
-    if (!spsi_rays_fit(&frame->scene->lights[light], &frame->volume_bounds, 1, size, size, &map->rays[0])) {
-        map->face_count = SPSI_CUBE_FACES;
-        for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
-            spsi_rays_of_cube_face(frame->scene->lights[light].position, face, spsi_most(8, size / 2), 1,
-                                   &map->rays[face]);
-    }
-    if (spsi_depth_map_reserve(context, map)) return context->result;
+    if (spsi_rays_fit(light, &frame->volume_bounds, 1, size, size, &map->rays[0])) return;
+    map->face_count = SPSI_CUBE_FACES;
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
+        spsi_rays_of_cube_face(light->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
+}
+
+/* Rasterises the polygons into a depth map, as a light sees them in front of the gas. */
+static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
+    spsi_planes_job job;
     job.faces = faces;
     job.map = map;
     for (job.face = 0; job.face < map->face_count; ++job.face) {
-        spsi_rasterise(context, faces, &map->rays[job.face], NULL, map->depths[job.face],
-                       (int *)(void *)map->slopes[job.face][1]);
-        job.alone = map->nearest[job.face] +
-                    (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(map->rays[job.face].height);
-        spsi_parallel(context, spsi_depth_map_cells(map->rays[job.face].height), spsi_planes_task, &job);
+        const spsi_rays *rays = &map->rays[job.face];
+        spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
+        job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
+        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
         spsi_depth_map_spread(map, job.face, job.alone);
     }
+}
+
+/* The depth maps by which polygons shade gas in a sweep's lights. Surfaces do not look them up. */
+static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                        spsi_shadow *shadows, int count) {
+    size_t floats = 0;
+    float *memory;
+    if (faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
+    for (int i = 0; i < count; ++i) {
+        spsi_depth_map_aim(frame, shadows[i].light, &shadows[i].depth_map);
+        floats += spsi_depth_map_floats(&shadows[i].depth_map);
+    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
+    if (!memory) return context->result;
+    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
+    for (int i = 0; i < count; ++i) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
 }
 
@@ -10353,30 +10428,48 @@ static sps_result spsi_tmap_aim_light(sps_tmap *map, const spsi_frame *frame, co
     return spsi_fail(map->context, SPS_ERROR_UNSUPPORTED, "a light's shadow_map cannot tell its texels apart");
 }
 
-/* The map that gas shades by in the light of a sweep; NULL if there is none, or it failed. */
-static sps_tmap *spsi_light_tmap_build(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                       double progress, double share) {
-    const sps_light *light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+/* Fills the map that gas shades by in a light. */
+static sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const sps_light *light,
+                                       const spsi_part_of_call *part, sps_tmap *map) {
     spsi_occluders occluders;
-    sps_tmap *map;
-    if (!light || sweep->sheets || spsi_bounds_empty(&frame->volume_bounds)) return NULL;
-    map = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAP, 1, sizeof *map);
-    if (!map) return NULL;
     memset(map, 0, sizeof *map);
     memset(&occluders, 0, sizeof occluders);
     map->context = context;
-    spsi_shadow_map_name(sweep->light, map->name);
+    spsi_shadow_map_name((int)(light - frame->scene->lights), map->name);
     map->settings = *light->shadow_map;
     map->technique = &spsi_techniques[map->settings.technique];
     occluders.frame = frame;
-    occluders.progress = progress;
-    occluders.progress_share = share;
-    if (!spsi_tmap_aim_light(map, frame, light) && !spsi_tmap_resolve(map)) {
-        spsi_tmap_fit_range(map, &frame->volume_bounds);
-        if (!spsi_tmap_take_planes(map) && !spsi_tmap_fill(map, &occluders)) return map;
+    occluders.progress = part->progress;
+    occluders.progress_share = part->share;
+    if (spsi_tmap_aim_light(map, frame, light) || spsi_tmap_resolve(map)) return context->result;
+    spsi_tmap_fit_range(map, &frame->volume_bounds);
+    return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
+}
+
+/* Makes the maps of those of a sweep's lights that have some. Whether or not that fails, spsi_shadow_maps_release
+   frees them. */
+static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
+                                         spsi_part_of_call part) {
+    sps_tmap *maps;
+    int mapped = 0;
+    for (int i = 0; i < count; ++i) mapped += shadows[i].light->shadow_map != NULL;
+    if (mapped == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
+    if (!maps) return context->result;
+    part.share /= mapped;
+    for (int i = 0; i < count; ++i) {
+        if (!shadows[i].light->shadow_map) continue;
+        shadows[i].tmap = maps;
+        if (spsi_light_tmap_fill(context, frame, shadows[i].light, &part, maps++)) return context->result;
+        part.progress += part.share;
     }
-    spsi_tmap_release(map);
-    return NULL;
+    return SPS_OK;
+}
+
+static void spsi_shadow_maps_release(const spsi_shadow *shadows, int count, sps_context *context) {
+    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
+    for (int i = 0; i < count; ++i)
+        if (shadows[i].tmap) spsi_tmap_release(maps++);
 }
 
 /* ================================================================================================ >>frame
@@ -10473,46 +10566,76 @@ static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* One sweep, with its light's maps made, from set-up to total. */
-static sps_result spsi_sweep_once(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                  const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run, double progress,
-                                  double share, float *total) {
+/* What the eye's pixels are made of, whatever the sweep. */
+typedef struct spsi_picture {
+    const spsi_frame *frame;
+    spsi_faces faces;
+    spsi_hit *hits; /* whole image; NULL without polygons */
+    float *total;   /* the region's radiance, coverage and distance so far */
+} spsi_picture;
+
+/* One sweep whose shadows are ready, from set-up to total. */
+static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+                                  spsi_run *run, spsi_part_of_call part) {
     const double start = spsi_clock(context);
     double swept, light;
-    if (spsi_run_build(context, frame, faces, hits, sweep, run)) return context->result;
+    if (spsi_run_build(context, picture->frame, &picture->faces, picture->hits, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* what is not the eye's */
-    if (spsi_run_sweep(run, progress, share) || spsi_add_sweep(context, run, total)) return context->result;
+    if (spsi_run_sweep(run, part.progress, part.share) || spsi_add_sweep(context, run, picture->total))
+        return context->result;
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
 }
 
-static sps_result spsi_render_sweep(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                    const spsi_hit *hits, spsi_run *run, int n, float *total) {
-    const double share = (1 - SPSI_PROGRESS_GATHER) / spsi_sweep_count(frame), start = spsi_clock(context);
-    const double progress = SPSI_PROGRESS_GATHER + n * share;
-    spsi_sweep sweep;
-    sps_tmap *tmap;
-    double built, mapped;
-    memset(run, 0, sizeof *run);
-    if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
-    if (spsi_depth_map_build(context, frame, faces, sweep.light, &run->depth_map)) return context->result;
-    built = spsi_clock(context);
-    context->stats.seconds_polygons += built - start;
-    if (sweep.light >= 0) {
-        run->shader.lit = spsi_sight(context, frame, faces, hits, &frame->scene->lights[sweep.light]);
-        if (context->result) return context->result;
-        built = spsi_clock(context);
+/* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
+static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+                                     spsi_run *run) {
+    const spsi_frame *frame = picture->frame;
+    const int count = spsi_sweep_shadow_count(frame, sweep);
+    const size_t pixels = spsi_ray_count(&frame->eye);
+    unsigned char *lit = NULL;
+    run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
+    if (!run->shadows) return context->result;
+    memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
+    for (int i = 0; i < frame->scene->light_count && run->shader.shadow_count < count; ++i)
+        if (spsi_sweep_carries(frame, sweep, &frame->scene->lights[i]))
+            run->shadows[run->shader.shadow_count++].light = &frame->scene->lights[i];
+    if (!picture->hits) return SPS_OK;
+    lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, pixels * (size_t)count, 1);
+    if (!lit) return context->result;
+    for (int i = 0; i < count; ++i, lit += pixels) {
+        spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].light, lit);
+        run->shadows[i].lit = lit;
     }
-    tmap = spsi_light_tmap_build(context, frame, &sweep, progress, SPSI_PROGRESS_TMAP * share);
-    mapped = tmap ? SPSI_PROGRESS_TMAP * share : 0;
-    context->stats.seconds_light += spsi_clock(context) - built;
-    run->shader.tmap = tmap;
-    if (!context->result)
-        spsi_sweep_once(context, frame, faces, hits, &sweep, run, progress + mapped, share - mapped, total);
-    if (tmap) spsi_tmap_release(tmap);
+    return SPS_OK;
+}
+
+static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
+    const spsi_frame *frame = picture->frame;
+    spsi_part_of_call part = {0, (1 - SPSI_PROGRESS_GATHER) / spsi_sweep_count(frame)};
+    spsi_sweep sweep;
+    double start;
+    part.progress = SPSI_PROGRESS_GATHER + n * part.share;
+    memset(run, 0, sizeof *run);
+    if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, run))
+        return context->result;
+    start = spsi_clock(context);
+    if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count))
+        return context->result;
+    context->stats.seconds_polygons += spsi_clock(context) - start;
+    start = spsi_clock(context);
+    {
+        const spsi_part_of_call maps = {part.progress, SPSI_PROGRESS_TMAP * part.share};
+        spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, maps);
+        part.progress += maps.share;
+        part.share -= maps.share;
+    }
+    context->stats.seconds_light += spsi_clock(context) - start;
+    if (!context->result) spsi_sweep_once(context, picture, &sweep, run, part);
+    spsi_shadow_maps_release(run->shadows, run->shader.shadow_count, context);
     return context->result;
 }
 
@@ -10520,28 +10643,28 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     const double start = spsi_clock(context);
     double gathered;
-    spsi_faces faces;
-    spsi_hit *hits;
-    float *total;
+    spsi_picture picture;
     spsi_run *run;
+    picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame) ||
-        spsi_gather_faces(context, frame, &faces))
+        spsi_gather_faces(context, frame, &picture.faces))
         return context->result;
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
-    if (spsi_eye_polygons(context, frame, &faces, &hits)) return context->result;
+    if (spsi_eye_polygons(context, frame, &picture.faces, &picture.hits)) return context->result;
     context->stats.seconds_polygons = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);
-    if (frame->shadow_count > 0 && spsi_faces_tree(context, &faces)) return context->result;
+    if (frame->shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
-    total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
+    picture.total =
+        (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run));
-    if (!total || !run) return context->result;
+    if (!picture.total || !run) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
-        if (spsi_render_sweep(context, frame, &faces, hits, run, n, total)) return context->result;
+        if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
-    spsi_write_image(frame, total, image);
+    spsi_write_image(frame, picture.total, image);
     context->stats.seconds_total = spsi_clock(context) - start;
     return SPS_OK;
 }
@@ -10632,12 +10755,14 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     const size_t side = spsi_plan_light_side(frame, sweep);
     const int gases = frame->medium_count > 0 || frame->set_count > 0;
+    const int shadows = spsi_most(1, spsi_sweep_shadow_count(frame, sweep));
     size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
-    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) +
-           spsi_sample_bytes(context, frame->material_count * SPSI_PARTS);
+    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) + (size_t)shadows * sizeof(spsi_shadow) +
+           spsi_vectors_bytes(context, frame->material_count * SPSI_PARTS, sizeof(spsi_sample)) +
+           spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
     eye += spsi_plan_bins_bytes(frame, frame->eye.width, frame->eye.height);
     if (frame->set_count > 0) eye += spsi_crowd_bytes(frame->particles_asked, SPSI_SLABS_MAX / SPSI_CHUNK);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
@@ -10673,7 +10798,8 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
     const int shadows = frame->shadow_count, shade = gases && frame->extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
-    for (int n = 0; n < shadows; ++n) maps += frame->scene->lights[spsi_shadow_light(frame, n)].shadow_map != NULL;
+    for (int i = 0; i < frame->scene->light_count && shadows > 0; ++i)
+        maps += spsi_light_shadows(frame, &frame->scene->lights[i]) && frame->scene->lights[i].shadow_map;
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, shade ? shadows - maps : 0, "volumes or particles cast shadows",
                    !shade    ? nothing
                    : shadows ? "every light that casts shadows has a shadow_map"
@@ -10697,13 +10823,13 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
     const int gases = frame->medium_count > 0 || frame->set_count > 0, polygons = frame->triangle_count > 0;
-    const int sweeps = spsi_sweep_count(frame), shadows = frame->shadow_count, lit = frame->lit_count > 0;
+    const int sweeps = spsi_sweep_count(frame), lit = frame->lit_count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_polygon_passes(frame, gases, held, report);
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps : 0,
-                   shadows ? "volumes or particles are seen, one sweep per shadowing light"
-                           : "volumes or particles are seen, one sweep",
+                   sweeps > 1 ? "volumes or particles are seen, one sweep for each light that shades by sheets"
+                              : "volumes or particles are seen, one sweep",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
@@ -10722,6 +10848,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
+    const size_t lights = (size_t)((frame->sliced_count > 0) + frame->shadow_count - frame->sliced_count); /* at once */
     size_t tables = 1, sum = sizeof *context + sizeof *frame;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
@@ -10733,10 +10860,10 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
         if (frame->shadow_count > 0) {
             if (frame->scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
-                    (size * size / 2 * 3 + 6 * 64) * 3 * sizeof(float) +
-                    12 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float);
+                    lights * ((size * size / 2 * 3 + 6 * 64) * 3 * sizeof(float) +
+                              12 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float));
             report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->triangle_count);
-            report->pass[SPS_PASS_SHADOW_RAYS].bytes = (size_t)frame->eye.width * (size_t)frame->eye.height;
+            report->pass[SPS_PASS_SHADOW_RAYS].bytes = lights * (size_t)frame->eye.width * (size_t)frame->eye.height;
         }
     }
     for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
@@ -10745,22 +10872,28 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
 
 /* Bytes of a light's transmittance map and what filling it takes, but for lists of stretches and what is fitted to
    them, of which nobody knows the length. */
-static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_sweep *sweep, sps_plan_report *report) {
-    const sps_light *light = sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
-    const int asked = light && light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
+static size_t spsi_plan_tmap_bytes(const spsi_frame *frame, const sps_light *light) {
+    const int asked = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
     const size_t side = (size_t)(asked > 0 ? asked : spsi_light_texels_most(frame));
-    const size_t faces = light && light->kind == SPS_LIGHT_POINT ? SPSI_CUBE_FACES : 1;
+    const size_t faces = light->kind == SPS_LIGHT_POINT ? SPSI_CUBE_FACES : 1;
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    size_t bytes, components;
-    if (!light || sweep->sheets) return;
-    components = (size_t)spsi_components_of(light->shadow_map);
-    bytes = sizeof(sps_tmap) + sizeof(spsi_run) + side * side * faces * (components + 1) * sizeof(float);
+    const size_t components = (size_t)spsi_components_of(light->shadow_map);
+    size_t bytes = sizeof(sps_tmap) + sizeof(spsi_run) + side * side * faces * (components + 1) * sizeof(float);
     bytes += (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     bytes += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     bytes += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
     if (!spsi_techniques[light->shadow_map->technique].sums) bytes += spsi_balls_order_bytes(frame->particles_asked);
-    bytes += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
-    if (bytes > report->pass[SPS_PASS_LIGHT_MAPS].bytes) report->pass[SPS_PASS_LIGHT_MAPS].bytes = bytes;
+    return bytes + (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
+}
+
+/* All of them are there at once. */
+static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
+    const int some = frame->view.width > 0 && frame->view.height > 0 && frame->shadow_count > 0;
+    for (int i = 0; i < frame->scene->light_count && some; ++i) {
+        const sps_light *light = &frame->scene->lights[i];
+        if (spsi_light_shadows(frame, light) && light->shadow_map)
+            report->pass[SPS_PASS_LIGHT_MAPS].bytes += spsi_plan_tmap_bytes(frame, light);
+    }
 }
 
 static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
@@ -10772,8 +10905,8 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
             const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
             if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
             spsi_plan_sweep_bytes(context, frame, &sweep, bricks, report);
-            spsi_plan_tmap_bytes(frame, &sweep, report);
         }
+    spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->scene->mesh_count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
     for (int i = 0; i < frame->set_count; ++i)
@@ -11406,7 +11539,8 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     spsi_eye_reference(frame);
     marcher->total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
-    marcher->samples = spsi_samples_reserve(context, marcher->part_count);
+    marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
+                                                           sizeof *marcher->samples);
     if (!marcher->total || !marcher->samples) return context->result;
     if (spsi_faces_tree(context, faces)) return context->result;
     return spsi_march_particles(context, frame, &marcher->particles);

@@ -3,6 +3,7 @@
    cc -std=c99 -O3 -march=native -pthread -I. examples/bench.c -o bench -lm
    bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
    bench speed      without the tables of error against time
+   bench lights     one light and two, by maps and by sheets
    bench polygons   the tree of triangles, shadow rays and rasterising alone
    bench accuracy   these tables only */
 
@@ -1089,6 +1090,48 @@ static void bench_polygons(void) {
     for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
 }
 
+/* ================================================================================================== lights */
+
+/* One light and two, by maps and by sheets: lights with maps share one eye sweep. */
+static void bench_lights(void) {
+    enum { GRID = 64, SIZE = 512 };
+    sps_tmap_settings settings;
+    sps_light lights[4][2];
+    ex_session session;
+    frame frames[4];
+    contender c[4];
+    memset(&settings, 0, sizeof settings);
+    settings.technique = SPS_TMAP_DEEP_OPACITY;
+    ex_session_measure(&session, program, WORKERS);
+    for (int i = 0; i < 4; ++i) {
+        blob_frame(&frames[i], GRID, SIZE);
+        contender_set(&c[i], &session, &frames[i], 0);
+    }
+    for (int i = 0; i < 4; ++i) {
+        for (int k = 0; k < 2; ++k) {
+            lights[i][k] = frames[i].light;
+            if (i < 2) lights[i][k].shadow_map = &settings;
+        }
+        lights[i][1].direction[0] = 0.5, lights[i][1].direction[2] = -0.5;
+        frames[i].scene.lights = lights[i], frames[i].scene.light_count = 1 + i % 2;
+    }
+    race(c, 4, REPEATS);
+    printf("\nLights: a blob of %d^3 voxels over a plane, %d x %d, 2 workers\n", GRID, SIZE, SIZE);
+    for (int i = 0; i < 4; ++i) {
+        char what[64];
+        sps_plan_report plan;
+        ex_stop_unless_ok(sps_plan(session.context, &frames[i].scene, &frames[i].view, &plan), program, &session);
+        snprintf(what, sizeof what, "%s by %s: sweeps %d, fragments for the eye %.1f M",
+                 i % 2 ? "two lights" : "one light", i < 2 ? "maps" : "sheets", plan.sweep_count,
+                 1e-6 * (double)c[i].stats.eye_fragments);
+        plain(what, c[i].seconds, "s");
+    }
+    at_most("fragments for the eye, two lights with maps / one",
+            (double)c[1].stats.eye_fragments / (double)c[0].stats.eye_fragments, "", 1);
+    for (int i = 0; i < 4; ++i) frame_end(&frames[i]);
+    ex_session_end(&session);
+}
+
 /* ==================================================================================================== main */
 
 int main(int argc, char **argv) {
@@ -1096,8 +1139,10 @@ int main(int argc, char **argv) {
     const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
     const int maps = speed || (argc == 2 && strcmp(argv[1], "maps") == 0);
     const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
-    if (!maps && !accuracy && !polygons) {
-        fprintf(stderr, "%s: give nothing, or `speed`, or `polygons`, or `maps`, or `accuracy`\n", argv[0]);
+    const int lights = speed || (argc == 2 && strcmp(argv[1], "lights") == 0);
+    if (!maps && !accuracy && !polygons && !lights) {
+        fprintf(stderr, "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `maps`, or `accuracy`\n",
+                argv[0]);
         return 2;
     }
     printf("%d processors, vectors of %d floats\n", ex_processor_count(), SPSI_LANES);
@@ -1107,6 +1152,7 @@ int main(int argc, char **argv) {
         bench_empty_space();
         bench_particles();
     }
+    if (lights) bench_lights();
     if (polygons) bench_polygons();
     if (maps) bench_maps();
     if (accuracy) {

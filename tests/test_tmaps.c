@@ -3358,6 +3358,8 @@ int main(void) {
     RUN(test_default_size);
     RUN(test_light_inside);
     RUN(test_lights_together);
+    RUN(test_lights_on_polygons);
+    RUN(test_needless_maps);
     RUN(test_picture_bits);
     RUN(test_held_voxels);
     RUN(test_picture_refusals);

@@ -3049,7 +3049,7 @@ static void test_lights_together(void) {
     lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 1));
     lit_by_map(&p, check_add_directional(&p.s, 1, -1, -0.5, 1));
     check_add_directional(&p.s, -0.2, -1, -2, 1);
-    check_add_directional(&p.s, 0.3, -1, 0.2, 1);
+    check_add_directional(&p.s, 0.2, -0.5, 1, 1); /* towards the eye: its sweep is composited back to front */
     CHECK(render_lights(context, &p, 1, image_a) == 1 && render_lights(context, &p, 2, image_b) == 1);
     CHECK(render_lights(context, &p, 3, image_c) == 1);
     CHECK(brightest(image_a, PIXELS) > 0.05 && brightest(image_b, PIXELS) > 0.05);
@@ -3062,6 +3062,10 @@ static void test_lights_together(void) {
     CHECK(render_lights(context, &p, 8, image_a) == 1 && render_lights(context, &p, 15, image_c) == 2);
     off_sum(image_c, image_b, image_a, off);
     CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS)); /* the last one's own sweep is what it is alone */
+    CHECK(render_lights(context, &p, 1, image_b) == 1 && render_lights(context, &p, 9, image_c) == 1);
+    off_sum(image_c, image_a, image_b, off);
+    CHECK_NEAR(off[0], 0, 0.01 * brightest(image_c, PIXELS));
+    CHECK_NEAR(off[1], 0, 2e-4 * brightest(image_c, PIXELS));
     add_picture_particles(&p, 30);
     CHECK(render_lights(context, &p, 1, image_a) == 1 && render_lights(context, &p, 2, image_b) == 1);
     CHECK(render_lights(context, &p, 3, image_c) == 1);

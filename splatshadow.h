@@ -82,14 +82,16 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
     about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 168 per triangle
-    and 68 more where lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, 18 per texel of a depth
-    map, and per worker a tile of sheets (0.3 MB per kind of gas or classified volume). sps_plan says how much,
-    before; a memory_limit is never exceeded.
+    and 68 more where lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
+    sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 per texel of its depth
+    map where polygons stand before gas, 1 per pixel of the image where there are polygons, and its shadow_map; those of
+    lights that share a sweep are held at once. sps_plan says how much, before; a memory_limit is never exceeded.
 ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
     failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
-    parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, clock, allocator) run on
-    the calling thread, one at a time, and must not call into the same context.
+    parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, allocator) run on the
+    calling thread, one at a time, and must not call into the same context. Where there are parallel_for_fn and
+    progress_fn, several workers may call clock_fn at once.
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
     several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
 LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
@@ -146,9 +148,10 @@ typedef enum sps_result {
 } sps_result;
 
 /* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads, and return when all are done and what they wrote is visible to the caller; the calling thread does those
-   that it leaves out. `worker` is 0..worker_count-1 and never the same for two calls that run at the same moment. Tasks
-   do not block, do not call back, and take up to 16 KB of stack (AVX-512: 24). */
+   threads, and return when all are done and what they wrote is visible to the caller. Tasks that it has left out are
+   done afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two calls
+   that run at the same moment. Tasks do not block, call nothing back but clock_fn, and take up to 16 KB of stack
+   (AVX-512: 24). */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
@@ -159,13 +162,13 @@ typedef struct sps_config {
     void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as it was asked for */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* 0..1, never falling; non-zero cancels, if not at once. Called throughout by the thread that called, every few
-       milliseconds of work at most sizes. With parallel_for_fn it wants clock_fn: else all workers wait for each other
-       after every few tasks, which takes up to a sixth of a frame's time. */
+    /* 0..1, never falling; non-zero cancels, if not at once. Called throughout, on the calling thread, every few
+       milliseconds of work at most sizes. Set clock_fn too where there is parallel_for_fn: otherwise all workers wait
+       for each other after every few tasks, which takes up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
     void (*message_fn)(void *user, const char *text); /* one line without newline: errors (being cancelled is none),
                                                          replaced data */
-    /* Seconds; asked by all workers at once where there is progress_fn. NULL: sps_stats reports no times. */
+    /* Returns seconds. Several workers may call it at once where there is progress_fn. NULL: no times in sps_stats. */
     double (*clock_fn)(void *user);
     size_t memory_limit; /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
@@ -507,7 +510,8 @@ typedef struct sps_plan_report {
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
     /* all that the context will hold, at most, with image.depth: often 2 or 3 times what it comes to, and far more
-       where there are particles or maps made from lists, since nobody has seen yet how far they reach */
+       where there are particles, several shadow maps or maps made from lists, since nobody has seen yet how far they
+       reach */
     size_t bytes;
 } sps_plan_report;
 
@@ -1337,7 +1341,7 @@ static void spsi_group_task(void *data, int index, int worker) {
 }
 
 /* Runs a group's tasks, in rounds with a call of progress_fn after each. The round after one in which nothing was done,
-   as the clock leaps, has no deadline and is the last: what parallel_for_fn left out then is done here. */
+   because the clock leapt, has no deadline and is the last: tasks that parallel_for_fn has left out are done here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
@@ -1381,7 +1385,7 @@ typedef struct spsi_part_of_call {
     double progress, share;
 } spsi_part_of_call;
 
-/* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its light's map. */
+/* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its lights' maps. */
 #define SPSI_PROGRESS_GATHER 0.2
 #define SPSI_PROGRESS_TMAP   0.3
 
@@ -6126,7 +6130,7 @@ static int spsi_sweep_carries(const spsi_frame *frame, const spsi_sweep *sweep, 
     return sweep->first && spsi_light_shadows(frame, light);
 }
 
-/* The number of lights whose shadows a sweep carries. No other sweep carries as many as the first. */
+/* The number of lights whose shadows a sweep carries. No other sweep carries more than the first. */
 static int spsi_sweep_shadow_count(const spsi_frame *frame, const spsi_sweep *sweep) {
     return (sweep->light >= 0) + (sweep->first ? frame->shadow_count - frame->sliced_count : 0);
 }
@@ -7944,7 +7948,7 @@ static void spsi_sight_task(void *data, int index, int worker) {
         for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK) spsi_sight_block(job, x, y);
 }
 
-/* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. NULL: failed, or no polygons. */
+/* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. */
 static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
                        const sps_light *light, unsigned char *lit) {
     const int *region = frame->view.region;
@@ -9087,12 +9091,13 @@ static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, s
 /* The depth maps by which polygons shade gas in a sweep's lights. Surfaces do not look them up. */
 static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         spsi_shadow *shadows, int count) {
-    size_t floats = 0;
+    size_t floats = 0, more;
     float *memory;
     if (faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         spsi_depth_map_aim(frame, shadows[i].light, &shadows[i].depth_map);
-        floats += spsi_depth_map_floats(&shadows[i].depth_map);
+        more = spsi_depth_map_floats(&shadows[i].depth_map);
+        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* which cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
@@ -10446,14 +10451,20 @@ static sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *f
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
 
+/* The number of a sweep's lights whose shadows on gas lie in maps; 0 where there is no gas. */
+static int spsi_shadow_maps_count(const spsi_frame *frame, const spsi_shadow *shadows, int count) {
+    int mapped = 0;
+    for (int i = 0; i < count; ++i) mapped += shadows[i].light->shadow_map != NULL;
+    return spsi_bounds_empty(&frame->volume_bounds) ? 0 : mapped;
+}
+
 /* Makes the maps of those of a sweep's lights that have some. Whether or not that fails, spsi_shadow_maps_release
    frees them. */
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_part_of_call part) {
+    const int mapped = spsi_shadow_maps_count(frame, shadows, count);
     sps_tmap *maps;
-    int mapped = 0;
-    for (int i = 0; i < count; ++i) mapped += shadows[i].light->shadow_map != NULL;
-    if (mapped == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    if (mapped == 0) return SPS_OK;
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
     if (!maps) return context->result;
     part.share /= mapped;
@@ -10466,7 +10477,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     return SPS_OK;
 }
 
-static void spsi_shadow_maps_release(const spsi_shadow *shadows, int count, sps_context *context) {
+static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
     for (int i = 0; i < count; ++i)
         if (shadows[i].tmap) spsi_tmap_release(maps++);
@@ -10596,15 +10607,15 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, sweep);
     const size_t pixels = spsi_ray_count(&frame->eye);
-    unsigned char *lit = NULL;
+    unsigned char *lit;
     run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
     if (!run->shadows) return context->result;
     memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
     for (int i = 0; i < frame->scene->light_count && run->shader.shadow_count < count; ++i)
         if (spsi_sweep_carries(frame, sweep, &frame->scene->lights[i]))
             run->shadows[run->shader.shadow_count++].light = &frame->scene->lights[i];
-    if (!picture->hits) return SPS_OK;
-    lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, pixels * (size_t)count, 1);
+    if (!picture->hits || count == 0) return SPS_OK;
+    lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, pixels, (size_t)count);
     if (!lit) return context->result;
     for (int i = 0; i < count; ++i, lit += pixels) {
         spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].light, lit);
@@ -10628,14 +10639,15 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
     {
-        const spsi_part_of_call maps = {part.progress, SPSI_PROGRESS_TMAP * part.share};
+        const int mapped = spsi_shadow_maps_count(frame, run->shadows, run->shader.shadow_count);
+        const spsi_part_of_call maps = {part.progress, mapped > 0 ? SPSI_PROGRESS_TMAP * part.share : 0};
         spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, maps);
         part.progress += maps.share;
         part.share -= maps.share;
     }
     context->stats.seconds_light += spsi_clock(context) - start;
     if (!context->result) spsi_sweep_once(context, picture, &sweep, run, part);
-    spsi_shadow_maps_release(run->shadows, run->shader.shadow_count, context);
+    spsi_shadow_maps_release(context, run->shadows, run->shader.shadow_count);
     return context->result;
 }
 
@@ -10870,30 +10882,36 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
 }
 
-/* Bytes of a light's transmittance map and what filling it takes, but for lists of stretches and what is fitted to
-   them, of which nobody knows the length. */
-static size_t spsi_plan_tmap_bytes(const spsi_frame *frame, const sps_light *light) {
+/* Bytes of a light's transmittance map, and those that filling it takes, but for lists of stretches and what is fitted
+   to them, of which nobody knows the length. */
+static void spsi_plan_tmap_bytes(const spsi_frame *frame, const sps_light *light, size_t *held, size_t *filling) {
     const int asked = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
     const size_t side = (size_t)(asked > 0 ? asked : spsi_light_texels_most(frame));
     const size_t faces = light->kind == SPS_LIGHT_POINT ? SPSI_CUBE_FACES : 1;
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     const size_t components = (size_t)spsi_components_of(light->shadow_map);
-    size_t bytes = sizeof(sps_tmap) + sizeof(spsi_run) + side * side * faces * (components + 1) * sizeof(float);
-    bytes += (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
-    bytes += (components + 2) * tiles * SPSI_LANES * sizeof(float);
-    bytes += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (!spsi_techniques[light->shadow_map->technique].sums) bytes += spsi_balls_order_bytes(frame->particles_asked);
-    return bytes + (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
+    *held = sizeof(sps_tmap) + side * side * faces * (components + 1) * sizeof(float);
+    *filling = sizeof(spsi_run) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
+    *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
+    *filling += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
+    if (!spsi_techniques[light->shadow_map->technique].sums) *filling += spsi_balls_order_bytes(frame->particles_asked);
+    *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 
-/* All of them are there at once. */
+/* Bytes of the lights' maps, which are there at once, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    const int some = frame->view.width > 0 && frame->view.height > 0 && frame->shadow_count > 0;
+    const int gases = frame->medium_count > 0 || frame->set_count > 0;
+    const int some = frame->view.width > 0 && frame->view.height > 0 && frame->shadow_count > 0 && gases;
+    size_t most = 0;
     for (int i = 0; i < frame->scene->light_count && some; ++i) {
         const sps_light *light = &frame->scene->lights[i];
-        if (spsi_light_shadows(frame, light) && light->shadow_map)
-            report->pass[SPS_PASS_LIGHT_MAPS].bytes += spsi_plan_tmap_bytes(frame, light);
+        size_t held, filling;
+        if (!spsi_light_shadows(frame, light) || !light->shadow_map) continue;
+        spsi_plan_tmap_bytes(frame, light, &held, &filling);
+        report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
+        if (filling > most) most = filling;
     }
+    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
 }
 
 static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {

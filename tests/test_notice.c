@@ -850,6 +850,40 @@ static int progress(void *user, float fraction) {
     return c->calls == c->cancel_at;
 }
 
+/* The largest step that progress takes at once. */
+static int progress_step(void *user, float fraction) {
+    course *c = (course *)user;
+    c->first = fmaxf(c->first, fraction - c->last);
+    c->last = fraction;
+    return 0;
+}
+
+/* A frame of more than ten chunks of slabs whose light has no map: reading may take a fifth of it at a step, a chunk a
+   tenth of the rest. */
+static void test_progress_steps(void) {
+    course c;
+    sps_config config;
+    sps_context *own;
+    check_scene s;
+    sps_plan_report plan;
+    sps_image image;
+    start(&s, 9, 9, 1);
+    add_gas(&s, 1.5, -0.8, 0.8, 1);
+    check_add_directional(&s, 0.3, 0, -1, 2);
+    memset(&config, 0, sizeof config);
+    memset(&c, 0, sizeof c);
+    memset(&image, 0, sizeof image);
+    config.progress_fn = progress_step;
+    config.progress_user = &c;
+    image.rgba = image_a;
+    own = sps_create(&config);
+    s.view.slab = 0.02;
+    CHECK(sps_plan(own, &s.scene, &s.view, &plan) == SPS_OK && plan.slab_count > 160);
+    memset(&c, 0, sizeof c);
+    CHECK(sps_render(own, &s.scene, &s.view, &image) == SPS_OK && c.first > 0 && c.first < 0.21f);
+    sps_destroy(own);
+}
+
 static void message(void *user, const char *text) {
     course *c = (course *)user;
     c->messages += text[0] != 0;
@@ -1019,6 +1053,7 @@ int main(void) {
     RUN(test_lit_down_to_the_ground);
     RUN(test_shadow_edge_in_slabs);
     RUN(test_progress_of_calls);
+    RUN(test_progress_steps);
     RUN(test_failed_plans);
     RUN(test_unwritten_voxels);
     sps_destroy(context);

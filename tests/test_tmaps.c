@@ -3075,9 +3075,10 @@ static void test_lights_together(void) {
     sps_destroy(context);
 }
 
-/* Polygons alone take one sweep, however many lights shine on them. */
+/* Polygons alone take one sweep, however many lights shine on them, and no maps, nor are any planned. */
 static void test_lights_on_polygons(void) {
     sps_context *context = sps_create(NULL);
+    sps_plan_report plan[2];
     picture p;
     double off[2];
     begin_picture(&p, WIDE, HIGH, 16);
@@ -3088,6 +3089,9 @@ static void test_lights_on_polygons(void) {
     check_add_directional(&p.s, 0.3, -1, 0.2, 1);
     CHECK(render_lights(context, &p, 5, image_a) == 1 && render_lights(context, &p, 10, image_b) == 1);
     CHECK(render_lights(context, &p, 15, image_c) == 1);
+    for (int i = 0; i < 2; ++i, p.s.light[0].shadow_map = NULL)
+        CHECK(sps_plan(context, &p.s.scene, &p.s.view, &plan[i]) == SPS_OK);
+    CHECK(plan[0].bytes == plan[1].bytes);
     off_sum(image_c, image_a, image_b, off);
     CHECK(brightest(image_a, PIXELS) > 0.05);
     CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS));

@@ -431,7 +431,8 @@ typedef struct sps_scene {
 
 /* What each quality sets:   slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
                              gas, classified      voxel; classified   transmittance   at (voxels)   (rms, largest)
-   At medium, the kernels of what is classified end at 1.82 voxels in shadow buffers: that costs no accuracy there. */
+   At medium, the kernels of what is classified end at 1.82 voxels in shadow buffers, where their ripple is small
+   beside the error of the texels; flat voxels, which have more of it, are the price. */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
@@ -1384,6 +1385,11 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
 typedef struct spsi_part_of_call {
     double progress, share;
 } spsi_part_of_call;
+
+/* How far the call is when a fraction of the part is done. */
+static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
+    return part->progress + part->share * fraction;
+}
 
 /* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its lights' maps. */
 #define SPSI_PROGRESS_GATHER 0.2
@@ -5886,6 +5892,7 @@ static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
+/* What the frame's gas is, for messages. */
 static const char *spsi_gases(const spsi_frame *frame) {
     return frame->set_count > 0 ? "volumes or particles" : "volumes";
 }
@@ -6130,9 +6137,9 @@ static int spsi_sweep_carries(const spsi_frame *frame, const spsi_sweep *sweep, 
     return sweep->first && spsi_light_shadows(frame, light);
 }
 
-/* The number of lights whose shadows a sweep carries. No other sweep carries more than the first. */
-static int spsi_sweep_shadow_count(const spsi_frame *frame, const spsi_sweep *sweep) {
-    return (sweep->light >= 0) + (sweep->first ? frame->shadow_count - frame->sliced_count : 0);
+/* The number of lights whose shadows the n-th sweep carries: of no sweep more than of the first. */
+static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
+    return (n < frame->sliced_count) + (n == 0 ? frame->shadow_count - frame->sliced_count : 0);
 }
 
 /* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
@@ -8918,14 +8925,14 @@ static void spsi_run_count(spsi_run *run) {
     for (int i = 0; i < run->tiles_x * run->tiles_y; ++i) stats->tiles_finished += run->open[i] == 0;
 }
 
-static sps_result spsi_run_sweep(spsi_run *run, double progress, double share) {
+static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
     sps_context *context = run->context;
     const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slab_count : 0;
     const int chunks = held ? spsi_chunk_count(run->sweep) : 0;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
-        if (spsi_progress(context, progress + share * chunk / chunks)) return context->result;
+        if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
         spsi_run_find_bricks(run, chunk);
         spsi_run_find_particles(run, chunk);
         if (run->chunk_brick_count == 0 && run->crowd.current == 0) {
@@ -9125,7 +9132,7 @@ typedef struct spsi_occluders {
     const uint32_t *tile_starts, *tile_balls; /* of each tile, and one more; tile_balls NULL: all of every tile */
     int *boxes;                               /* of triangles, in texels of the face at hand */
     spsi_run *run;                            /* of volumes; NULL: none */
-    double progress, progress_share;          /* where the work begins, and its share of all */
+    spsi_part_of_call part;
 } spsi_occluders;
 
 typedef struct spsi_filling {
@@ -10052,9 +10059,8 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
                           map->settings.near_depth * map->per_depth;
     }
     for (filling->row = 0; filling->row < rows; ++filling->row) {
-        filling->progress = occluders->progress + occluders->progress_share *
-                                                      ((double)filling->face + (double)filling->row / rows) /
-                                                      map->face_count;
+        filling->progress =
+            spsi_part_done(&occluders->part, (filling->face + (double)filling->row / rows) / map->face_count);
         filling->first_texel =
             ((size_t)filling->face * (size_t)rays->height + (size_t)filling->row * SPSI_TILE_HEIGHT) *
             (size_t)rays->width;
@@ -10128,8 +10134,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
     for (filling.face = 0; filling.face < map->face_count; ++filling.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;
-    if ((map->technique->lists && spsi_tmap_trim(map)) ||
-        spsi_progress(context, occluders->progress + occluders->progress_share))
+    if ((map->technique->lists && spsi_tmap_trim(map)) || spsi_progress(context, spsi_part_done(&occluders->part, 1)))
         return context->result;
     map->finished = 1;
     if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
@@ -10369,8 +10374,8 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
     occluders.frame = frame;
-    occluders.progress = SPSI_PROGRESS_GATHER;
-    occluders.progress_share = 1 - SPSI_PROGRESS_GATHER;
+    occluders.part.progress = SPSI_PROGRESS_GATHER;
+    occluders.part.share = 1 - SPSI_PROGRESS_GATHER;
     if (spsi_tmap_fill(map, &occluders)) return context->result;
     spsi_tmap_tell_outside(map, frame);
     spsi_tmap_tell_amid(map, frame);
@@ -10444,27 +10449,23 @@ static sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *f
     map->settings = *light->shadow_map;
     map->technique = &spsi_techniques[map->settings.technique];
     occluders.frame = frame;
-    occluders.progress = part->progress;
-    occluders.progress_share = part->share;
+    occluders.part = *part;
     if (spsi_tmap_aim_light(map, frame, light) || spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->volume_bounds);
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
 
-/* The number of a sweep's lights whose shadows on gas lie in maps; 0 where there is no gas. */
-static int spsi_shadow_maps_count(const spsi_frame *frame, const spsi_shadow *shadows, int count) {
-    int mapped = 0;
-    for (int i = 0; i < count; ++i) mapped += shadows[i].light->shadow_map != NULL;
-    return spsi_bounds_empty(&frame->volume_bounds) ? 0 : mapped;
-}
-
-/* Makes the maps of those of a sweep's lights that have some. Whether or not that fails, spsi_shadow_maps_release
-   frees them. */
+/* Makes the maps of those of a sweep's lights that have some, and leaves the rest of the call's part to the sweep.
+   Whether or not that fails, spsi_shadow_maps_release frees them. */
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
-                                         spsi_part_of_call part) {
-    const int mapped = spsi_shadow_maps_count(frame, shadows, count);
+                                         spsi_part_of_call *sweep) {
+    spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
+    int mapped = 0;
     sps_tmap *maps;
-    if (mapped == 0) return SPS_OK;
+    for (int i = 0; i < count; ++i) mapped += shadows[i].light->shadow_map != NULL;
+    if (mapped == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    sweep->progress += part.share;
+    sweep->share -= part.share;
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
     if (!maps) return context->result;
     part.share /= mapped;
@@ -10587,25 +10588,24 @@ typedef struct spsi_picture {
 
 /* One sweep whose shadows are ready, from set-up to total. */
 static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
-                                  spsi_run *run, spsi_part_of_call part) {
+                                  spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
     double swept, light;
     if (spsi_run_build(context, picture->frame, &picture->faces, picture->hits, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* what is not the eye's */
-    if (spsi_run_sweep(run, part.progress, part.share) || spsi_add_sweep(context, run, picture->total))
-        return context->result;
+    if (spsi_run_sweep(run, part) || spsi_add_sweep(context, run, picture->total)) return context->result;
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
 }
 
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
-static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep, int n,
                                      spsi_run *run) {
     const spsi_frame *frame = picture->frame;
-    const int count = spsi_sweep_shadow_count(frame, sweep);
+    const int count = spsi_sweep_shadow_count(frame, n);
     const size_t pixels = spsi_ray_count(&frame->eye);
     unsigned char *lit;
     run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
@@ -10631,22 +10631,16 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     double start;
     part.progress = SPSI_PROGRESS_GATHER + n * part.share;
     memset(run, 0, sizeof *run);
-    if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, run))
+    if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
     start = spsi_clock(context);
     if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
-    {
-        const int mapped = spsi_shadow_maps_count(frame, run->shadows, run->shader.shadow_count);
-        const spsi_part_of_call maps = {part.progress, mapped > 0 ? SPSI_PROGRESS_TMAP * part.share : 0};
-        spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, maps);
-        part.progress += maps.share;
-        part.share -= maps.share;
-    }
+    spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
-    if (!context->result) spsi_sweep_once(context, picture, &sweep, run, part);
+    if (!context->result) spsi_sweep_once(context, picture, &sweep, run, &part);
     spsi_shadow_maps_release(context, run->shadows, run->shader.shadow_count);
     return context->result;
 }
@@ -10688,6 +10682,9 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",     "eye polygons", "light polygons", "triangle tree", "shadow rays", "eye sheets",   "light sheets",
     "light maps", "gradient",     "scattering",     "emission",      "ambient",     "surface light"};
+
+/* Whether there are volumes or particles that could be seen. */
+static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->set_count > 0; }
 
 /* Counts the blocks of all volumes that will be read, and what comes of them at most. */
 typedef struct spsi_reading {
@@ -10758,7 +10755,7 @@ static size_t spsi_plan_bins_bytes(const spsi_frame *frame, int width, int heigh
 }
 
 /* Bytes of the largest sweep's planes, sheets, spans and pixels. */
-static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                   uint64_t bricks, sps_plan_report *report) {
     const int *region = frame->view.region;
     const size_t workers = (size_t)spsi_worker_count(context);
@@ -10766,8 +10763,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t rows = (size_t)((region[1] + region[3] - 1) / SPSI_TILE_HEIGHT - region[1] / SPSI_TILE_HEIGHT + 1);
     const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     const size_t side = spsi_plan_light_side(frame, sweep);
-    const int gases = frame->medium_count > 0 || frame->set_count > 0;
-    const int shadows = spsi_most(1, spsi_sweep_shadow_count(frame, sweep));
+    const int shadows = spsi_most(1, spsi_sweep_shadow_count(frame, n));
     size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
                  (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
@@ -10778,7 +10774,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     eye += spsi_plan_bins_bytes(frame, frame->eye.width, frame->eye.height);
     if (frame->set_count > 0) eye += spsi_crowd_bytes(frame->particles_asked, SPSI_SLABS_MAX / SPSI_CHUNK);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->sheets && gases && frame->extinguishes) {
+    if (sweep->sheets && spsi_has_gas(frame) && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
                              spsi_plan_bins_bytes(frame, (int)side, (int)side);
@@ -10834,7 +10830,7 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
-    const int gases = frame->medium_count > 0 || frame->set_count > 0, polygons = frame->triangle_count > 0;
+    const int gases = spsi_has_gas(frame), polygons = frame->triangle_count > 0;
     const int sweeps = spsi_sweep_count(frame), lit = frame->lit_count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     spsi_plan_gather_pass(frame, reading, report);
@@ -10860,7 +10856,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
-    const size_t lights = (size_t)((frame->sliced_count > 0) + frame->shadow_count - frame->sliced_count); /* at once */
+    const size_t lights = (size_t)spsi_sweep_shadow_count(frame, 0); /* at once */
     size_t tables = 1, sum = sizeof *context + sizeof *frame;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
@@ -10900,8 +10896,8 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const sps_light *light
 
 /* Bytes of the lights' maps, which are there at once, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    const int gases = frame->medium_count > 0 || frame->set_count > 0;
-    const int some = frame->view.width > 0 && frame->view.height > 0 && frame->shadow_count > 0 && gases;
+    const int seen = frame->view.width > 0 && frame->view.height > 0;
+    const int some = seen && frame->shadow_count > 0 && spsi_has_gas(frame);
     size_t most = 0;
     for (int i = 0; i < frame->scene->light_count && some; ++i) {
         const sps_light *light = &frame->scene->lights[i];
@@ -10922,7 +10918,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
             spsi_sweep sweep;
             const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
             if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
-            spsi_plan_sweep_bytes(context, frame, &sweep, bricks, report);
+            spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report);
         }
     spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->scene->mesh_count && !spsi_faces_held(context, frame); ++i)

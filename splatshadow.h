@@ -5814,6 +5814,7 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 
 #define SPSI_PARTICLE_EDGE 0.7 /* radii */
 #define SPSI_COSINE_MIN    0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
+#define SPSI_COSINE_EVEN   0.35 /* below this slabs are halved; the middle ray has 0.71 or more */
 
 typedef struct spsi_sweep {
     int light;  /* index of the light whose sheets this sweep has; -1: none */
@@ -5956,8 +5957,18 @@ static double spsi_particle_edge(const spsi_frame *frame) {
     return fmax(SPSI_PARTICLE_EDGE * frame->particle_radius, frame->particle_spread / 200);
 }
 
-/* The least length that rays from a point to the corners and the middle of `bounds` cross of a voxel. */
-static double spsi_chord_to_bounds(const spsi_medium *medium, const double from[3], const spsi_bounds *bounds) {
+/* The length of a voxel that slabs across s are measured by for a ray: what the ray crosses of it, and half or a
+   quarter of that where the ray grazes the slabs and is long in each of them. Halves, so that all slabs stay where they
+   are as a light turns: errors that jump would be seen. */
+static double spsi_slab_chord(const spsi_medium *medium, const double s[3], const double ray[3]) {
+    const double cosine = fabs(spsi_dot(s, ray));
+    const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
+    return share * spsi_voxel_chord(medium, ray);
+}
+
+/* The least of these lengths for rays from a point to the corners and the middle of `bounds`. */
+static double spsi_chord_to_bounds(const spsi_medium *medium, const double s[3], const double from[3],
+                                   const spsi_bounds *bounds) {
     double least = HUGE_VAL;
     for (int corner = 0; corner <= 8; ++corner) {
         double ray[3];
@@ -5966,23 +5977,24 @@ static double spsi_chord_to_bounds(const spsi_medium *medium, const double from[
         else
             spsi_bounds_centre(bounds, ray);
         spsi_along(ray, from, -1, ray);
-        if (spsi_normalise(ray)) least = fmin(least, spsi_voxel_chord(medium, ray));
+        if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(medium, s, ray));
     }
     return least;
 }
 
 /* The same of a grid's rays: those through its corners and its middle, or those that can meet a volume, whichever set
    crosses more. */
-static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays) {
+static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *medium, const double s[3],
+                                 const spsi_rays *rays) {
     double least = HUGE_VAL;
     for (int i = 0; i < 5; ++i) {
         const double x = i < 4 ? i & 1 : 0.5, y = i < 4 ? i >> 1 : 0.5;
         double ray[3];
         spsi_ray_direction(rays, x * (rays->width - 1), y * (rays->height - 1), ray);
-        if (spsi_normalise(ray)) least = fmin(least, spsi_voxel_chord(medium, ray));
+        if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(medium, s, ray));
     }
     if (!rays->perspective || spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return least;
-    return fmax(least, spsi_chord_to_bounds(medium, rays->origin, &frame->volume_bounds));
+    return fmax(least, spsi_chord_to_bounds(medium, s, rays->origin, &frame->volume_bounds));
 }
 
 /* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
@@ -5994,12 +6006,12 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium
     const sps_light *light = sweep->sheets && sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
     double chord, travel[3];
     if (!frame->materials[medium->channel].table) return extent;
-    chord = spsi_chord_of_rays(frame, medium, eye);
+    chord = spsi_chord_of_rays(frame, medium, sweep->normal, eye);
     if (light && light->kind == SPS_LIGHT_DIRECTIONAL) {
         spsi_light_direction(light, light->position, travel);
-        chord = fmin(chord, spsi_voxel_chord(medium, travel));
+        chord = fmin(chord, spsi_slab_chord(medium, sweep->normal, travel));
     } else if (light) {
-        chord = fmin(chord, spsi_chord_to_bounds(medium, light->position, &frame->volume_bounds));
+        chord = fmin(chord, spsi_chord_to_bounds(medium, sweep->normal, light->position, &frame->volume_bounds));
     }
     return fmin(extent, fmax(chord, flattest * extent));
 }

@@ -1130,23 +1130,24 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_ARRIVALS,      /* how their light comes to a vector of pixels, per worker */
     SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: which pixels' polygons see it */
     SPSI_BUFFER_DEPTH_MAPS,
-    SPSI_BUFFER_PIXELS,    /* optical depth and radiance, >>shading */
-    SPSI_BUFFER_PLANES,    /* a light's optical depth at the slabs of a chunk, >>lightsheets */
-    SPSI_BUFFER_SHEETS,    /* a tile of sheets per worker */
-    SPSI_BUFFER_SAMPLES,   /* what the volumes are at a vector of pixels, per worker, >>shading */
-    SPSI_BUFFER_SPANS,     /* which slabs and pixels each brick touches, >>sweep */
-    SPSI_BUFFER_CHUNK,     /* the bricks of one chunk */
-    SPSI_BUFFER_PARTICLES, /* >>gather */
-    SPSI_BUFFER_CROWD,     /* which chunks each particle touches, >>sweep */
-    SPSI_BUFFER_EYE_BALLS, /* the particles of one chunk as the eye sees them, by tile */
+    SPSI_BUFFER_PIXELS,      /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,      /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_SHEETS,      /* a tile of sheets per worker */
+    SPSI_BUFFER_SAMPLES,     /* what the volumes are at a vector of pixels, per worker, >>shading */
+    SPSI_BUFFER_PARTICLES,   /* >>gather */
+    SPSI_BUFFER_BRICK_QUEUE, /* bricks by the chunks that they touch, >>targets; */
+    SPSI_BUFFER_PARTICLE_QUEUE,
+    SPSI_BUFFER_BRICK_TILES, /* the tiles that bricks touch for the eye, or a map, and */
+    SPSI_BUFFER_BRICK_LIGHT_TILES,
+    SPSI_BUFFER_EYE_BALLS, /* the particles of one chunk as the eye sees them, by tile, and */
     SPSI_BUFFER_LIGHT_BALLS,
-    SPSI_BUFFER_TILES,       /* what is known of each tile */
-    SPSI_BUFFER_RUN,         /* what the tasks of a sweep share */
-    SPSI_BUFFER_TMAP_RUN,    /* the same of a map's volumes, >>occluders */
-    SPSI_BUFFER_LIGHT_TMAPS, /* lights' transmittance maps */
-    SPSI_BUFFER_TOTAL,       /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,         /* directions and colours of one row of background */
-    SPSI_BUFFER_MARCHER,     /* >>reference */
+    SPSI_BUFFER_TILES,        /* what is known of each tile */
+    SPSI_BUFFER_RUN,          /* what the tasks of a sweep share */
+    SPSI_BUFFER_TMAP_VOLUMES, /* what splatting volumes into a map takes, >>occluders */
+    SPSI_BUFFER_LIGHT_TMAPS,  /* lights' transmittance maps */
+    SPSI_BUFFER_TOTAL,        /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,          /* directions and colours of one row of background */
+    SPSI_BUFFER_MARCHER,      /* >>reference */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
@@ -5816,19 +5817,27 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
 #define SPSI_COSINE_MIN    0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
 #define SPSI_COSINE_EVEN   0.35 /* below this slabs are halved; the middle ray has 0.71 or more */
 
-typedef struct spsi_sweep {
-    int light;  /* index of the light whose sheets this sweep has; -1: none */
-    int sheets; /* 1: there are sheets, of that light or of a map */
-    int first;  /* 1: this sweep also carries coverage, ambient light, emission, and all lights that have no sheets */
-    int back_to_front;
+typedef struct spsi_slabs {
     double normal[3]; /* s */
     double start;     /* s . p of the first slab's entry */
     double thickness;
-    int slab_count;
+    int count;
+} spsi_slabs;
+
+/* The slab coordinate of a point: its whole part is the number of a slab. */
+static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
+    return (spsi_dot(slabs->normal, point) - slabs->start) / slabs->thickness;
+}
+
+static int spsi_chunk_count(const spsi_slabs *slabs) { return (slabs->count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
+
+typedef struct spsi_sweep {
+    int light; /* index of the light whose sheets this sweep has; -1: none */
+    int first; /* 1: this sweep also carries coverage, ambient light, emission, and all lights that have no sheets */
+    int back_to_front;
+    spsi_slabs slabs;
     spsi_rays rays; /* of the light's sheets */
 } spsi_sweep;
-
-static int spsi_chunk_count(const spsi_sweep *sweep) { return (sweep->slab_count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
 
 /* The way light travels at a point. */
 static void spsi_light_direction(const sps_light *light, const double point[3], double direction[3]) {
@@ -5916,7 +5925,7 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!frame->view.world_to_clip)
         SPS_SNPRINTF(camera, sizeof camera, "view.field_of_view is %g", frame->view.field_of_view);
-    if (sweep->sheets && unshadowed_helps)
+    if (sweep->light >= 0 && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->light);
     SPS_SNPRINTF(sentence, sizeof sentence,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
@@ -5928,21 +5937,21 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
 static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], toward[3], centre[3], least;
     spsi_eye_direction(frame, eye);
-    memcpy(sweep->normal, eye, sizeof eye);
+    memcpy(sweep->slabs.normal, eye, sizeof eye);
     sweep->back_to_front = 0;
-    if (sweep->sheets) {
+    if (sweep->light >= 0) {
         const sps_light *light = &frame->scene->lights[sweep->light];
         spsi_bounds_centre(&frame->volume_bounds, centre);
         spsi_light_direction(light, centre, toward);
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
-        spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->normal);
-        spsi_normalise(sweep->normal);
+        spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
+        spsi_normalise(sweep->slabs.normal);
         least = light->kind == SPS_LIGHT_DIRECTIONAL
-                    ? spsi_dot(sweep->normal, toward)
-                    : spsi_cosine_to_bounds(sweep->normal, light->position, &frame->volume_bounds);
+                    ? spsi_dot(sweep->slabs.normal, toward)
+                    : spsi_cosine_to_bounds(sweep->slabs.normal, light->position, &frame->volume_bounds);
         if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep, least);
     }
-    for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->normal[i] : sweep->normal[i];
+    for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
     least = spsi_cosine_of_eye(frame, toward);
     if (!(least >= SPSI_COSINE_MIN))
         return spsi_sweep_refuse_camera(context, frame, sweep, least,
@@ -6000,46 +6009,42 @@ static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *med
 /* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
    any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along
    s; a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
-static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *eye,
-                              const spsi_sweep *sweep) {
-    const double extent = spsi_voxel_extent(medium, sweep->normal), flattest = 1.0 / 16;
-    const sps_light *light = sweep->sheets && sweep->light >= 0 ? &frame->scene->lights[sweep->light] : NULL;
+static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
+                              const sps_light *light, const double s[3]) {
+    const double extent = spsi_voxel_extent(medium, s), flattest = 1.0 / 16;
     double chord, travel[3];
     if (!frame->materials[medium->channel].table) return extent;
-    chord = spsi_chord_of_rays(frame, medium, sweep->normal, eye);
+    chord = spsi_chord_of_rays(frame, medium, s, rays);
     if (light && light->kind == SPS_LIGHT_DIRECTIONAL) {
         spsi_light_direction(light, light->position, travel);
-        chord = fmin(chord, spsi_slab_chord(medium, sweep->normal, travel));
+        chord = fmin(chord, spsi_slab_chord(medium, s, travel));
     } else if (light) {
-        chord = fmin(chord, spsi_chord_to_bounds(medium, sweep->normal, light->position, &frame->volume_bounds));
+        chord = fmin(chord, spsi_chord_to_bounds(medium, s, light->position, &frame->volume_bounds));
     }
     return fmin(extent, fmax(chord, flattest * extent));
 }
 
-/* Cuts the bounds of volumes and particles into slabs; `for_particles`: 1: thin enough for these, and for the camera;
-   0: a map's, whose rays are the sweep's own. */
-static sps_result spsi_sweep_slabs(sps_context *context, const spsi_frame *frame, int for_particles,
-                                   spsi_sweep *sweep) {
-    double extent = HUGE_VAL, low = HUGE_VAL, high = -HUGE_VAL, count;
+/* Cuts the bounds of volumes and particles, along the slabs' normal, into slabs that serve the rays of a target and
+   those of a light (NULL: none). `edge` is what stands for a voxel's edge where there are particles, or infinite. */
+static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                 const sps_light *light, double edge, spsi_slabs *slabs) {
+    double low = HUGE_VAL, high = -HUGE_VAL, count;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->volume_bounds, corner, point);
-        low = fmin(low, spsi_dot(point, sweep->normal));
-        high = fmax(high, spsi_dot(point, sweep->normal));
+        low = fmin(low, spsi_dot(point, slabs->normal));
+        high = fmax(high, spsi_dot(point, slabs->normal));
     }
-    if (for_particles &&
-        frame->particle_count > 0) /* a stray one far away must not take more slabs than there can be */
-        extent = fmax(spsi_particle_edge(frame), (high - low) / (SPSI_SLABS_MAX / 16));
+    edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* a stray particle must not take more than there can be */
     for (int i = 0; i < frame->medium_count; ++i)
-        extent =
-            fmin(extent, spsi_slab_voxel(frame, &frame->media[i], for_particles ? &frame->eye : &sweep->rays, sweep));
-    sweep->start = low;
-    sweep->thickness = fmin(frame->view.slab * extent, high - low); /* one slab at least holds everything */
-    count = ceil((high - low) / sweep->thickness);
+        edge = fmin(edge, spsi_slab_voxel(frame, &frame->media[i], rays, light, slabs->normal));
+    slabs->start = low;
+    slabs->thickness = fmin(frame->view.slab * edge, high - low); /* one slab at least holds everything */
+    count = ceil((high - low) / slabs->thickness);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "slab", frame->view.slab,
                                "it makes more than 2^20 slabs");
-    sweep->slab_count = spsi_most(1, (int)count);
+    slabs->count = spsi_most(1, (int)count);
     return SPS_OK;
 }
 
@@ -6156,15 +6161,17 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
 
 /* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
+    const double edge = frame->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    const sps_light *light = NULL;
     memset(sweep, 0, sizeof *sweep);
     sweep->light = spsi_sliced_light(frame, n);
-    sweep->sheets = sweep->light >= 0;
     sweep->first = n == 0;
-    sweep->normal[2] = sweep->thickness = 1;
+    sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
     if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
-    if (spsi_sweep_direction(context, frame, sweep) || spsi_sweep_slabs(context, frame, 1, sweep))
-        return context->result;
-    return sweep->sheets ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
+    if (spsi_sweep_direction(context, frame, sweep)) return context->result;
+    if (sweep->light >= 0) light = &frame->scene->lights[sweep->light];
+    if (spsi_slabs_cut(context, frame, &frame->eye, light, edge, &sweep->slabs)) return context->result;
+    return light ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
 }
 
 /* ================================================================================================ >>splat
@@ -6265,17 +6272,17 @@ static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, i
 }
 
 /* Returns 0 if footprints would leave the range of floats. */
-static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_sweep *sweep, float scale,
+static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_slabs *slabs, float scale,
                                double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, weight;
     memset(splatter, 0, sizeof *splatter);
     memset(covariance, 0, sizeof covariance);
     splatter->perspective = rays->perspective;
     for (int axis = 0; axis < 3; ++axis) {
-        const double slabs = spsi_dot(sweep->normal, medium->step[axis]) / sweep->thickness;
+        const double change = spsi_dot(slabs->normal, medium->step[axis]) / slabs->thickness;
         spsi_to_rays(rays, medium->step[axis], e[axis]);
-        splatter->slab_step[axis] = (float)slabs;
-        reach += slabs * slabs;
+        splatter->slab_step[axis] = (float)change;
+        reach += change * change;
         for (int i = 0; i < 3; ++i) splatter->step[axis][i] = (float)e[axis][i];
         for (int i = 0; i < 9; ++i)
             covariance[i / 3][i % 3] += SPSI_SIGMA * SPSI_SIGMA * e[axis][i / 3] * e[axis][i % 3];
@@ -6294,9 +6301,9 @@ static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays,
     splatter->near_unit = (float)unit;
     splatter->near_root = (float)(root / (unit * unit * unit));
     splatter->near_weight = (float)(weight * unit / root);
-    splatter->slab_x = (float)(spsi_dot(sweep->normal, rays->a) / sweep->thickness);
-    splatter->slab_y = (float)(spsi_dot(sweep->normal, rays->b) / sweep->thickness);
-    splatter->slab_t = (float)(spsi_dot(sweep->normal, rays->c) / sweep->thickness);
+    splatter->slab_x = (float)(spsi_dot(slabs->normal, rays->a) / slabs->thickness);
+    splatter->slab_y = (float)(spsi_dot(slabs->normal, rays->b) / slabs->thickness);
+    splatter->slab_t = (float)(spsi_dot(slabs->normal, rays->c) / slabs->thickness);
     splatter->sign = 1;
     splatter->weight = (float)weight;
     splatter->cut = (float)cut;
@@ -6748,7 +6755,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
 
 /* Where a brick lies for these rays and slabs, slab coordinates counted from `first_slab`. */
 static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays,
-                              const spsi_sweep *sweep, int first_slab, spsi_anchor *anchor) {
+                              const spsi_slabs *slabs, int first_slab, spsi_anchor *anchor) {
     double at[3], point[3], offset[3], q[3];
     for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
     spsi_voxel_position(medium, at, point);
@@ -6756,7 +6763,7 @@ static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick
     spsi_to_rays(rays, offset, q);
     for (int i = 0; i < 3; ++i) anchor->q[i] = (float)q[i];
     anchor->depth = (float)(q[2] - rays->depth_reference);
-    anchor->slab = (float)((spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness - first_slab);
+    anchor->slab = (float)(spsi_slab_at(slabs, point) - first_slab);
 }
 
 /* --- particles --- */
@@ -6782,20 +6789,20 @@ typedef struct spsi_seen {
     int channel, list;    /* list: of particles in a tile, >>sweep; -1: none */
 } spsi_seen;
 
-static void spsi_crossing_build(const spsi_rays *rays, const spsi_sweep *sweep, int backwards,
+static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
                                 spsi_crossing *crossing) {
     memset(crossing, 0, sizeof *crossing);
     crossing->rays = rays;
     crossing->sign = backwards ? -1.0f : 1.0f;
-    for (int i = 0; i < 3; ++i) crossing->row[i] = sweep->normal[i] / sweep->thickness;
-    crossing->slab_origin = sweep->start / sweep->thickness;
+    for (int i = 0; i < 3; ++i) crossing->row[i] = slabs->normal[i] / slabs->thickness;
+    crossing->slab_origin = slabs->start / slabs->thickness;
     if (rays->perspective) {
         crossing->slab_x = (float)spsi_dot(crossing->row, rays->a);
         crossing->slab_y = (float)spsi_dot(crossing->row, rays->b);
     }
     crossing->slab_t = (float)spsi_dot(crossing->row, rays->c);
     crossing->eye_near = spsi_rays_begin(rays);
-    crossing->reach = 1 / sweep->thickness;
+    crossing->reach = 1 / slabs->thickness;
     crossing->reach_depth = spsi_length(rays->inverse[2]);
 }
 
@@ -6936,6 +6943,592 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     }
 }
 
+/* ============================================================================================== >>targets
+   17 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
+   map. The bricks and particles that a chunk of SPSI_CHUNK slabs holds are splatted into it tile by tile. A tile
+   belongs to one task, which adds bricks and then particles in the order of their numbers, so every pixel is the same
+   sum whatever the number of workers or the region. Bricks and particles wait in queues, in the order of the chunks in
+   which they begin. Tiles without bricks cost one comparison per brick of the chunk; particles are sorted into lists by
+   tile. Once the rays through a patch of 8 x 8 pixels or texels have all ended, footprints that meet nothing else cost
+   one test. */
+
+/* --- what slabs hold --- */
+
+/* Items in the order of the chunks in which they begin. */
+typedef struct spsi_queue {
+    uint16_t (*chunks)[2]; /* per item: the first and the last */
+    int *order;            /* items by first chunk, and by number */
+    int *starts;           /* per chunk: the first in `order` that begins there; one more at the end */
+    int *present;          /* those in the chunk at hand, by number */
+    int count, current;    /* of all items, and of those present */
+} spsi_queue;
+
+/* The bricks and particles of a frame between slabs, a chunk at a time. */
+typedef struct spsi_contents {
+    sps_context *context;
+    const spsi_frame *frame;
+    const spsi_slabs *slabs;
+    const spsi_brick *list;
+    spsi_queue bricks, particles;
+    int fullest;    /* the largest number of particles in a chunk */
+    int first_slab; /* of the chunk at hand */
+} spsi_contents;
+
+static size_t spsi_queue_bytes(size_t items, size_t chunks) {
+    return items * (2 * sizeof(int) + 2 * sizeof(uint16_t)) + 2 * (chunks + 1) * sizeof(int);
+}
+
+static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, int count, int chunks,
+                                     spsi_queue *queue) {
+    queue->count = count;
+    queue->order = (int *)spsi_reserve(context, id, 1, spsi_queue_bytes((size_t)count, (size_t)chunks));
+    if (!queue->order) return context->result;
+    queue->present = queue->order + count;
+    queue->starts = queue->present + count;
+    queue->chunks = (uint16_t(*)[2])(void *)(queue->starts + 2 * (chunks + 1));
+    return SPS_OK;
+}
+
+/* The chunks between two slab coordinates. */
+static void spsi_queue_set(spsi_queue *queue, int item, int chunks, double low, double high) {
+    queue->chunks[item][0] = (uint16_t)fmin(fmax(floor(low / SPSI_CHUNK), 0), chunks - 1);
+    queue->chunks[item][1] = (uint16_t)fmin(fmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
+}
+
+/* Puts the items whose chunks are set in order; returns the largest number of them in a chunk. */
+static int spsi_queue_sort(spsi_queue *queue, int chunks) {
+    int *passing = queue->starts + chunks + 1, here = 0, most = 0;
+    memset(queue->starts, 0, ((size_t)chunks + 1) * sizeof(int));
+    memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
+    for (int i = 0; i < queue->count; ++i) {
+        queue->starts[queue->chunks[i][0] + 1] += 1;
+        passing[queue->chunks[i][1] + 1] += 1; /* those that a chunk no longer holds, and the one before it did */
+    }
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        here += queue->starts[chunk + 1] - passing[chunk];
+        most = spsi_most(most, here);
+        queue->starts[chunk + 1] += queue->starts[chunk];
+    }
+    memcpy(passing, queue->starts, ((size_t)chunks + 1) * sizeof(int));
+    for (int i = 0; i < queue->count; ++i) queue->order[passing[queue->chunks[i][0]]++] = i;
+    return most;
+}
+
+/* Goes on to a chunk, the one after the last or the first: those present that reach into it stay, and those that begin
+   in it are merged with them, from the end on, where there is room. */
+static void spsi_queue_advance(spsi_queue *queue, int chunk) {
+    int held = 0, added;
+    const int *next;
+    if (queue->count == 0) return;
+    for (int i = 0; i < queue->current && chunk > 0; ++i)
+        if (queue->chunks[queue->present[i]][1] >= chunk) queue->present[held++] = queue->present[i];
+    next = queue->order + queue->starts[chunk];
+    added = queue->starts[chunk + 1] - queue->starts[chunk];
+    queue->current = held + added;
+    for (int at = queue->current - 1; added > 0; --at)
+        queue->present[at] =
+            held > 0 && queue->present[held - 1] > next[added - 1] ? queue->present[--held] : next[--added];
+}
+
+static void spsi_contents_advance(spsi_contents *contents, int chunk) {
+    contents->first_slab = chunk * SPSI_CHUNK;
+    spsi_queue_advance(&contents->bricks, chunk);
+    spsi_queue_advance(&contents->particles, chunk);
+}
+
+/* Whether there are voxels or particles, now that they have been read. */
+static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
+    return context->brick_count > 0 || frame->particle_count > 0;
+}
+
+/* --- a target --- */
+
+/* A chunk's particles as a target's rays see them, by tile. Those that reach into four tiles at most, two by two, are
+   listed with the one that is leftmost and topmost; the others in the last list, which all tiles look at. */
+typedef struct spsi_lists {
+    spsi_seen *seen;
+    int *members; /* numbers in `seen`, times 4, and 1 for a particle that reaches the next column of tiles, 2: row */
+    int *starts;  /* per tile, and one more: its first in `members` */
+} spsi_lists;
+
+/* The workers' sheets, one tile each. */
+typedef struct spsi_sheets {
+    float *memory;
+    size_t floats; /* per worker */
+    int worker_count;
+} spsi_sheets;
+
+/* What a tile's sheets consist of. */
+typedef struct spsi_shape {
+    int channels;
+    int margin;      /* pixels about a tile that are filled too: gradients look at neighbours */
+    int slab_margin; /* slabs before and after a chunk that are, too: profiles take one, gradients another */
+} spsi_shape;
+
+typedef struct spsi_target {
+    const spsi_frame *frame;
+    const spsi_rays *rays;
+    const spsi_slabs *slabs;
+    int columns, rows; /* of tiles */
+    spsi_shape shape;
+    int channels[SPSI_VOLUMES_MAX];       /* of each volume; -1: it is not splatted */
+    int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, and behind that d/dy; -1: none */
+    int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
+    spsi_splatter splatters[SPSI_VOLUMES_MAX];
+    spsi_crossing crossing;
+    int16_t (*brick_tiles)[4]; /* x0, y0, x1, y1 of each brick, in tiles; x1 < x0: nowhere */
+    spsi_lists particles;
+    spsi_sheets sheets;
+    uint64_t (*counts)[2]; /* per worker: footprints and fragments */
+} spsi_target;
+
+static size_t spsi_shape_floats(const spsi_shape *shape) {
+    const int pixels = 2 * shape->margin, slabs = SPSI_CHUNK + 2 * shape->slab_margin;
+    return (size_t)shape->channels * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
+           2 * SPSI_LANES;
+}
+
+/* The eye's sheets have a channel for each material; what is classified follows its profile from slab to slab, and
+   gradients take two slabs and pixels to either side. */
+static spsi_shape spsi_eye_shape(const spsi_frame *frame) {
+    spsi_shape shape;
+    shape.channels = frame->material_count * (frame->splats_slopes ? 3 : 1);
+    shape.margin = frame->gradient_reach;
+    shape.slab_margin = frame->classifies + frame->has_gradient;
+    return shape;
+}
+
+/* A light's sheets have one for all gases, and one for each classified volume. */
+static spsi_shape spsi_light_shape(const spsi_frame *frame) {
+    spsi_shape shape;
+    shape.channels = frame->light_channel_count;
+    shape.margin = 0;
+    shape.slab_margin = frame->classifies;
+    return shape;
+}
+
+/* The channel of the d/dx of a channel of the eye's sheets; that of the d/dy follows. */
+static int spsi_slope_channel(const spsi_frame *frame, int channel) { return frame->material_count + 2 * channel; }
+
+static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
+                              spsi_target *target) {
+    target->frame = frame;
+    target->rays = rays;
+    target->slabs = slabs;
+    target->columns = spsi_tile_columns(rays);
+    target->rows = spsi_tile_rows(rays);
+    for (int i = 0; i < frame->medium_count; ++i) target->channels[i] = target->slope_channels[i] = -1;
+}
+
+static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *medium) {
+    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", medium->index, "voxel edge",
+                           cbrt(medium->voxel_volume),
+                           "it is too large or too small for the world, or for this view's pixels");
+}
+
+/* The eye as a target; `backwards`: its rays cross the slabs against their order. */
+static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
+                                     int backwards, spsi_target *target) {
+    spsi_target_place(frame, &frame->eye, slabs, target);
+    target->shape = spsi_eye_shape(frame);
+    spsi_crossing_build(&frame->eye, slabs, backwards, &target->crossing);
+    for (int i = 0; i < frame->set_count; ++i) target->set_channels[i] = frame->sets[i].channel;
+    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
+        const spsi_medium *medium = &frame->media[i];
+        const spsi_material *material = &frame->materials[medium->channel];
+        spsi_splatter *splatter = &target->splatters[i];
+        target->channels[i] = medium->channel;
+        if (frame->splats_slopes && material->table && material->shading == SPS_SHADING_SURFACE)
+            target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
+        if (!spsi_splatter_build(medium, &frame->eye, slabs, 1, frame->cut, splatter))
+            return spsi_target_refuse(context, medium);
+        if (backwards) splatter->sign = -1;
+        if (material->table) spsi_splatter_classified(splatter);
+    }
+    return SPS_OK;
+}
+
+/* The rays of a light or of a map's face as a target, whose sheets hold the optical depth of gases, and values of what
+   is classified, whose kernels end at `classified_cut`. */
+static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                       const spsi_slabs *slabs, double classified_cut, spsi_target *target) {
+    spsi_target_place(frame, rays, slabs, target);
+    target->shape = spsi_light_shape(frame);
+    spsi_crossing_build(rays, slabs, 0, &target->crossing);
+    for (int i = 0; i < frame->set_count; ++i) target->set_channels[i] = 0;
+    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
+        const spsi_medium *medium = &frame->media[i];
+        const spsi_material *material = &frame->materials[medium->channel];
+        const float scale = material->table ? 1 : material->extinction;
+        if (material->extinguishes) target->channels[i] = medium->light_channel;
+        if (!spsi_splatter_build(medium, rays, slabs, scale, material->table ? classified_cut : frame->cut,
+                                 &target->splatters[i]))
+            return spsi_target_refuse(context, medium);
+    }
+    return SPS_OK;
+}
+
+/* Makes room for what the workers write down while they fill targets: a tile of sheets, which the targets share, and
+   counts of each target's own. */
+static sps_result spsi_targets_reserve(sps_context *context, spsi_target *const *targets, int count) {
+    const size_t workers = (size_t)spsi_worker_count(context);
+    size_t floats = 0;
+    uint64_t *counts;
+    float *sheets;
+    for (int i = 0; i < count; ++i) {
+        const size_t own = spsi_shape_floats(&targets[i]->shape);
+        floats = own > floats ? own : floats;
+    }
+    floats = (floats + 1) / 2 * 2; /* which keeps the counts aligned */
+    sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
+                                   floats * sizeof(float) + 2 * (size_t)count * sizeof(uint64_t));
+    if (!sheets) return context->result;
+    counts = (uint64_t *)(void *)(sheets + workers * floats);
+    memset(counts, 0, 2 * (size_t)count * workers * sizeof *counts);
+    for (int i = 0; i < count; ++i) {
+        targets[i]->sheets.memory = sheets;
+        targets[i]->sheets.floats = floats;
+        targets[i]->sheets.worker_count = (int)workers;
+        targets[i]->counts = (uint64_t(*)[2])(void *)(counts + 2 * (size_t)i * workers);
+    }
+    return SPS_OK;
+}
+
+/* --- where bricks and particles are --- */
+
+/* Work that is done for all items, for one target or two that share their slabs. */
+typedef struct spsi_targets_job {
+    spsi_contents *contents;
+    spsi_target *const *targets;
+    int target_count;
+} spsi_targets_job;
+
+/* The slab coordinates between which the centres of a brick's voxels lie. */
+static void spsi_brick_slabs(const spsi_medium *medium, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
+                             double *high) {
+    *low = HUGE_VAL;
+    *high = -HUGE_VAL;
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3], slab;
+        for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
+        spsi_voxel_position(medium, at, point);
+        slab = spsi_slab_at(slabs, point);
+        *low = fmin(*low, slab);
+        *high = fmax(*high, slab);
+    }
+}
+
+/* The tiles that a brick's kernels can reach; `behind`: 1 if rays extend behind their origin. */
+static void spsi_brick_tiles(const spsi_medium *medium, const spsi_brick *brick, const spsi_target *target, int behind,
+                             int16_t tiles[4]) {
+    const spsi_rays *rays = target->rays;
+    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
+    int ahead = 0, back = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3], q[3];
+        for (int k = 0; k < 3; ++k)
+            at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
+        spsi_voxel_position(medium, at, point);
+        spsi_project(rays, point, q);
+        ahead += !rays->perspective || q[2] > 0;
+        back += rays->perspective && q[2] < 0;
+        if (rays->perspective && q[2] < 0) q[0] /= q[2], q[1] /= q[2];
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+    }
+    if (ahead == 0 && !behind)
+        low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
+    else if (ahead < 8 && back < 8)
+        low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
+    tiles[0] = (int16_t)floor(fmin(fmax(low[0] - filter, 0), rays->width) / SPSI_TILE_WIDTH);
+    tiles[1] = (int16_t)floor(fmin(fmax(low[1] - filter, 0), rays->height) / SPSI_TILE_HEIGHT);
+    tiles[2] = (int16_t)floor(fmax(fmin(high[0] + filter, rays->width - 1), -1) / SPSI_TILE_WIDTH);
+    tiles[3] = (int16_t)floor(fmax(fmin(high[1] + filter, rays->height - 1), -1) / SPSI_TILE_HEIGHT);
+}
+
+static void spsi_bricks_task(void *data, int index, int worker) {
+    const spsi_targets_job *job = (const spsi_targets_job *)data;
+    spsi_contents *contents = job->contents;
+    const int end = spsi_batch_end(index, contents->bricks.count), chunks = spsi_chunk_count(contents->slabs);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
+        const spsi_brick *brick = &contents->list[i];
+        const spsi_medium *medium = &contents->frame->media[brick->medium];
+        double low, high, farthest = 0;
+        spsi_brick_slabs(medium, brick, contents->slabs, &low, &high);
+        for (int n = 0; n < job->target_count; ++n) {
+            const spsi_target *target = job->targets[n];
+            const spsi_splatter *splatter = &target->splatters[brick->medium];
+            const double reach = (double)splatter->reach_slabs + target->shape.slab_margin + 1e-3;
+            const double eye_slab = spsi_slab_at(target->slabs, target->rays->origin);
+            const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
+            farthest = fmax(farthest, reach);
+            spsi_brick_tiles(medium, brick, target, behind, target->brick_tiles[i]);
+        }
+        spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
+    }
+}
+
+/* The chunks that particles touch, as any target sees them. */
+static void spsi_particles_task(void *data, int index, int worker) {
+    const spsi_targets_job *job = (const spsi_targets_job *)data;
+    spsi_contents *contents = job->contents;
+    const spsi_frame *frame = contents->frame;
+    const int end = spsi_batch_end(index, frame->particle_count), chunks = spsi_chunk_count(contents->slabs);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
+        const sps_particles *set = spsi_set_of(frame, i)->particles;
+        double slab = 0, reach, farthest = 0, room;
+        for (int n = 0; n < job->target_count; ++n) {
+            spsi_particle_slabs(&job->targets[n]->crossing, set, &frame->particles[i], &slab, &reach);
+            farthest = fmax(farthest, reach);
+        }
+        room = farthest + 1e-3 + 1e-6 * farthest;
+        spsi_queue_set(&contents->particles, i, chunks, slab - room, slab + room);
+    }
+}
+
+/* Numbers that the lists of a grid of rays begin at: one per tile, one for the wide particles, and the end. */
+static size_t spsi_list_starts(const spsi_rays *rays) {
+    return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
+}
+
+/* Bytes of a target's lists if a chunk holds so many particles. */
+static size_t spsi_lists_bytes(const spsi_rays *rays, size_t particles) {
+    return particles == 0 ? 0 : particles * (sizeof(spsi_seen) + sizeof(int)) + spsi_list_starts(rays) * sizeof(int);
+}
+
+static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, int most, spsi_target *target) {
+    spsi_lists *lists = &target->particles;
+    lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, spsi_lists_bytes(target->rays, (size_t)most));
+    if (!lists->seen) return context->result;
+    lists->members = (int *)(void *)(lists->seen + most);
+    lists->starts = lists->members + most;
+    return SPS_OK;
+}
+
+/* Finds out which chunks and tiles hold what, and reserves what splatting takes. */
+static sps_result spsi_contents_build(sps_context *context, spsi_target *const *targets, int target_count,
+                                      spsi_contents *contents) {
+    static const spsi_buffer_id tiles[2] = {SPSI_BUFFER_BRICK_TILES, SPSI_BUFFER_BRICK_LIGHT_TILES};
+    spsi_targets_job job;
+    const int chunks = spsi_chunk_count(targets[0]->slabs), count = context->brick_count;
+    contents->context = context;
+    contents->frame = targets[0]->frame;
+    contents->slabs = targets[0]->slabs;
+    contents->list = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    job.contents = contents;
+    job.targets = targets;
+    job.target_count = target_count;
+    if (spsi_targets_reserve(context, targets, target_count)) return context->result;
+    if (spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, count, chunks, &contents->bricks)) return context->result;
+    for (int i = 0; i < target_count; ++i) {
+        targets[i]->brick_tiles =
+            (int16_t(*)[4])spsi_reserve(context, tiles[i], (size_t)count, sizeof *targets[i]->brick_tiles);
+        if (!targets[i]->brick_tiles) return context->result;
+    }
+    spsi_parallel_batches(context, count, spsi_bricks_task, &job);
+    spsi_queue_sort(&contents->bricks, chunks);
+    return SPS_OK;
+}
+
+/* The same of particles. */
+static sps_result spsi_contents_add_particles(sps_context *context, spsi_target *const *targets, int target_count,
+                                              spsi_contents *contents) {
+    static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
+    const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->particle_count;
+    spsi_targets_job job;
+    job.contents = contents;
+    job.targets = targets;
+    job.target_count = target_count;
+    if (count == 0) return SPS_OK;
+    if (spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, count, chunks, &contents->particles))
+        return context->result;
+    spsi_parallel_batches(context, count, spsi_particles_task, &job);
+    contents->fullest = spsi_queue_sort(&contents->particles, chunks);
+    for (int i = 0; i < target_count; ++i)
+        if (spsi_lists_reserve(context, lists[i], contents->fullest, targets[i])) return context->result;
+    return SPS_OK;
+}
+
+/* --- a chunk's particles, by tile --- */
+
+/* The list that a particle belongs in. */
+static int spsi_list_of(const spsi_target *target, const spsi_ball *ball) {
+    const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
+    const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
+    if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
+    return x1 - x0 <= 1 && y1 - y0 <= 1 ? y0 * target->columns + x0 : target->columns * target->rows;
+}
+
+static void spsi_seen_task(void *data, int index, int worker) {
+    const spsi_targets_job *job = (const spsi_targets_job *)data;
+    const spsi_contents *contents = job->contents;
+    const spsi_frame *frame = contents->frame;
+    const int end = spsi_batch_end(index, contents->particles.current);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) {
+        const int particle = contents->particles.present[i];
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
+        for (int n = 0; n < job->target_count; ++n) {
+            const spsi_target *target = job->targets[n];
+            spsi_seen *seen = &target->particles.seen[i];
+            spsi_seen_build(&target->crossing, set->particles, &frame->particles[particle],
+                            target->set_channels[set - frame->sets], contents->first_slab, seen);
+            seen->list = spsi_list_of(target, &seen->ball);
+        }
+    }
+}
+
+/* Sorts a target's particles into their lists, in which their order stays. */
+static void spsi_lists_task(void *data, int index, int worker) {
+    const spsi_targets_job *job = (const spsi_targets_job *)data;
+    const spsi_target *target = job->targets[index];
+    const spsi_lists *lists = &target->particles;
+    const int count = job->contents->particles.current, list_count = target->columns * target->rows + 1;
+    (void)worker;
+    memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
+    for (int i = 0; i < count; ++i)
+        if (lists->seen[i].list >= 0) lists->starts[lists->seen[i].list] += 1;
+    for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
+    for (int i = count - 1; i >= 0; --i) /* from the end: where a list ends becomes where it begins */
+        if (lists->seen[i].list >= 0) {
+            const spsi_ball *ball = &lists->seen[i].ball;
+            const int right = ball->x1 / SPSI_TILE_WIDTH > ball->x0 / SPSI_TILE_WIDTH;
+            const int below = ball->y1 / SPSI_TILE_HEIGHT > ball->y0 / SPSI_TILE_HEIGHT;
+            lists->members[--lists->starts[lists->seen[i].list]] = 4 * i + right + 2 * below;
+        }
+}
+
+/* Builds the chunk's particles for all targets. */
+static void spsi_targets_take_particles(sps_context *context, spsi_contents *contents, spsi_target *const *targets,
+                                        int target_count) {
+    const double start = spsi_clock(context);
+    spsi_targets_job job;
+    job.contents = contents;
+    job.targets = targets;
+    job.target_count = target_count;
+    if (contents->particles.current == 0) return;
+    spsi_parallel_batches(context, contents->particles.current, spsi_seen_task, &job);
+    spsi_parallel(context, target_count, spsi_lists_task, &job);
+    context->stats.seconds_bin += spsi_clock(context) - start;
+}
+
+/* --- a tile --- */
+
+static void spsi_tile_place(const spsi_target *target, int column, int row, int worker, spsi_tile *tile) {
+    const int margin = target->shape.margin;
+    SPS_ASSERT(worker >= 0 && worker < target->sheets.worker_count); /* else two tasks would share sheets */
+    memset(tile, 0, sizeof *tile);
+    tile->open = ~UINT64_C(0);
+    tile->nearest_limit = SPSI_INFINITY;
+    tile->x0 = column * SPSI_TILE_WIDTH - margin;
+    tile->y0 = row * SPSI_TILE_HEIGHT - margin;
+    tile->margin = margin;
+    tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
+    tile->x1 = spsi_least(tile->x0 + tile->pitch, target->rays->width + margin) - 1;
+    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, target->rays->height + margin) - 1;
+    tile->slab_count = SPSI_CHUNK + 2 * target->shape.slab_margin;
+    tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
+    tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
+    tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
+}
+
+/* A tile that is being filled. Its sheets are cleared when something first meets it. */
+typedef struct spsi_tile_fill {
+    const spsi_target *target;
+    const spsi_contents *contents;
+    spsi_tile *tile;
+    int column, row, touched;
+} spsi_tile_fill;
+
+static void spsi_tile_touch(spsi_tile_fill *fill) {
+    if (!fill->touched) memset(fill->tile->sheets, 0, spsi_shape_floats(&fill->target->shape) * sizeof(float));
+    fill->touched = 1;
+}
+
+static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
+    const spsi_target *target = fill->target;
+    const spsi_contents *contents = fill->contents;
+    spsi_tile *tile = fill->tile;
+    const int first_slab = contents->first_slab - target->shape.slab_margin;
+    tile->eye_slab = (float)(spsi_slab_at(target->slabs, target->rays->origin) - first_slab);
+    for (int i = 0; i < contents->bricks.current; ++i) {
+        const int index = contents->bricks.present[i];
+        const int16_t *tiles = target->brick_tiles[index];
+        const spsi_brick *brick = &contents->list[index];
+        const int channel = target->channels[brick->medium], slopes = target->slope_channels[brick->medium];
+        spsi_anchor anchor;
+        if (fill->column < tiles[0] || fill->column > tiles[2] || fill->row < tiles[1] || fill->row > tiles[3])
+            continue;
+        if (channel < 0) continue;
+        spsi_tile_touch(fill);
+        spsi_anchor_build(&contents->frame->media[brick->medium], brick, target->rays, target->slabs, first_slab,
+                          &anchor);
+        tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
+        spsi_splat_brick(tile, &target->splatters[brick->medium], &anchor,
+                         spsi_segment_at(contents->context, brick->segment), brick,
+                         tile->sheets + (size_t)channel * tile->channel_size);
+    }
+}
+
+static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_seen *seen) {
+    const int left = fill->target->slabs->count - fill->contents->first_slab;
+    spsi_tile_touch(fill);
+    spsi_splat_particle(fill->tile, &fill->target->crossing, seen, fill->contents->first_slab == 0, left);
+}
+
+/* Splats the particles of one list that reach `beyond` its tile as told. */
+static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
+    const spsi_lists *lists = &fill->target->particles;
+    const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
+    for (int i = first; i < end; ++i) {
+        const int member = lists->members[i];
+        if (i + ahead < end && (lists->members[i + ahead] & beyond) == beyond)
+            spsi_prefetch(&lists->seen[lists->members[i + ahead] / 4], sizeof(spsi_seen));
+        if ((member & beyond) == beyond) spsi_tile_splat_one(fill, &lists->seen[member / 4]);
+    }
+}
+
+/* Splats the wide particles that meet a tile. */
+static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
+    const spsi_lists *lists = &fill->target->particles;
+    const int list = fill->target->columns * fill->target->rows;
+    for (int i = lists->starts[list]; i < lists->starts[list + 1]; ++i) {
+        const spsi_seen *seen = &lists->seen[lists->members[i] / 4];
+        const spsi_ball *ball = &seen->ball;
+        if (ball->x0 / SPSI_TILE_WIDTH <= fill->column && ball->x1 / SPSI_TILE_WIDTH >= fill->column &&
+            ball->y0 / SPSI_TILE_HEIGHT <= fill->row && ball->y1 / SPSI_TILE_HEIGHT >= fill->row)
+            spsi_tile_splat_one(fill, seen);
+    }
+}
+
+/* Splats the chunk's bricks and particles that meet a tile: of particles its own, those of the tiles before it, and the
+   wide ones. Returns 0, with the sheets not even cleared, if nothing does. */
+static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
+                           spsi_tile *tile) {
+    spsi_tile_fill fill;
+    fill.target = target;
+    fill.contents = contents;
+    fill.tile = tile;
+    fill.column = column;
+    fill.row = row;
+    fill.touched = 0;
+    spsi_tile_splat_bricks(&fill);
+    if (contents->particles.current == 0) return fill.touched;
+    for (int up = 0; up <= (row > 0); ++up)
+        for (int left = 0; left <= (column > 0); ++left)
+            spsi_tile_splat_list(&fill, (row - up) * target->columns + column - left, left + 2 * up);
+    spsi_tile_splat_wide(&fill);
+    return fill.touched;
+}
+
+/* Adds a finished tile's counts to its worker's. */
+static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, int worker) {
+    target->counts[worker][0] += tile->visits;
+    target->counts[worker][1] += tile->fragments;
+}
+
 /* ========================================================================================== >>lightsheets
    17 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
    through when it enters slab k. The planes of texels that a chunk does not touch all hold the depth so far. Polygons
@@ -6969,6 +7562,14 @@ static void spsi_linear_build(const spsi_rays *rays, const double row[3], const 
     if (!rays->perspective) return;
     linear->slope[1] = (float)a;
     linear->slope[2] = (float)b;
+}
+
+/* The slab coordinate. */
+static void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
+    static const double zero[3] = {0, 0, 0};
+    double row[3];
+    for (int i = 0; i < 3; ++i) row[i] = slabs->normal[i] / slabs->thickness;
+    spsi_linear_build(rays, row, zero, -slabs->start / slabs->thickness, linear);
 }
 
 static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float y) {
@@ -7079,8 +7680,18 @@ typedef struct spsi_light_shader {
     const spsi_rays *rays;
     spsi_linear slab;
     int material_of_channel[SPSI_VOLUMES_MAX + 1]; /* -1: gases, whose sheets hold optical depth already */
-    spsi_planes *planes;
 } spsi_light_shader;
+
+static void spsi_light_shader_build(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
+                                    spsi_light_shader *shader) {
+    shader->frame = frame;
+    shader->rays = rays;
+    shader->material_of_channel[0] = -1;
+    for (int i = 0; i < frame->medium_count; ++i)
+        if (frame->materials[frame->media[i].channel].table)
+            shader->material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
+    spsi_linear_of_slabs(rays, slabs, &shader->slab);
+}
 
 /* What a sheet holds for a vector of pixels. Rounding in the kernel's share can take sums a little below 0. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
@@ -7114,18 +7725,17 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 }
 
 /* Adds a tile's sheets to the planes, slab after slab. */
-static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_tile *tile, int last_x) {
+static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_tile *tile, spsi_planes *planes) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    spsi_planes *planes = shader->planes;
     for (int y = tile->y0; y <= tile->y1; ++y)
-        for (int x = tile->x0; x <= last_x; x += SPSI_LANES) {
+        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
             const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
             const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
             const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
             const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
-            const int count = spsi_least(SPSI_LANES, last_x - x + 1);
+            const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
             spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
             for (int k = 0; k <= SPSI_CHUNK; ++k) {
                 spsi_store_first(planes->depth[k] + to, depth, count);
@@ -7507,9 +8117,6 @@ static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile,
     return spsi_mul(spsi_set(1 / spread), change);
 }
 
-/* The sheets of d/dx, before those of d/dy, of a material's sheets of values. */
-static int spsi_slope_channel(const spsi_frame *frame, int channel) { return frame->material_count + 2 * channel; }
-
 /* Twice the change per pixel of a slab's mean, by its sheets of slopes: the mean is their sum by the way through the
    slab, which changes by -slope' / slope of itself. */
 static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
@@ -7859,8 +8466,7 @@ static double spsi_light_depth(const spsi_shader *shader, const spsi_shadow *sha
     if (!planes->width) return 0;
     spsi_project(&sweep->rays, point, q);
     if (sweep->rays.perspective && !(q[2] > 0)) return 0;
-    slab = (spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness - shader->first_slab;
-    slab = fmin(fmax(slab, 0), SPSI_CHUNK);
+    slab = fmin(fmax(spsi_slab_at(&sweep->slabs, point) - shader->first_slab, 0), SPSI_CHUNK);
     k = spsi_least((int)slab, SPSI_CHUNK - 1);
     before = spsi_bilinear_at(planes->depth[k], planes->width, planes->height, q[0], q[1]);
     after = spsi_bilinear_at(planes->depth[k + 1], planes->width, planes->height, q[0], q[1]);
@@ -8205,274 +8811,55 @@ static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, c
 }
 
 /* ================================================================================================ >>sweep
-   19 One pass over the slabs, a chunk of SPSI_CHUNK slabs at a time: first the light's tiles, then the eye's, which
-   look up what the light's have just written. A tile belongs to one task, which adds bricks in their stored order, so
-   every pixel is the same sum whatever the number of workers or the region. Chunks without bricks cost one look at the
-   list; tiles without bricks cost one comparison per brick of the chunk. Once the rays through a patch of 8 x 8 pixels
-   or texels have all ended, footprints that meet nothing else cost one test, and its pixels are not shaded. Particles
-   are ordered by the chunk in which they begin; a chunk builds those that it holds, once for the eye and once for the
-   light, and sorts them into lists by tile, which a tile's task takes in their order. */
+   20 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   light's have just written. Chunks that hold nothing cost next to nothing; pixels of patches whose rays have all ended
+   are not shaded. */
 
-/* Pixels are tested by inclusive boxes, slabs by chunks. */
-typedef struct spsi_span {
-    int chunk0, chunk1;
-    short eye[4], light[4]; /* x0, y0, x1, y1 in tiles; x1 < x0: nowhere */
-} spsi_span;
-
-/* Particles in the sweep's order: by the chunk in which each begins, and by number. Those of the chunk at hand, which
-   are as many as `current` says, are listed in that order; each is built once a chunk for either set of rays. */
-typedef struct spsi_crowd {
-    uint16_t (*chunks)[2]; /* per particle: first and last */
-    int *order, *present;
-    int *starts; /* per chunk: the first in `order` that begins there; one more at the end */
-    int current;
-} spsi_crowd;
-
-/* The chunk's particles as one set of rays sees them, by tile. Those that reach into four tiles at most, two by two,
-   are listed with the one that is leftmost and topmost; the others in the last list, which all tiles look at. */
-typedef struct spsi_bins {
-    spsi_crossing crossing;
-    spsi_seen *seen;
-    int *members; /* numbers in `seen`, times 4, and 1 for a particle that reaches the next column of tiles, 2: row */
-    int *starts;  /* per tile, and one more: its first in `members` */
-    int columns, rows;
-} spsi_bins;
+/* The tiles of the image that the region to render touches. */
+typedef struct spsi_region {
+    int x0, y0, columns, rows; /* in tiles */
+    uint64_t *open;            /* per tile: its patches whose rays have not all ended */
+    float (*polygon_range)[3]; /* per tile: slab coordinates of its polygons, and their least depth */
+} spsi_region;
 
 /* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
 typedef struct spsi_run {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_sweep *sweep;
-    const spsi_brick *bricks;
-    const spsi_span *spans;
-    int *chunk_bricks, chunk_brick_count; /* bricks of the chunk at hand */
-    spsi_crowd crowd;
-    spsi_bins bins[2]; /* the eye's, and the light's */
-    spsi_splatter eye_splatters[SPSI_VOLUMES_MAX], light_splatters[SPSI_VOLUMES_MAX];
-    spsi_shader shader;
-    spsi_light_shader light_shader;
+    spsi_contents contents;
+    spsi_target eye, light; /* light: where the sweep has planes */
+    spsi_target *targets[2];
+    int target_count;
     spsi_planes planes;
+    spsi_light_shader light_shader;
+    spsi_shader shader;
     spsi_shadow *shadows;
     spsi_sample *samples;   /* one per material and part, per worker */
     spsi_arrival *arrivals; /* one per shadow, per worker */
-    float *sheets;          /* sheet_floats per worker */
-    size_t sheet_floats;
-    uint64_t (*counts)[5];      /* per worker: visits and fragments for lights and for the eye, pixels shaded */
-    int margin, slab_margin[2]; /* about a tile; slabs: of the eye, of a light */
-    int slab_count;             /* to composite in this chunk; 0: polygons only */
-    float low, high;            /* polygons between these slab coordinates belong to this chunk */
-    int tile_x0, tile_y0, tiles_x, tiles_y; /* the region's tiles */
-    uint64_t *open;                         /* per tile of the region: its patches whose rays have not all ended */
-    float (*polygon_range)[3]; /* per tile of the region: slab coordinates of its polygons, and their least depth */
+    uint64_t *shaded;       /* per worker: pixels times slabs */
+    int slab_count;         /* to composite in this chunk; 0: polygons only */
+    float low, high;        /* polygons between these slab coordinates belong to this chunk */
+    spsi_region region;
 } spsi_run;
-
-/* Slabs before and after a chunk that a tile takes in too: what is classified follows its profile from slab to slab,
-   and the eye's gradients take two slabs to either side. */
-static int spsi_slab_margin(const spsi_frame *frame, int for_light) {
-    return frame->classifies + (frame->has_gradient && !for_light);
-}
-
-/* Pixels about a tile of the eye's that it takes in too: gradients ask their neighbours. */
-static int spsi_pixel_margin(const spsi_frame *frame) { return frame->gradient_reach; }
-
-static size_t spsi_eye_sheet_floats(const spsi_frame *frame) {
-    const int pixels = 2 * spsi_pixel_margin(frame), slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame, 0);
-    return (size_t)(frame->material_count * (frame->splats_slopes ? 3 : 1)) *
-               (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
-           2 * SPSI_LANES;
-}
-
-static size_t spsi_light_sheet_floats(const spsi_frame *frame) {
-    const int slabs = SPSI_CHUNK + 2 * spsi_slab_margin(frame, 1);
-    return (size_t)(frame->light_channel_count * slabs) * (SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT) + 2 * SPSI_LANES;
-}
-
-static size_t spsi_worker_floats(const spsi_frame *frame) {
-    const size_t eye = spsi_eye_sheet_floats(frame),
-                 light = frame->shadow_count > 0 ? spsi_light_sheet_floats(frame) : 0;
-    return eye > light ? eye : light;
-}
-
-/* The tiles that a brick's kernels can reach, for one set of rays; `behind`: 1 if rays extend behind their origin. */
-static void spsi_span_tiles(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays, int margin,
-                            int behind, short tiles[4]) {
-    double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + margin + 1;
-    int ahead = 0, back = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-        double at[3], point[3], q[3];
-        for (int k = 0; k < 3; ++k)
-            at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
-        spsi_voxel_position(medium, at, point);
-        spsi_project(rays, point, q);
-        ahead += !rays->perspective || q[2] > 0;
-        back += rays->perspective && q[2] < 0;
-        if (rays->perspective && q[2] < 0) q[0] /= q[2], q[1] /= q[2];
-        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
-    }
-    if (ahead == 0 && !behind)
-        low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
-    else if (ahead < 8 && back < 8)
-        low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
-    tiles[0] = (short)floor(fmin(fmax(low[0] - filter, 0), rays->width) / SPSI_TILE_WIDTH);
-    tiles[1] = (short)floor(fmin(fmax(low[1] - filter, 0), rays->height) / SPSI_TILE_HEIGHT);
-    tiles[2] = (short)floor(fmax(fmin(high[0] + filter, rays->width - 1), -1) / SPSI_TILE_WIDTH);
-    tiles[3] = (short)floor(fmax(fmin(high[1] + filter, rays->height - 1), -1) / SPSI_TILE_HEIGHT);
-}
-
-typedef struct spsi_span_job {
-    const spsi_run *run;
-    spsi_span *spans;
-    int count;
-} spsi_span_job;
-
-static void spsi_span_task(void *data, int index, int worker) {
-    const spsi_span_job *job = (const spsi_span_job *)data;
-    const spsi_run *run = job->run;
-    const spsi_sweep *sweep = run->sweep;
-    const double eye_slab = (spsi_dot(sweep->normal, run->frame->eye.origin) - sweep->start) / sweep->thickness;
-    const int end = spsi_batch_end(index, job->count);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const spsi_brick *brick = &run->bricks[i];
-        const spsi_medium *medium = &run->frame->media[brick->medium];
-        const spsi_splatter *splatter = &run->eye_splatters[brick->medium];
-        const double reach = (double)splatter->reach_slabs + run->slab_margin[0] + 1e-3;
-        double low = HUGE_VAL, high = -HUGE_VAL;
-        int behind;
-        spsi_span *span = &job->spans[i];
-        for (int corner = 0; corner < 8; ++corner) {
-            double at[3], point[3], slab;
-            for (int k = 0; k < 3; ++k)
-                at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
-            spsi_voxel_position(medium, at, point);
-            slab = (spsi_dot(sweep->normal, point) - sweep->start) / sweep->thickness;
-            low = fmin(low, slab);
-            high = fmax(high, slab);
-        }
-        span->chunk0 = (int)floor(fmax(low - reach, 0) / SPSI_CHUNK);
-        span->chunk1 = (int)floor(fmin(high + reach, sweep->slab_count) / SPSI_CHUNK);
-        behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
-        spsi_span_tiles(medium, brick, &run->frame->eye, run->margin, behind, span->eye);
-        if (sweep->sheets) spsi_span_tiles(medium, brick, &sweep->rays, 0, 0, span->light);
-    }
-}
-
-static int spsi_span_meets(const short tiles[4], int x, int y) {
-    return tiles[0] <= x && x <= tiles[2] && tiles[1] <= y && y <= tiles[3];
-}
-
-/* Splats the particles of one list that reach `beyond` its tile as told. `touched`: whether the sheets are in use. */
-static int spsi_tile_splat_list(const spsi_run *run, const spsi_bins *bins, int list, int beyond, spsi_tile *tile,
-                                size_t floats, int touched) {
-    const int first = bins->starts[list], end = bins->starts[list + 1], ahead = 8;
-    const int left = run->sweep->slab_count - run->shader.first_slab;
-    for (int i = first; i < end; ++i) {
-        const int member = bins->members[i];
-        if (i + ahead < end && (bins->members[i + ahead] & beyond) == beyond)
-            spsi_prefetch(&bins->seen[bins->members[i + ahead] / 4], sizeof(spsi_seen));
-        if ((member & beyond) != beyond) continue;
-        if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
-        touched = 1;
-        spsi_splat_particle(tile, &bins->crossing, &bins->seen[member / 4], run->shader.first_slab == 0, left);
-    }
-    return touched;
-}
-
-/* Splats the wide particles that meet a tile. */
-static int spsi_tile_splat_wide(const spsi_run *run, const spsi_bins *bins, spsi_tile *tile, int column, int row,
-                                size_t floats, int touched) {
-    const int list = bins->columns * bins->rows, left = run->sweep->slab_count - run->shader.first_slab;
-    for (int i = bins->starts[list]; i < bins->starts[list + 1]; ++i) {
-        const spsi_seen *seen = &bins->seen[bins->members[i] / 4];
-        const spsi_ball *ball = &seen->ball;
-        if (ball->x0 / SPSI_TILE_WIDTH > column || ball->x1 / SPSI_TILE_WIDTH < column ||
-            ball->y0 / SPSI_TILE_HEIGHT > row || ball->y1 / SPSI_TILE_HEIGHT < row)
-            continue;
-        if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
-        touched = 1;
-        spsi_splat_particle(tile, &bins->crossing, seen, run->shader.first_slab == 0, left);
-    }
-    return touched;
-}
-
-/* Splats the chunk's particles that meet a tile: its own, those of the tiles before it, and the wide ones. */
-static int spsi_tile_splat_particles(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light,
-                                     size_t floats, int touched) {
-    const spsi_bins *bins = &run->bins[for_light];
-    if (run->crowd.current == 0) return touched;
-    for (int up = 0; up <= (row > 0); ++up)
-        for (int left = 0; left <= (column > 0); ++left)
-            touched = spsi_tile_splat_list(run, bins, (row - up) * bins->columns + column - left, left + 2 * up, tile,
-                                           floats, touched);
-    return spsi_tile_splat_wide(run, bins, tile, column, row, floats, touched);
-}
-
-/* Splats the chunk's bricks and particles that meet a tile; returns 0, with the sheets not even cleared, if none does.
- */
-static int spsi_tile_splat(const spsi_run *run, spsi_tile *tile, int column, int row, int for_light, size_t floats) {
-    const spsi_sweep *sweep = run->sweep;
-    const spsi_rays *rays = for_light ? &sweep->rays : &run->frame->eye;
-    const int first_slab = run->shader.first_slab - (tile->slab_count - SPSI_CHUNK) / 2;
-    const double eye_slab = (spsi_dot(sweep->normal, rays->origin) - sweep->start) / sweep->thickness;
-    int touched = 0;
-    tile->eye_slab = (float)(eye_slab - first_slab);
-    for (int i = 0; i < run->chunk_brick_count; ++i) {
-        const int index = run->chunk_bricks[i];
-        const spsi_brick *brick = &run->bricks[index];
-        const spsi_medium *medium = &run->frame->media[brick->medium];
-        const spsi_material *material = &run->frame->materials[medium->channel];
-        const int channel = for_light ? medium->light_channel : medium->channel;
-        spsi_anchor anchor;
-        if (!spsi_span_meets(for_light ? run->spans[index].light : run->spans[index].eye, column, row)) continue;
-        if (for_light && !material->extinguishes) continue;
-        if (!touched) memset(tile->sheets, 0, floats * sizeof(float));
-        touched = 1;
-        spsi_anchor_build(medium, brick, rays, sweep, first_slab, &anchor);
-        tile->slopes = NULL;
-        if (!for_light && run->frame->splats_slopes && material->table && material->shading == SPS_SHADING_SURFACE)
-            tile->slopes = tile->sheets + (size_t)spsi_slope_channel(run->frame, channel) * tile->channel_size;
-        spsi_splat_brick(tile, for_light ? &run->light_splatters[brick->medium] : &run->eye_splatters[brick->medium],
-                         &anchor, spsi_segment_at(run->context, brick->segment), brick,
-                         tile->sheets + (size_t)channel * tile->channel_size);
-    }
-    return spsi_tile_splat_particles(run, tile, column, row, for_light, floats, touched);
-}
-
-static void spsi_tile_place(const spsi_run *run, spsi_tile *tile, const spsi_rays *rays, int column, int row,
-                            int margin, int worker) {
-    SPS_ASSERT(worker >= 0 && worker < spsi_worker_count(run->context)); /* else two tasks would share sheets */
-    memset(tile, 0, sizeof *tile);
-    tile->nearest_limit = SPSI_INFINITY;
-    tile->x0 = column * SPSI_TILE_WIDTH - margin;
-    tile->y0 = row * SPSI_TILE_HEIGHT - margin;
-    tile->margin = margin;
-    tile->pitch = SPSI_TILE_WIDTH + 2 * margin;
-    tile->x1 = spsi_least(tile->x0 + tile->pitch, rays->width + margin) - 1;
-    tile->y1 = spsi_least(tile->y0 + SPSI_TILE_HEIGHT + 2 * margin, rays->height + margin) - 1;
-    tile->slab_count = SPSI_CHUNK + 2 * run->slab_margin[rays != &run->frame->eye];
-    tile->sheet_size = (size_t)(tile->pitch * (SPSI_TILE_HEIGHT + 2 * margin));
-    tile->channel_size = tile->sheet_size * (size_t)tile->slab_count;
-    tile->sheets = run->sheets + (size_t)worker * run->sheet_floats;
-}
 
 static void spsi_light_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
-    const int column = index % run->planes.tiles_x, row = index / run->planes.tiles_x;
+    spsi_planes *planes = &run->planes;
     spsi_tile tile;
-    spsi_tile_place(run, &tile, &run->sweep->rays, column, row, 0, worker);
-    tile.open = run->planes.open[index];
-    if (!tile.open || !spsi_tile_splat(run, &tile, column, row, 1, spsi_light_sheet_floats(run->frame))) {
-        spsi_planes_level(&run->planes, index);
+    spsi_tile_place(&run->light, index % planes->tiles_x, index / planes->tiles_x, worker, &tile);
+    tile.open = planes->open[index];
+    if (!tile.open ||
+        !spsi_tile_splat(&run->light, &run->contents, index % planes->tiles_x, index / planes->tiles_x, &tile)) {
+        spsi_planes_level(planes, index);
         return;
     }
-    spsi_light_accumulate(&run->light_shader, &tile, tile.x1);
-    run->planes.open[index] =
-        spsi_patches_open(run->planes.depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)run->planes.width + (size_t)tile.x0,
-                          (size_t)run->planes.width, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, SPSI_LIGHT_END);
-    run->planes.uneven[index] = 1;
-    run->counts[worker][0] += tile.visits;
-    run->counts[worker][1] += tile.fragments;
+    spsi_light_accumulate(&run->light_shader, &tile, planes);
+    planes->open[index] =
+        spsi_patches_open(planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)planes->width + (size_t)tile.x0,
+                          (size_t)planes->width, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, SPSI_LIGHT_END);
+    planes->uneven[index] = 1;
+    spsi_tile_count(&run->light, &tile, worker);
 }
 
 static void spsi_level_task(void *data, int index, int worker) {
@@ -8489,51 +8876,58 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
                              spsi_least(SPSI_TILE_HEIGHT, run->frame->eye.height - y0), shader->end_depth);
 }
 
+/* Cuts a tile's sections at polygons and at the near plane, where either may lie in the chunk. */
+static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
+    const spsi_rays *eye = &run->frame->eye;
+    const float *range = run->region.polygon_range[index];
+    if (range[0] <= range[1]) {
+        tile->limits = run->shader.hits;
+        tile->limit_width = eye->width;
+        tile->limit_height = eye->height;
+        tile->nearest_limit = range[2];
+        tile->clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
+    }
+    if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
+}
+
 static void spsi_eye_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
-    const int column = run->tile_x0 + index % run->tiles_x, row = run->tile_y0 + index / run->tiles_x;
+    const spsi_region *region = &run->region;
+    const int column = region->x0 + index % region->columns, row = region->y0 + index / region->columns;
     const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
     const int width = run->frame->eye.width, height = run->frame->eye.height;
-    const float *range = run->polygon_range[index];
+    const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
     const spsi_scratch scratch = {run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS),
                                   run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count};
     int touched = 0;
     spsi_tile tile;
-    if (!run->open[index]) return;
-    spsi_tile_place(run, &tile, &run->frame->eye, column, row, run->margin, worker);
-    tile.open = run->open[index];
-    if (range[0] <= range[1]) {
-        tile.limits = run->shader.hits;
-        tile.limit_width = width;
-        tile.limit_height = height;
-        tile.nearest_limit = range[2];
-        tile.clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
-    }
-    if (run->shader.frame->eye.near_depth > 0 ||
-        (!run->frame->eye.perspective && run->frame->eye.near_depth > -DBL_MAX))
-        tile.clamped = 1;
-    if (run->slab_count > 0) touched = spsi_tile_splat(run, &tile, column, row, 0, spsi_eye_sheet_floats(run->frame));
+    if (!region->open[index]) return;
+    spsi_tile_place(&run->eye, column, row, worker, &tile);
+    tile.open = region->open[index];
+    spsi_tile_limit(run, index, &tile);
+    if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
     if (!touched && !polygons) return;
     for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
-                run->counts[worker][4] +=
+                run->shaded[worker] +=
                     (uint64_t)spsi_shade_pixels(&run->shader, &tile, &scratch, x, y, spsi_least(SPSI_LANES, width - x),
                                                 touched ? SPSI_CHUNK : 0, run->low, run->high);
-    run->counts[worker][2] += tile.visits;
-    run->counts[worker][3] += tile.fragments;
-    if (!run->sweep->back_to_front) run->open[index] = spsi_tile_open(run, x0, y0);
+    spsi_tile_count(&run->eye, &tile, worker);
+    if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
 /* The slab coordinates of the polygons in a tile and its margin, and their least depth. */
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
-    const int left = (run->tile_x0 + index % run->tiles_x) * SPSI_TILE_WIDTH;
-    const int top = (run->tile_y0 + index / run->tiles_x) * SPSI_TILE_HEIGHT;
-    const int x0 = spsi_most(0, left - run->margin), y0 = spsi_most(0, top - run->margin);
-    const int x1 = spsi_least(run->frame->eye.width, left + SPSI_TILE_WIDTH + run->margin);
-    const int y1 = spsi_least(run->frame->eye.height, top + SPSI_TILE_HEIGHT + run->margin);
+    spsi_region *region = &run->region;
+    const int margin = run->eye.shape.margin;
+    const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
+    const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
+    const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
+    const int x1 = spsi_least(run->frame->eye.width, left + SPSI_TILE_WIDTH + margin);
+    const int y1 = spsi_least(run->frame->eye.height, top + SPSI_TILE_HEIGHT + margin);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     (void)worker;
     for (int y = y0; y < y1 && run->shader.hits; ++y)
@@ -8551,17 +8945,13 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
                     nearest = depths[i] < nearest ? depths[i] : nearest;
                 }
         }
-    run->polygon_range[index][0] = low;
-    run->polygon_range[index][1] = high;
-    run->polygon_range[index][2] = nearest;
-    run->open[index] = ~UINT64_C(0);
+    region->polygon_range[index][0] = low;
+    region->polygon_range[index][1] = high;
+    region->polygon_range[index][2] = nearest;
+    region->open[index] = ~UINT64_C(0);
 }
 
 /* --- setting up a sweep --- */
-
-static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
-    return context->brick_count > 0 || frame->particle_count > 0;
-}
 
 static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     const spsi_sweep *sweep = run->sweep;
@@ -8570,7 +8960,7 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     float *memory;
     size_t tiles;
     planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
-    if (!sweep->sheets || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
+    if (sweep->light < 0 || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
     planes->tiles_x = spsi_tile_columns(&sweep->rays);
     planes->tiles_y = spsi_tile_rows(&sweep->rays);
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
@@ -8589,24 +8979,17 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     return SPS_OK;
 }
 
-static sps_result spsi_run_splatters(sps_context *context, spsi_run *run) {
+/* The eye, and the light whose planes the sweep has. */
+static sps_result spsi_run_targets(sps_context *context, spsi_run *run) {
     const spsi_frame *frame = run->frame;
-    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
-        const spsi_material *material = &frame->materials[frame->media[i].channel];
-        int good =
-            spsi_splatter_build(&frame->media[i], &frame->eye, run->sweep, 1, frame->cut, &run->eye_splatters[i]);
-        if (run->sweep->back_to_front) run->eye_splatters[i].sign = -1;
-        if (material->table) spsi_splatter_classified(&run->eye_splatters[i]);
-        if (run->sweep->sheets)
-            good &= spsi_splatter_build(
-                &frame->media[i], &run->sweep->rays, run->sweep, material->table ? 1 : material->extinction,
-                material->table && run->sweep->light >= 0 ? frame->light_cut : frame->cut, &run->light_splatters[i]);
-        if (!good)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", frame->media[i].index, "voxel edge",
-                                   cbrt(frame->media[i].voxel_volume),
-                                   "it is too large or too small for the world, or for this view's pixels");
-    }
-    return SPS_OK;
+    const spsi_sweep *sweep = run->sweep;
+    run->targets[0] = &run->eye;
+    run->targets[1] = &run->light;
+    run->target_count = run->planes.width > 0 ? 2 : 1;
+    if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye)) return context->result;
+    if (run->target_count == 1) return SPS_OK;
+    spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &run->light_shader);
+    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->light_cut, &run->light);
 }
 
 /* The i-th coordinate in what a shadow looks up, along the eye's rays; `axis` is the world's. */
@@ -8628,13 +9011,9 @@ static void spsi_shadow_linear(const spsi_run *run, int i, const double axis[3],
 
 /* The linear quantities that shading looks up along the eye's rays. */
 static void spsi_run_linears(spsi_run *run) {
-    static const double zero[3] = {0, 0, 0};
     const spsi_frame *frame = run->frame;
-    const spsi_sweep *sweep = run->sweep;
     spsi_shader *shader = &run->shader;
-    double row[3];
-    for (int i = 0; i < 3; ++i) row[i] = sweep->normal[i] / sweep->thickness;
-    spsi_linear_build(&frame->eye, row, zero, -sweep->start / sweep->thickness, &shader->slab);
+    spsi_linear_of_slabs(&frame->eye, &run->sweep->slabs, &shader->slab);
     spsi_ray_point(&frame->eye, 0.5 * frame->eye.width, 0.5 * frame->eye.height, frame->eye.depth_reference,
                    shader->position_origin);
     for (int i = 0; i < 3; ++i) {
@@ -8645,153 +9024,51 @@ static void spsi_run_linears(spsi_run *run) {
     }
 }
 
-static sps_result spsi_run_tiles(sps_context *context, spsi_run *run) {
-    const int *region = run->frame->view.region;
-    const int x1 = (region[0] + region[2] - 1) / SPSI_TILE_WIDTH, y1 = (region[1] + region[3] - 1) / SPSI_TILE_HEIGHT;
-    size_t tiles, pixels, planes;
+/* The region's tiles, and where their pixels are kept. */
+static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
+    const int *pixels_of = run->frame->view.region;
+    const int x1 = (pixels_of[0] + pixels_of[2] - 1) / SPSI_TILE_WIDTH;
+    const int y1 = (pixels_of[1] + pixels_of[3] - 1) / SPSI_TILE_HEIGHT;
+    const size_t planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
+    spsi_region *region = &run->region;
+    spsi_shader *shader = &run->shader;
+    size_t tiles, pixels;
     float *memory;
-    run->tile_x0 = region[0] / SPSI_TILE_WIDTH;
-    run->tile_y0 = region[1] / SPSI_TILE_HEIGHT;
-    run->tiles_x = x1 - run->tile_x0 + 1;
-    run->tiles_y = y1 - run->tile_y0 + 1;
-    tiles = (size_t)run->tiles_x * (size_t)run->tiles_y;
+    region->x0 = pixels_of[0] / SPSI_TILE_WIDTH;
+    region->y0 = pixels_of[1] / SPSI_TILE_HEIGHT;
+    region->columns = x1 - region->x0 + 1;
+    region->rows = y1 - region->y0 + 1;
+    tiles = (size_t)region->columns * (size_t)region->rows;
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
-    planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
-    run->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, sizeof(uint64_t) + 3 * sizeof(float));
+    region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, sizeof(uint64_t) + 3 * sizeof(float));
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
-    if (!run->open || !memory) return context->result;
+    if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
-    run->polygon_range = (float(*)[3])(void *)(run->open + tiles);
-    run->shader.x_origin = run->tile_x0 * SPSI_TILE_WIDTH;
-    run->shader.y_origin = run->tile_y0 * SPSI_TILE_HEIGHT;
-    run->shader.pitch = run->tiles_x * SPSI_TILE_WIDTH;
-    run->shader.depth = memory;
+    region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
+    shader->x_origin = region->x0 * SPSI_TILE_WIDTH;
+    shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
+    shader->pitch = region->columns * SPSI_TILE_WIDTH;
+    shader->depth = memory;
     for (int c = 0; c < 3; ++c)
-        run->shader.radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
-    run->shader.distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
+    shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
     return SPS_OK;
 }
 
-static sps_result spsi_run_spans(sps_context *context, spsi_run *run) {
-    spsi_span_job job;
-    const size_t workers = (size_t)spsi_worker_count(context);
-    run->sheet_floats = spsi_worker_floats(run->frame);
-    job.run = run;
-    job.count = context->brick_count;
-    job.spans = (spsi_span *)spsi_reserve(context, SPSI_BUFFER_SPANS, (size_t)job.count, sizeof(spsi_span));
-    run->chunk_bricks = (int *)spsi_reserve(context, SPSI_BUFFER_CHUNK, (size_t)job.count, sizeof(int));
-    run->sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
-                                        run->sheet_floats * sizeof(float) + sizeof *run->counts + 8);
+/* What the workers write down while they shade. */
+static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES,
                                                        run->frame->material_count * SPSI_PARTS, sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
-    if (!job.spans || !run->chunk_bricks || !run->sheets || !run->samples || !run->arrivals) return context->result;
-    /* the counters follow the last worker's sheets, rounded up to their alignment */
-    run->counts =
-        (uint64_t(*)[5])(void *)((char *)run->sheets + (workers * run->sheet_floats * sizeof(float) + 7) / 8 * 8);
-    memset(run->counts, 0, workers * sizeof *run->counts);
-    run->spans = job.spans;
-    spsi_parallel_batches(context, job.count, spsi_span_task, &job);
-    return SPS_OK;
+    run->shaded = (uint64_t *)(void *)(run + 1); /* there is room for it behind */
+    memset(run->shaded, 0, (size_t)spsi_worker_count(context) * sizeof *run->shaded);
+    return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* Lists of particles: one per tile, one for the wide ones, and one more to end them. */
-static size_t spsi_bin_lists(const spsi_rays *rays) {
-    return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
-}
-
-static size_t spsi_crowd_bytes(size_t particles, size_t chunks) {
-    return particles * (2 * sizeof(int) + 2 * sizeof(uint16_t)) + 2 * (chunks + 1) * sizeof(int);
-}
-
-/* The chunks that particles touch, as the eye or the light sees them. */
-static void spsi_crowd_task(void *data, int index, int worker) {
-    const spsi_run *run = (const spsi_run *)data;
-    const spsi_frame *frame = run->frame;
-    const int end = spsi_batch_end(index, frame->particle_count), chunks = spsi_chunk_count(run->sweep);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const sps_particles *set = spsi_set_of(frame, i)->particles;
-        double slab, reach, other, room;
-        spsi_particle_slabs(&run->bins[0].crossing, set, &frame->particles[i], &slab, &reach);
-        if (run->bins[1].crossing.rays) {
-            spsi_particle_slabs(&run->bins[1].crossing, set, &frame->particles[i], &slab, &other);
-            reach = fmax(reach, other);
-        }
-        room = reach + 1e-3 + 1e-6 * reach;
-        run->crowd.chunks[i][0] = (uint16_t)fmin(fmax(floor((slab - room) / SPSI_CHUNK), 0), chunks - 1);
-        run->crowd.chunks[i][1] = (uint16_t)fmin(fmax(floor((slab + room) / SPSI_CHUNK), 0), chunks - 1);
-    }
-}
-
-/* Orders particles by the chunk in which they begin; gives the most that any chunk holds. `passing` is room for as many
-   numbers as `starts` has. */
-static int spsi_crowd_sort(const spsi_frame *frame, int chunks, spsi_crowd *crowd, int *passing) {
-    int here = 0, most = 0;
-    memset(crowd->starts, 0, ((size_t)chunks + 1) * sizeof(int));
-    memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
-    for (int i = 0; i < frame->particle_count; ++i) {
-        crowd->starts[crowd->chunks[i][0] + 1] += 1;
-        passing[crowd->chunks[i][1] + 1] += 1; /* those that a chunk no longer holds, and the one before it did */
-    }
-    for (int chunk = 0; chunk < chunks; ++chunk) {
-        here += crowd->starts[chunk + 1] - passing[chunk];
-        most = spsi_most(most, here);
-        crowd->starts[chunk + 1] += crowd->starts[chunk];
-    }
-    memcpy(passing, crowd->starts, ((size_t)chunks + 1) * sizeof(int));
-    for (int i = 0; i < frame->particle_count; ++i) crowd->order[passing[crowd->chunks[i][0]]++] = i;
-    return most;
-}
-
-static sps_result spsi_bins_reserve(sps_context *context, spsi_buffer_id id, int most, spsi_bins *bins) {
-    const spsi_rays *rays = bins->crossing.rays;
-    const size_t bytes = (size_t)most * (sizeof(spsi_seen) + sizeof(int)) + spsi_bin_lists(rays) * sizeof(int);
-    bins->seen = (spsi_seen *)spsi_reserve(context, id, 1, bytes);
-    if (!bins->seen) return context->result;
-    bins->members = (int *)(void *)(bins->seen + most);
-    bins->starts = bins->members + most;
-    bins->columns = spsi_tile_columns(rays);
-    bins->rows = spsi_tile_rows(rays);
-    return SPS_OK;
-}
-
-/* Finds out which chunks the particles are in, and reserves what the fullest chunk takes. */
-static sps_result spsi_run_crowd(sps_context *context, spsi_run *run) {
-    const spsi_sweep *sweep = run->sweep;
-    const int count = run->frame->particle_count, chunks = spsi_chunk_count(sweep);
-    spsi_crowd *crowd = &run->crowd;
-    int most, *passing;
-    if (count == 0) return SPS_OK;
-    crowd->order = (int *)spsi_reserve(context, SPSI_BUFFER_CROWD, 1, spsi_crowd_bytes((size_t)count, (size_t)chunks));
-    if (!crowd->order) return context->result;
-    crowd->present = crowd->order + count;
-    crowd->starts = crowd->present + count;
-    passing = crowd->starts + chunks + 1;
-    crowd->chunks = (uint16_t(*)[2])(void *)(passing + chunks + 1);
-    spsi_crossing_build(&run->frame->eye, sweep, sweep->back_to_front, &run->bins[0].crossing);
-    if (run->planes.width) spsi_crossing_build(&sweep->rays, sweep, 0, &run->bins[1].crossing);
-    spsi_parallel_batches(context, count, spsi_crowd_task, run);
-    most = spsi_crowd_sort(run->frame, chunks, crowd, passing);
-    if (spsi_bins_reserve(context, SPSI_BUFFER_EYE_BALLS, most, &run->bins[0])) return context->result;
-    return run->planes.width ? spsi_bins_reserve(context, SPSI_BUFFER_LIGHT_BALLS, most, &run->bins[1]) : SPS_OK;
-}
-
-/* What a light's sheets hold, channel by channel, and where they go. */
-static void spsi_light_shader_build(const spsi_frame *frame, const spsi_sweep *sweep, spsi_planes *planes,
-                                    spsi_light_shader *shader) {
-    static const double zero[3] = {0, 0, 0};
-    double row[3];
-    shader->frame = frame;
-    shader->rays = &sweep->rays;
-    shader->planes = planes;
-    shader->material_of_channel[0] = -1;
-    for (int i = 0; i < frame->medium_count; ++i)
-        if (frame->materials[frame->media[i].channel].table)
-            shader->material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
-    for (int i = 0; i < 3; ++i) row[i] = sweep->normal[i] / sweep->thickness;
-    if (sweep->sheets) spsi_linear_build(&sweep->rays, row, zero, -sweep->start / sweep->thickness, &shader->slab);
+/* Bytes of a run and of what follows it. */
+static size_t spsi_run_bytes(const sps_context *context) {
+    return sizeof(spsi_run) + (size_t)spsi_worker_count(context) * sizeof(uint64_t);
 }
 
 /* Fills the run for one sweep. */
@@ -8801,9 +9078,6 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     run->context = context;
     run->frame = frame;
     run->sweep = sweep;
-    run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    run->margin = spsi_pixel_margin(frame);
-    for (int i = 0; i < 2; ++i) run->slab_margin[i] = spsi_slab_margin(frame, i);
     shader->frame = frame;
     shader->sweep = sweep;
     shader->faces = faces;
@@ -8812,90 +9086,21 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->hits = faces->count > 0 ? hits : NULL;
     shader->unshadowed = sweep->first && (frame->has_ambient || frame->emits || frame->lit_count > frame->shadow_count);
     shader->end_depth = (float)-log(frame->threshold);
-    spsi_light_shader_build(frame, sweep, &run->planes, &run->light_shader);
-    if (spsi_run_planes(context, run) || spsi_run_splatters(context, run)) return context->result;
+    if (spsi_run_planes(context, run) || spsi_run_targets(context, run)) return context->result;
     spsi_run_linears(run);
-    if (spsi_run_tiles(context, run) || spsi_run_spans(context, run) || spsi_run_crowd(context, run))
+    if (spsi_run_region(context, run) || spsi_run_scratch(context, run) ||
+        spsi_contents_build(context, run->targets, run->target_count, &run->contents) ||
+        spsi_contents_add_particles(context, run->targets, run->target_count, &run->contents))
         return context->result;
-    spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_polygon_range_task, run);
+    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
     return SPS_OK;
 }
 
 /* --- running it --- */
 
-static void spsi_run_find_bricks(spsi_run *run, int chunk) {
-    run->chunk_brick_count = 0;
-    for (int i = 0; i < run->context->brick_count; ++i)
-        if (run->spans[i].chunk0 <= chunk && chunk <= run->spans[i].chunk1)
-            run->chunk_bricks[run->chunk_brick_count++] = i;
-}
-
-/* The chunk's particles: those of the chunk before that reach into it, and those that begin in it. */
-static void spsi_run_find_particles(spsi_run *run, int chunk) {
-    spsi_crowd *crowd = &run->crowd;
-    int count = 0;
-    if (run->frame->particle_count == 0) return;
-    for (int i = 0; i < crowd->current; ++i)
-        if (crowd->chunks[crowd->present[i]][1] >= chunk) crowd->present[count++] = crowd->present[i];
-    for (int i = crowd->starts[chunk]; i < crowd->starts[chunk + 1]; ++i) crowd->present[count++] = crowd->order[i];
-    crowd->current = count;
-}
-
-/* The list that a particle belongs in. */
-static int spsi_bins_list(const spsi_bins *bins, const spsi_ball *ball) {
-    const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
-    const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
-    if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
-    return x1 - x0 <= 1 && y1 - y0 <= 1 ? y0 * bins->columns + x0 : bins->columns * bins->rows;
-}
-
-static void spsi_seen_task(void *data, int index, int worker) {
-    spsi_run *run = (spsi_run *)data;
-    const int end = spsi_batch_end(index, run->crowd.current);
-    (void)worker;
-    for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const int particle = run->crowd.present[i];
-        const spsi_particle_set *set = spsi_set_of(run->frame, particle);
-        for (int n = 0; n < 2 && run->bins[n].seen; ++n) {
-            spsi_seen *seen = &run->bins[n].seen[i];
-            spsi_seen_build(&run->bins[n].crossing, set->particles, &run->frame->particles[particle],
-                            n == 0 ? set->channel : 0, run->shader.first_slab, seen);
-            seen->list = spsi_bins_list(&run->bins[n], &seen->ball);
-        }
-    }
-}
-
-/* Sorts the particles of one set of rays into their lists, in which their order stays. */
-static void spsi_bins_task(void *data, int index, int worker) {
-    const spsi_run *run = (const spsi_run *)data;
-    const spsi_bins *bins = &run->bins[index];
-    const int lists = bins->columns * bins->rows + 1;
-    (void)worker;
-    memset(bins->starts, 0, ((size_t)lists + 1) * sizeof(int));
-    for (int i = 0; i < run->crowd.current; ++i)
-        if (bins->seen[i].list >= 0) bins->starts[bins->seen[i].list] += 1;
-    for (int list = 0; list < lists; ++list) bins->starts[list + 1] += bins->starts[list];
-    for (int i = run->crowd.current - 1; i >= 0; --i) /* from the end: where a list ends becomes where it begins */
-        if (bins->seen[i].list >= 0) {
-            const spsi_ball *ball = &bins->seen[i].ball;
-            const int right = ball->x1 / SPSI_TILE_WIDTH > ball->x0 / SPSI_TILE_WIDTH;
-            const int below = ball->y1 / SPSI_TILE_HEIGHT > ball->y0 / SPSI_TILE_HEIGHT;
-            bins->members[--bins->starts[bins->seen[i].list]] = 4 * i + right + 2 * below;
-        }
-}
-
-/* Builds the chunk's particles for the eye and the light. */
-static void spsi_run_particles(spsi_run *run) {
-    const double start = spsi_clock(run->context);
-    if (run->crowd.current == 0) return;
-    spsi_parallel_batches(run->context, run->crowd.current, spsi_seen_task, run);
-    spsi_parallel(run->context, run->bins[1].seen ? 2 : 1, spsi_bins_task, run);
-    run->context->stats.seconds_bin += spsi_clock(run->context) - start;
-}
-
 static int spsi_run_finished(const spsi_run *run) {
-    for (int i = 0; i < run->tiles_x * run->tiles_y; ++i)
-        if (run->open[i]) return 0;
+    for (int i = 0; i < run->region.columns * run->region.rows; ++i)
+        if (run->region.open[i]) return 0;
     return 1;
 }
 
@@ -8903,60 +9108,56 @@ static int spsi_run_finished(const spsi_run *run) {
 static void spsi_run_polygons(spsi_run *run, float low, float high) {
     if (!run->shader.hits || !(low < high)) return;
     run->slab_count = 0;
-    run->chunk_brick_count = 0;
     run->low = low;
     run->high = high;
     spsi_parallel(run->context, run->planes.tiles_x * run->planes.tiles_y, spsi_level_task, run);
-    spsi_parallel(run->context, run->tiles_x * run->tiles_y, spsi_eye_task, run);
+    spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);
 }
 
-static void spsi_run_chunk(spsi_run *run, int chunk) {
+/* Splats and composites the chunk at hand. */
+static void spsi_run_chunk(spsi_run *run) {
     sps_context *context = run->context;
     double start;
-    run->shader.first_slab = chunk * SPSI_CHUNK;
+    run->shader.first_slab = run->contents.first_slab;
     run->slab_count = SPSI_CHUNK;
     run->low = (float)run->shader.first_slab;
     run->high = run->low + SPSI_CHUNK;
-    spsi_run_particles(run);
+    spsi_targets_take_particles(context, &run->contents, run->targets, run->target_count);
     start = spsi_clock(context);
     spsi_parallel(context, run->planes.tiles_x * run->planes.tiles_y, spsi_light_task, run);
     context->stats.seconds_light += spsi_clock(context) - start;
-    spsi_parallel(context, run->tiles_x * run->tiles_y, spsi_eye_task, run);
+    spsi_parallel(context, run->region.columns * run->region.rows, spsi_eye_task, run);
 }
 
 /* Adds the workers' counts and the tiles' flags to the statistics. */
 static void spsi_run_count(spsi_run *run) {
     sps_stats_report *stats = &run->context->stats;
     for (int i = 0; i < spsi_worker_count(run->context); ++i) {
-        stats->light_footprints += run->counts[i][0];
-        stats->light_fragments += run->counts[i][1];
-        stats->eye_footprints += run->counts[i][2];
-        stats->eye_fragments += run->counts[i][3];
-        stats->pixels_shaded += run->counts[i][4];
+        stats->eye_footprints += run->eye.counts[i][0];
+        stats->eye_fragments += run->eye.counts[i][1];
+        stats->pixels_shaded += run->shaded[i];
+        if (run->target_count == 1) continue;
+        stats->light_footprints += run->light.counts[i][0];
+        stats->light_fragments += run->light.counts[i][1];
     }
-    for (int i = 0; i < run->tiles_x * run->tiles_y; ++i) stats->tiles_finished += run->open[i] == 0;
+    for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
 }
 
 static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
     sps_context *context = run->context;
-    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slab_count : 0;
-    const int chunks = held ? spsi_chunk_count(run->sweep) : 0;
+    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slabs.count : 0;
+    const int chunks = held ? spsi_chunk_count(&run->sweep->slabs) : 0;
     float done = -SPSI_INFINITY;
     context->stats.slabs += (uint64_t)slabs;
     for (int chunk = 0; chunk < chunks; ++chunk) {
         if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
-        spsi_run_find_bricks(run, chunk);
-        spsi_run_find_particles(run, chunk);
-        if (run->chunk_brick_count == 0 && run->crowd.current == 0) {
+        spsi_contents_advance(&run->contents, chunk);
+        if (run->contents.bricks.current == 0 && run->contents.particles.current == 0) {
             context->stats.slabs_empty += (uint64_t)spsi_least(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
             continue;
         }
-        {
-            const int count = run->chunk_brick_count;
-            spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
-            run->chunk_brick_count = count;
-        }
-        spsi_run_chunk(run, chunk);
+        spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
+        spsi_run_chunk(run);
         done = (float)((chunk + 1) * SPSI_CHUNK);
         if (spsi_run_finished(run)) break;
     }
@@ -9136,6 +9337,14 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
 
 typedef enum spsi_visit { SPSI_VISIT_RANGE, SPSI_VISIT_SUMS, SPSI_VISIT_COUNT, SPSI_VISIT_LIST } spsi_visit;
 
+/* What splatting volumes into a face takes. */
+typedef struct spsi_map_volumes {
+    spsi_slabs slabs;
+    spsi_target target;
+    spsi_contents contents;
+    spsi_light_shader shader;
+} spsi_map_volumes;
+
 /* What all maps of a light, or faces of one, are made from. */
 typedef struct spsi_occluders {
     const spsi_frame *frame;
@@ -9143,7 +9352,7 @@ typedef struct spsi_occluders {
     const spsi_ball *balls;                   /* for the face at hand */
     const uint32_t *tile_starts, *tile_balls; /* of each tile, and one more; tile_balls NULL: all of every tile */
     int *boxes;                               /* of triangles, in texels of the face at hand */
-    spsi_run *run;                            /* of volumes; NULL: none */
+    spsi_map_volumes *volumes;                /* NULL: none */
     spsi_part_of_call part;
 } spsi_occluders;
 
@@ -9471,8 +9680,9 @@ static void spsi_fill_task(void *data, int index, int worker) {
 /* The slabs of a chunk that a tile's voxels were splatted into, as stretches. */
 static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
     const spsi_filling *filling = bin->filling;
-    const spsi_run *run = filling->occluders->run;
-    const spsi_light_shader *shader = &run->light_shader;
+    const spsi_map_volumes *volumes = filling->occluders->volumes;
+    const spsi_light_shader *shader = &volumes->shader;
+    const int first_slab = volumes->contents.first_slab, margin = volumes->target.shape.slab_margin;
     spsi_stretches stretches;
     stretches.soft = 0;
     for (int y = bin->y0; y < bin->y0 + bin->height; ++y)
@@ -9484,9 +9694,9 @@ static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
             const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
             const spsi_m here = spsi_less(at, spsi_set((float)(bin->x0 + bin->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
-                const double u = filling->slab_u + (run->shader.first_slab + k) * filling->u_per_slab;
-                spsi_v depth = spsi_light_sheet(
-                    shader, tile, from + (size_t)(k + run->slab_margin[1]) * tile->sheet_size, length, per_slab, slabs);
+                const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
+                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, length,
+                                                per_slab, slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
                 stretches.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
@@ -9499,24 +9709,21 @@ static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
 
 static void spsi_fill_volumes_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
-    spsi_run *run = filling->occluders->run;
+    const spsi_map_volumes *volumes = filling->occluders->volumes;
     spsi_bin bin;
     spsi_tile tile;
     spsi_bin_place(filling, index, &bin);
-    spsi_tile_place(run, &tile, &run->sweep->rays, index, filling->row, 0, worker);
-    tile.open = ~UINT64_C(0);
-    if (spsi_tile_splat(run, &tile, index, filling->row, 1, spsi_light_sheet_floats(run->frame)))
-        spsi_bin_slabs(&bin, &tile);
+    spsi_tile_place(&volumes->target, index, filling->row, worker, &tile);
+    if (spsi_tile_splat(&volumes->target, &volumes->contents, index, filling->row, &tile)) spsi_bin_slabs(&bin, &tile);
 }
 
 static sps_result spsi_fill_volumes(spsi_filling *filling) {
-    spsi_run *run = filling->occluders->run;
-    const int chunks = run ? spsi_chunk_count(run->sweep) : 0;
+    spsi_map_volumes *volumes = filling->occluders->volumes;
+    const int chunks = volumes ? spsi_chunk_count(&volumes->slabs) : 0;
     for (int chunk = 0; chunk < chunks; ++chunk) {
-        spsi_run_find_bricks(run, chunk);
-        if (run->chunk_brick_count == 0) continue;
+        spsi_contents_advance(&volumes->contents, chunk);
+        if (volumes->contents.bricks.current == 0) continue;
         if (spsi_progress(filling->context, filling->progress)) break;
-        run->shader.first_slab = chunk * SPSI_CHUNK;
         spsi_parallel(filling->context, filling->tiles_x, spsi_fill_volumes_task, filling);
     }
     return filling->context->result;
@@ -10020,54 +10227,47 @@ static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_
 
 /* --- a face, and a map --- */
 
-/* Slabs perpendicular to a face's axis, for the volumes of a frame. */
-static sps_result spsi_tmap_sweep(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                  spsi_sweep *sweep) {
+/* Slabs perpendicular to a face's axis, for the volumes of a frame; particles are no part of sheets here. */
+static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                  spsi_slabs *slabs) {
     double least;
-    memset(sweep, 0, sizeof *sweep);
-    sweep->light = -1;
-    sweep->sheets = 1;
-    memcpy(sweep->normal, rays->inverse[2], sizeof sweep->normal);
-    spsi_normalise(sweep->normal);
-    sweep->rays = *rays;
-    least = spsi_cosine_to_corners(sweep->normal, rays);
+    memcpy(slabs->normal, rays->inverse[2], sizeof slabs->normal);
+    spsi_normalise(slabs->normal);
+    least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "cosine of its outermost rays with the axis",
                                least,
                                frame->view.world_to_clip
                                    ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
                                    : "volumes need 0.1; narrow the light's view, up and down or sideways");
-    return spsi_sweep_slabs(context, frame, 0, sweep); /* particles are no part of sheets here */
+    return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, slabs);
 }
 
-/* What splatting volumes into a face takes. */
-static sps_result spsi_tmap_run(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, spsi_run *run) {
-    memset(run, 0, sizeof *run);
-    run->context = context;
-    run->frame = frame;
-    run->sweep = sweep;
-    run->bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    for (int i = 0; i < 2; ++i) run->slab_margin[i] = spsi_slab_margin(frame, i);
-    spsi_light_shader_build(frame, sweep, &run->planes, &run->light_shader);
-    if (spsi_run_splatters(context, run)) return context->result;
-    return spsi_run_spans(context, run);
+/* Prepares the splatting of volumes into a face. */
+static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                         spsi_map_volumes *volumes) {
+    spsi_target *const target = &volumes->target;
+    memset(volumes, 0, sizeof *volumes);
+    if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
+    spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
+    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->cut, target)) return context->result;
+    return spsi_contents_build(context, &target, 1, &volumes->contents);
 }
 
 static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->face];
     const int rows = spsi_tile_rows(rays);
-    spsi_sweep sweep;
     if (spsi_occluders_bin(map, rays, occluders)) return filling->context->result;
     for (int i = 0; i < occluders->faces.count; ++i)
         spsi_face_box(&occluders->faces, i, rays, occluders->boxes + 4 * i);
-    if (occluders->run) {
+    if (occluders->volumes) {
         const double per_depth = spsi_length(rays->inverse[2]) * map->per_depth;
-        if (spsi_tmap_sweep(filling->context, occluders->frame, rays, &sweep) ||
-            spsi_tmap_run(filling->context, occluders->frame, &sweep, occluders->run))
+        const spsi_slabs *slabs = &occluders->volumes->slabs;
+        if (spsi_map_volumes_build(filling->context, occluders->frame, rays, occluders->volumes))
             return filling->context->result;
-        filling->u_per_slab = sweep.thickness * per_depth;
-        filling->slab_u = (sweep.start - spsi_dot(sweep.normal, rays->origin)) * per_depth -
+        filling->u_per_slab = slabs->thickness * per_depth;
+        filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->settings.near_depth * map->per_depth;
     }
     for (filling->row = 0; filling->row < rows; ++filling->row) {
@@ -10125,8 +10325,9 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     spsi_filling filling;
     int has_surfaces = 0;
     if (context->brick_count > 0 && occluders->frame->medium_count > 0 && occluders->frame->extinguishes) {
-        occluders->run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_TMAP_RUN, 1, sizeof(spsi_run));
-        if (!occluders->run) return context->result;
+        occluders->volumes =
+            (spsi_map_volumes *)spsi_reserve(context, SPSI_BUFFER_TMAP_VOLUMES, 1, sizeof(spsi_map_volumes));
+        if (!occluders->volumes) return context->result;
     }
     for (int i = 0; i < occluders->faces.count; ++i)
         has_surfaces |= occluders->faces.list[i].optical_depth >= SPSI_DEPTH_MAX;
@@ -10677,7 +10878,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
-    run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, sizeof(spsi_run));
+    run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
     if (!picture.total || !run) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
@@ -10756,14 +10957,28 @@ static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sw
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
-/* Bytes of all particles in a sweep, as one set of rays sees them: a chunk may hold all of them. */
-static size_t spsi_plan_bins_bytes(const spsi_frame *frame, int width, int height) {
+/* Bytes of a target's lists of particles: a chunk may hold all of them. */
+static size_t spsi_plan_lists_bytes(const spsi_frame *frame, int width, int height) {
     spsi_rays rays;
     rays.width = width;
     rays.height = height;
-    return frame->set_count == 0
-               ? 0
-               : frame->particles_asked * (sizeof(spsi_seen) + sizeof(int)) + spsi_bin_lists(&rays) * sizeof(int);
+    return spsi_lists_bytes(&rays, frame->particles_asked);
+}
+
+/* Bytes of the queues. What has been read may be cut into other slabs than its bounds, but not into many more; where
+   there are particles, nobody knows. */
+static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *slabs, size_t bricks) {
+    const size_t most = SPSI_SLABS_MAX / SPSI_CHUNK;
+    const size_t chunks = frame->set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
+    return spsi_queue_bytes(bricks, chunks) + bricks * 2 * sizeof(int16_t[4]) +
+           (frame->set_count > 0 ? spsi_queue_bytes(frame->particles_asked, chunks) : 0);
+}
+
+/* Floats of a worker's sheets, whichever target it fills. */
+static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
+    const spsi_shape eye = spsi_eye_shape(frame), light = spsi_light_shape(frame);
+    const size_t shadow = frame->shadow_count > 0 ? spsi_shape_floats(&light) : 0;
+    return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
 }
 
 /* Bytes of the largest sweep's planes, sheets, spans and pixels. */
@@ -10776,23 +10991,22 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     const size_t side = spsi_plan_light_side(frame, sweep);
     const int shadows = spsi_most(1, spsi_sweep_shadow_count(frame, n));
-    size_t eye = workers * (spsi_worker_floats(frame) * sizeof(float) + 48) +
-                 (size_t)bricks * (sizeof(spsi_span) + sizeof(int)) + 64;
+    size_t eye = workers * (spsi_plan_sheet_floats(frame) * sizeof(float) + 48) +
+                 spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
-    eye += (size_t)region[2] * 6 * sizeof(float) + sizeof(spsi_run) + (size_t)shadows * sizeof(spsi_shadow) +
+    eye += (size_t)region[2] * 6 * sizeof(float) + spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
            spsi_vectors_bytes(context, frame->material_count * SPSI_PARTS, sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
-    eye += spsi_plan_bins_bytes(frame, frame->eye.width, frame->eye.height);
-    if (frame->set_count > 0) eye += spsi_crowd_bytes(frame->particles_asked, SPSI_SLABS_MAX / SPSI_CHUNK);
+    eye += spsi_plan_lists_bytes(frame, frame->eye.width, frame->eye.height);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->sheets && spsi_has_gas(frame) && frame->extinguishes) {
+    if (sweep->light >= 0 && spsi_has_gas(frame) && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
-                             spsi_plan_bins_bytes(frame, (int)side, (int)side);
+                             spsi_plan_lists_bytes(frame, (int)side, (int)side);
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     }
-    report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slab_count : 0);
+    report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     if (sweep->light < 0) return;
     report->shadow_width = spsi_most(report->shadow_width, frame->set_count ? (int)side : sweep->rays.width);
     report->shadow_height = spsi_most(report->shadow_height, frame->set_count ? (int)side : sweep->rays.height);
@@ -10899,7 +11113,7 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const sps_light *light
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     const size_t components = (size_t)spsi_components_of(light->shadow_map);
     *held = sizeof(sps_tmap) + side * side * faces * (components + 1) * sizeof(float);
-    *filling = sizeof(spsi_run) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
+    *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
     if (!spsi_techniques[light->shadow_map->technique].sums) *filling += spsi_balls_order_bytes(frame->particles_asked);

@@ -900,7 +900,7 @@ static inline void compare_with_reference(sps_context *context, const random_sce
     for (;;) {
         compare_pictures(x, medium, &exact, judged, &report->medium);
         compare_pictures(x, high, &exact, judged, &report->high);
-        if (scene_good(report) || !refine || report->step < 0.1) return;
+        if (scene_good(report) || !refine || report->step < 0.05) return;
         if (report->own > 0 && report->own < 0.1 * report->high.light) return;
         coarser = exact;
         report->step *= 0.5;

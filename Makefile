@@ -142,7 +142,7 @@ maps: build/maps
 # and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder. A
 # configuration whose compiler cannot be had is skipped, and that is said.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
-CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme fused clang
+CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme fused clang glsl hlsl
 
 COMPILE_native    = gcc $(STANDARD) -O2 -march=native
 COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
@@ -155,6 +155,9 @@ COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
 COMPILE_readme    = cc -O3 -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
+# The test that runs examples/shaders/, which is C in the others, in the words of the shading languages
+COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
+COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
 # What runs where: natively all of it, with random scenes, the same ones each time (`make fuzz`, `make soak` for others);
@@ -167,8 +170,10 @@ TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
 TESTS_fused     = test_watertight
 TESTS_clang     = test_watertight
+TESTS_glsl      = test_sampling
+TESTS_hlsl      = test_sampling
 ifdef SPLATSHADOW_LONG
-$(foreach configuration,$(filter-out native,$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
+$(foreach configuration,$(filter-out native glsl hlsl,$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 endif
 
 # The header by itself, with every warning an error: compiler_standard_variant; examples likewise. In C99 to an object,
@@ -204,7 +209,7 @@ test:
 	@awk '$(SUMMARY)' build/tests/*.log
 
 test-long: export SPLATSHADOW_LONG = 1
-test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang unoptimized threads
+test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang glsl hlsl unoptimized threads
 test-long: test
 
 # A log ends with `exit status S`. Its last `N passed, N failed` counts; a program that ended otherwise than with 0
@@ -228,8 +233,11 @@ STB_THERE := $(wildcard $(STB)/stb_image_write.h)
 TCC_THERE := $(shell command -v tcc)
 READY_EXAMPLES = $(foreach k,$(if $(STB_THERE),$(EXAMPLE_CHECKS),$(filter %_hello,$(EXAMPLE_CHECKS))),\
 	$(if $(filter $(call part,1,$(k)),$(THERE)),$(k)))
+SHADER_COMPILERS = glslangValidator glslc dxc
+SHADER_COMPILERS_THERE := $(foreach c,$(SHADER_COMPILERS),$(shell command -v $(c) >/dev/null && echo $(c)))
 $(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(info skipped: configuration $(c): install $(firstword $(COMPILE_$(c))) and its sanitizer runtime))
 $(foreach c,$(filter-out $(THERE) $(if $(TCC_THERE),tcc),$(CHECK_COMPILERS) tcc),$(info skipped: warnings of $(c): install it))
+$(foreach c,$(filter-out $(SHADER_COMPILERS_THERE),$(SHADER_COMPILERS)),$(info skipped: examples/shaders/ by $(c): install it))
 
 # test_engineering runs build/render
 $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log: build/render)))
@@ -238,7 +246,8 @@ $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
-	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) $(if $(TCC_THERE),build/tests/header.tcc.log)
+	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) $(if $(TCC_THERE),build/tests/header.tcc.log) \
+	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif
 
 # $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
@@ -247,7 +256,7 @@ run = { $(2); } > build/tests/$(1).log 2>&1; status=$$?; echo "exit status $$sta
 ONE_PASSED = echo "1 passed, 0 failed"
 
 define configuration_rules
-build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h)
+build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*)
 	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 
@@ -258,7 +267,7 @@ define split_rules
 build/tests/$(1).code.o: build/tests/weak.h
 	@$$(COMPILE_$(1)) -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $$< -o $$@
 
-build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h) build/tests/$(1).code.o build/tests/faces/splatshadow.h
+build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) build/tests/$(1).code.o build/tests/faces/splatshadow.h
 	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< build/tests/$(1).code.o \
 		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
@@ -282,6 +291,10 @@ build/tests/header.%.log: splatshadow.h
 build/tests/header.tcc.log: splatshadow.h
 	@$(call run,header.tcc,$(UNIT) > build/tests/unit_tcc.c && tcc -std=c99 -Wall -Werror -DSPLATSHADOW_IMPLEMENTATION \
 		-I. -c build/tests/unit_tcc.c -o build/tests/header.tcc.o && $(ONE_PASSED))
+
+# The shaders as shader compilers see them
+build/tests/shaders.%.log: tests/shaders.sh docs/shadow_maps.md $(wildcard examples/shaders/*)
+	@$(call run,shaders.$*,sh $< $* build/tests)
 
 # Fast-math is refused unless the caller insists.
 build/tests/header.fast_math.log: splatshadow.h
@@ -334,7 +347,7 @@ soak: tests/soak.c $(HEADERS) $(wildcard tests/*.h) | build
 
 # hello.c is left as it stands in the header; the header's tables are set by hand.
 format:
-	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] tests/*.[ch]))
+	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* tests/*.[ch]))
 
 clean:
 	rm -rf build

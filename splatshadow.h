@@ -633,7 +633,7 @@ SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *p
    last part of its chord, that much of it, counts, and u0 is where that begins. Six faces follow each other, +x -x +y
    -y +z -z, columns and rows along the next two axes, y z, z x or x y; the middles of the outermost texels lie on the
    cube's edges, so that this is no hardware cube map. Valid until sps_tmap_destroy; NULL before sps_tmap_finish.
-   docs/shadow_maps.md has the code that samples them as sps_tmap_query does. */
+   examples/shaders/ has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
 /* Of deep and compressed maps: the number of each texel's first stretch or node, and at the end that of all. NULL for

@@ -1,384 +1,31 @@
-/* Transmittance maps sampled by the code of docs/shadow_maps.md against sps_tmap_query, and that page against this
-   file: its C is the very text below, and its GLSL and HLSL are that text with the spelling changed. */
+/* Transmittance maps sampled by the code of examples/shaders/ against sps_tmap_query, and what docs/shadow_maps.md says
+   of maps. As C this runs transmittance_map.h; as C++ with SAMPLING_GLSL or SAMPLING_HLSL defined it runs
+   transmittance_map.glsl or .hlsl. */
 
 #include "check.h"
 
-/* ------------------------------------------------------------------------------- the code of docs/shadow_maps.md */
-/* begin */
-typedef struct vec2 {
-    float x, y;
-} vec2;
+#if defined(SAMPLING_GLSL) || defined(SAMPLING_HLSL)
+#include "shading_languages.h"
+#else
+#include "shaders/transmittance_map.h"
 
-typedef struct vec3 {
-    float x, y, z;
-} vec3;
+/* What the shaders have as a uniform block and as buffers. */
+static tmap tmap_bound;
 
-typedef struct vec4 {
-    float x, y, z, w;
-} vec4;
-
-static const float *texels, *surfaces, *planes; /* sps_tmap_texels, sps_tmap_surfaces, settings.planes */
-static const uint32_t *starts;                  /* sps_tmap_starts */
-static int map_technique, map_components;       /* settings */
-static int map_has_range;                       /* a deep opacity map, or settings.texel_range */
-static int map_has_planes, map_cubic;           /* settings.planes is not NULL; settings.cubic */
-static int map_running_maximum;                 /* settings */
-static int map_has_surfaces;                    /* surfaces is not NULL */
-static int map_width, map_height;               /* texels of a face */
-static float map_near, map_far;                 /* settings.near_depth, far_depth */
-static float map_bias, map_bias_per_distance;   /* of surfaces: sps_tmap_get_projection's bias */
-static vec4 map_row_x, map_row_y;               /* sps_tmap_get_projection's matrix, row by row; six faces need */
-static vec4 map_row_distance, map_row_w;        /* none of these */
-
-static float mix(float a, float b, float t) { return a + t * (b - a); }
-
-static float clamp(float x, float low, float high) { return fminf(fmaxf(x, low), high); }
-
-static int clampi(int x, int low, int high) { return x < low ? low : x > high ? high : x; }
-
-/* Even planes, at u = 1 / n .. 1. */
-static float opacity_depth(int first, int n, float u) {
-    float at = u * (float)n;
-    int plane = clampi((int)at, 0, n - 1);
-    float before = plane > 0 ? texels[first + plane - 1] : 0.0f;
-    return mix(before, texels[first + plane], at - (float)plane);
+static void bind(const float *texels, const float *surfaces, const float *planes, const uint32_t *starts) {
+    tmap_bound.texels = texels, tmap_bound.surfaces = surfaces, tmap_bound.planes = planes, tmap_bound.starts = starts;
 }
+#endif
 
-/* u and optical depth of plane i; nothing lies before u = 0, which is plane -1. */
-static vec2 opacity_knot(int first, int n, int i) {
-    vec2 knot;
-    int plane = clampi(i, 0, n - 1);
-    knot.x = i < 0 ? 0.0f : map_has_planes != 0 ? planes[plane] : (float)(plane + 1) / (float)n;
-    knot.y = i < 0 ? 0.0f : texels[first + plane];
-    return knot;
+/* As bound. */
+static const float *texels, *surfaces, *planes;
+static const uint32_t *starts;
+
+/* The same map with other texels. */
+static void bind_texels(const float *list) {
+    texels = list;
+    bind(texels, surfaces, planes, starts);
 }
-
-/* The first plane that does not lie before u. */
-static int opacity_plane(int first, int n, float u) {
-    int i = 0;
-    while (i < n - 1 && opacity_knot(first, n, i).x < u) ++i;
-    return i;
-}
-
-/* Planes as given. */
-static float opacity_planes_depth(int first, int n, float u) {
-    int i = opacity_plane(first, n, u);
-    vec2 a = opacity_knot(first, n, i - 1);
-    vec2 b = opacity_knot(first, n, i);
-    return mix(a.y, b.y, clamp((u - a.x) / (b.x - a.x), 0.0f, 1.0f));
-}
-
-static float secant(vec2 a, vec2 b) { return (b.y - a.y) / (b.x - a.x); }
-
-/* The slope at b of a curve through a, b, c that never falls; at a. */
-static float inner_slope(vec2 a, vec2 b, vec2 c) {
-    float before = secant(a, b), after = secant(b, c);
-    float parabola = (before * (c.x - b.x) + after * (b.x - a.x)) / (c.x - a.x);
-    return 2.0f * fminf(fminf(before, after), 0.5f * parabola);
-}
-
-static float end_slope(vec2 a, vec2 b, vec2 c) {
-    float part = (b.x - a.x) / (c.x - a.x);
-    return clamp(secant(a, b) * (1.0f + part) - secant(b, c) * part, 0.0f, 2.0f * secant(a, b));
-}
-
-/* Planes even or given, monotone cubics between them. */
-static float opacity_cubic_depth(int first, int n, float u) {
-    int i = opacity_plane(first, n, u);
-    vec2 a = opacity_knot(first, n, i - 2);
-    vec2 b = opacity_knot(first, n, i - 1);
-    vec2 c = opacity_knot(first, n, i);
-    vec2 d = opacity_knot(first, n, i + 1);
-    float even = secant(b, c), t = clamp((u - b.x) / (c.x - b.x), 0.0f, 1.0f);
-    float slope0 = i > 0 ? inner_slope(a, b, c) : i < n - 1 ? end_slope(b, c, d) : even;
-    float slope1 = i < n - 1 ? inner_slope(b, c, d) : i > 0 ? end_slope(c, b, a) : even;
-    float bend = (1.0f - t) * (slope0 - even) - t * (slope1 - even);
-    return clamp(mix(b.y, c.y, t) + t * (1.0f - t) * (c.x - b.x) * bend, b.y, c.y);
-}
-
-static float fourier_series(int first, int n, float u) {
-    float sum = 0.5f * texels[first] * u;
-    for (int k = 1; 2 * k < n; ++k) {
-        float w = 6.28318531f * (float)k;
-        float a = texels[first + 2 * k - 1], b = texels[first + 2 * k];
-        sum += (a * sinf(w * u) + b * (1.0f - cosf(w * u))) / w;
-    }
-    return sum;
-}
-
-static float fourier_depth(int first, int n, float u) {
-    float most = fourier_series(first, n, u);
-    int samples = map_running_maximum != 0 ? 2 * (n - 1) : 0;
-    for (int i = 1; (float)i < u * (float)samples; ++i)
-        most = fmaxf(most, fourier_series(first, n, (float)i / (float)samples));
-    return clamp(most, 0.0f, 0.5f * texels[first]);
-}
-
-static float cosine_depth(int first, int n, float u) {
-    float sum = texels[first];
-    for (int k = 1; k < n; ++k) sum += texels[first + k] * cosf(3.14159265f * (float)k * u);
-    return -logf(clamp(sum, 1.12535e-7f, 1.0f));
-}
-
-static float beer_depth(int first, float u) {
-    return fminf(fmaxf(u - texels[first], 0.0f) * texels[first + 1], texels[first + 2]);
-}
-
-static float depth_depth(int first, float u) { return u < texels[first] ? 0.0f : 1e15f; }
-
-/* Transmittance between nodes, u and T each: straight lines, 1 before the first node, the last one's T behind it. */
-static float nodes_depth(int first, int count, float u) {
-    int low = 0, high = count; /* the first node behind u */
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if (texels[first + 2 * middle] <= u)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    if (low == 0) return 0.0f;
-    int after = first + 2 * clampi(low, 0, count - 1), before = first + 2 * (low - 1);
-    float t = low < count ? (u - texels[before]) / (texels[after] - texels[before]) : 0.0f;
-    float through = mix(texels[before + 1], texels[after + 1], t);
-    return through > 0.0f ? -logf(fminf(through, 1.0f)) : 1e15f;
-}
-
-static float adaptive_depth(int first, int n, float u) { return nodes_depth(first, n / 2, u); }
-
-static float compressed_depth(int texel, float u) {
-    int first = (int)starts[texel], last = (int)starts[texel + 1];
-    return nodes_depth(2 * first, last - first, u);
-}
-
-/* Stretches of u0, u1, optical depth, and how much there is of a chord that is densest in the middle: 1, all of it;
-   less, its last part; 0: a stretch that is even. At u = 1 what lies behind counts, too. */
-static float deep_depth(int texel, float u) {
-    int first = 4 * (int)starts[texel], last = 4 * (int)starts[texel + 1];
-    float sum = 0.0f;
-    for (int i = first; i < last && texels[i] <= u; i += 4) {
-        float u0 = texels[i], u1 = texels[i + 1], soft = texels[i + 3];
-        float s = u < fminf(u1, 1.0f) ? (u - u0) / (u1 - u0) : 1.0f;
-        float bend = s * (6.0f * soft - 3.0f - 2.0f * soft * s) + 6.0f - 6.0f * soft;
-        sum += texels[i + 2] * (soft > 0.0f ? s * bend / (3.0f - 2.0f * soft) : s);
-    }
-    return sum;
-}
-
-/* Up to five numbers: values of polynomials, coefficients from the lowest on, roots. */
-typedef struct numbers {
-    int count;
-    float x[5];
-} numbers;
-
-/* The lower left half of a matrix of `size` rows: row i begins at 5 i. */
-typedef struct lower_left {
-    int size;
-    float x[25];
-} lower_left;
-
-/* Moment k of the wide distribution of which a little is mixed in, so that rounding does no harm. */
-static float wide_moment(int n, int k) {
-    if (k % 2 == 1) return 0.0f;
-    if (n == 5) return 0.375f;
-    if (n == 7) return k == 2 ? 0.48f : k == 4 ? 0.451f : 0.45f;
-    return k == 2 ? 0.75f : k == 4 ? 0.676666667f : k == 6 ? 0.63f : 0.600303030f;
-}
-
-/* Cholesky's factor of the matrix whose element i, j is moment i + j. */
-static lower_left moment_factor(int first, int n) {
-    lower_left f;
-    float bias = n == 5 ? 5e-7f : n == 7 ? 5e-6f : 5e-5f;
-    f.size = (n + 1) / 2;
-    for (int i = 0; i < f.size; ++i)
-        for (int j = 0; j <= i; ++j) {
-            int k = i + j;
-            float sum = k == 0 ? 1.0f : mix(texels[first + k], wide_moment(n, k), bias);
-            for (int l = 0; l < j; ++l) sum -= f.x[5 * i + l] * f.x[5 * j + l];
-            f.x[5 * i + j] = i == j ? sqrtf(fmaxf(sum, 1e-7f)) : sum / f.x[5 * j + j];
-        }
-    return f;
-}
-
-/* The orthonormal polynomials at z. */
-static numbers moment_polynomials(lower_left f, float z) {
-    numbers p;
-    float power = 1.0f;
-    p.count = f.size;
-    for (int i = 0; i < f.size; ++i) {
-        float sum = power;
-        for (int k = 0; k < i; ++k) sum -= f.x[5 * i + k] * p.x[k];
-        p.x[i] = sum / f.x[5 * i + i];
-        power *= z;
-    }
-    return p;
-}
-
-/* The most that can lie at z. */
-static float moment_weight(lower_left f, float z) {
-    numbers p = moment_polynomials(f, z);
-    float sum = 0.0f;
-    for (int i = 0; i < p.count; ++i) sum += p.x[i] * p.x[i];
-    return 1.0f / sum;
-}
-
-/* The polynomial whose roots are where the rest lies if as much as can lies at z. */
-static numbers moment_kernel(lower_left f, float z) {
-    numbers c = moment_polynomials(f, z);
-    for (int i = f.size - 1; i >= 0; --i) {
-        for (int k = i + 1; k < f.size; ++k) c.x[i] -= f.x[5 * k + i] * c.x[k];
-        c.x[i] /= f.x[5 * i + i];
-    }
-    return c;
-}
-
-/* c, differentiated `order` times. */
-static numbers derivative(numbers c, int order) {
-    for (int turn = 0; turn < order; ++turn) {
-        c.count -= 1;
-        for (int i = 0; i < c.count; ++i) c.x[i] = (float)(i + 1) * c.x[i + 1];
-    }
-    return c;
-}
-
-static float polynomial(numbers c, float x) {
-    float value = 0.0f;
-    for (int i = c.count - 1; i >= 0; --i) value = value * x + c.x[i];
-    return value;
-}
-
-/* The roots of a quadratic polynomial, the lesser first, cut to -100..100: beyond lies nothing that counts. */
-static numbers quadratic_roots(numbers c) {
-    numbers roots;
-    float root = sqrtf(fmaxf(c.x[1] * c.x[1] - 4.0f * c.x[0] * c.x[2], 0.0f));
-    float q = -0.5f * (c.x[1] < 0.0f ? c.x[1] - root : c.x[1] + root);
-    float a = fabsf(q) < 100.0f * fabsf(c.x[2]) ? q / c.x[2] : 100.0f;
-    float b = fabsf(c.x[0]) < 100.0f * fabsf(q) ? c.x[0] / q : -100.0f;
-    roots.count = 2;
-    roots.x[0] = fminf(a, b);
-    roots.x[1] = fmaxf(a, b);
-    return roots;
-}
-
-/* The root between a and b: Newton's steps, or halves where they lead astray. */
-static float root_between(numbers c, float a, float b) {
-    numbers slope = derivative(c, 1);
-    float end = polynomial(c, b), x = 0.5f * (a + b);
-    for (int i = 0; i < 32; ++i) {
-        float value = polynomial(c, x), next = x - value / polynomial(slope, x);
-        if (value * end > 0.0f)
-            b = x;
-        else
-            a = x;
-        if (!(next > a && next < b)) next = 0.5f * (a + b);
-        if (fabsf(next - x) < 1e-6f) return next;
-        x = next;
-    }
-    return x;
-}
-
-/* Roots of degree 2, 3 or 4, all real: those of each derivative part those of the one before it. */
-static numbers moment_roots(numbers c) {
-    numbers roots = quadratic_roots(derivative(c, c.count - 3));
-    for (int order = c.count - 4; order >= 0; --order) {
-        numbers inner = roots, d = derivative(c, order);
-        roots.count = inner.count + 1;
-        for (int i = 0; i < roots.count; ++i) {
-            float a = i > 0 ? inner.x[clampi(i - 1, 0, 4)] : -100.0f;
-            float b = i < inner.count ? inner.x[i] : 100.0f;
-            roots.x[i] = root_between(d, a, b);
-        }
-    }
-    return roots;
-}
-
-static float moment_depth(int first, int n, float u) {
-    float z = 2.0f * u - 1.0f, whole = texels[first];
-    if (!(whole > 0.0f) || u >= 1.0f) return whole;
-    lower_left f = moment_factor(first, n);
-    numbers roots = moment_roots(moment_kernel(f, z));
-    float here = moment_weight(f, z), sum = here, before = 0.5f * here;
-    for (int i = 0; i < roots.count; ++i) {
-        float weight = moment_weight(f, roots.x[i]);
-        sum += weight;
-        before += roots.x[i] < z ? weight : 0.0f;
-    }
-    return whole * before / sum;
-}
-
-/* Optical depth of gas before u in one texel. Keep the line of your technique. */
-static float gas_depth(int texel, float u) {
-    int first = texel * map_components, n = map_components;
-    if (map_technique == SPS_TMAP_DEEP) return deep_depth(texel, u);
-    if (map_technique == SPS_TMAP_COMPRESSED) return compressed_depth(texel, u);
-    if (map_technique == SPS_TMAP_DEPTH) return depth_depth(first, u);
-    if (map_technique == SPS_TMAP_COSINE) return cosine_depth(first, n, u);
-    if (map_technique == SPS_TMAP_MOMENT) return moment_depth(first, n, u);
-    if (map_technique == SPS_TMAP_ADAPTIVE) return adaptive_depth(first, n, u);
-    if (map_technique == SPS_TMAP_BEER) return beer_depth(first, u);
-    if (map_has_range != 0) { /* u counts from the texel's first occluder to its last */
-        float begin = texels[first], end = texels[first + 1];
-        if (u < begin) return 0.0f;
-        u = end > begin ? fminf((u - begin) / (end - begin), 1.0f) : 1.0f;
-        first += 2;
-        n -= 2;
-    }
-    if (map_technique == SPS_TMAP_FOURIER) return fourier_depth(first, n, u);
-    if (map_cubic != 0) return opacity_cubic_depth(first, n, u);
-    return map_has_planes != 0 ? opacity_planes_depth(first, n, u) : opacity_depth(first, n, u);
-}
-
-/* Where a point lies in the map: texels' centres are whole numbers of x and y. */
-typedef struct place {
-    int face;
-    float x, y, u, distance;
-} place;
-
-static float row_times(vec4 row, vec3 p) { return row.x * p.x + row.y * p.y + row.z * p.z + row.w; }
-
-static place place_of(vec3 position) {
-    place p;
-    float w = row_times(map_row_w, position);
-    p.face = 0;
-    p.x = row_times(map_row_x, position) / w;
-    p.y = row_times(map_row_y, position) / w;
-    p.distance = row_times(map_row_distance, position);
-    p.u = w > 0.0f ? (p.distance - map_near) / (map_far - map_near) : -1.0f;
-    return p;
-}
-
-/* The same of six faces, for a point counted from the light. */
-static place place_of_six(vec3 offset) {
-    place p;
-    float x = fabsf(offset.x), y = fabsf(offset.y), z = fabsf(offset.z);
-    int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
-    float along = axis == 0 ? offset.x : axis == 1 ? offset.y : offset.z;
-    float right = axis == 0 ? offset.y : axis == 1 ? offset.z : offset.x;
-    float down = axis == 0 ? offset.z : axis == 1 ? offset.x : offset.y;
-    p.face = 2 * axis + (along < 0.0f ? 1 : 0);
-    p.distance = fabsf(along);
-    p.x = (0.5f + 0.5f * right / p.distance) * (float)(map_width - 1);
-    p.y = (0.5f + 0.5f * down / p.distance) * (float)(map_height - 1);
-    p.u = p.distance > 0.0f ? (p.distance - map_near) / (map_far - map_near) : -1.0f;
-    return p;
-}
-
-/* The results of four texels at the point's own u: their optical depths are mixed, not what is in them. */
-static float transmittance(place p) {
-    float right = (float)map_width - 0.5f, bottom = (float)map_height - 0.5f, depth = 0.0f, lit = 0.0f;
-    float bias = (map_bias + map_bias_per_distance * p.distance) / (map_far - map_near);
-    if (!(p.u >= 0.0f && p.x >= -0.5f && p.y >= -0.5f && p.x <= right && p.y <= bottom)) return 1.0f;
-    float u = fminf(p.u, 1.0f);
-    for (int i = 0; i < 4; ++i) {
-        int x = (int)floorf(p.x) + i % 2, y = (int)floorf(p.y) + i / 2;
-        int row = p.face * map_height + clampi(y, 0, map_height - 1);
-        int texel = row * map_width + clampi(x, 0, map_width - 1);
-        float weight = (1.0f - fabsf(p.x - (float)x)) * (1.0f - fabsf(p.y - (float)y));
-        depth += weight * gas_depth(texel, u);
-        lit += map_has_surfaces != 0 && surfaces[texel] + bias < p.u ? 0.0f : weight;
-    }
-    return lit * expf(-depth);
-}
-/* end */
 
 /* ------------------------------------------------------------------------------------------------------ the scene */
 
@@ -491,8 +138,8 @@ static sps_tmap *fixture_build(const fixture *f, sps_context *context) {
 /* ------------------------------------------------------------------------------------- what a program hands a shader
  */
 
-static vec4 row_of(const double matrix[16], int row) {
-    vec4 out;
+static tmap_vec4 row_of(const double matrix[16], int row) {
+    tmap_vec4 out;
     out.x = (float)matrix[4 * row], out.y = (float)matrix[4 * row + 1], out.z = (float)matrix[4 * row + 2];
     out.w = (float)matrix[4 * row + 3];
     return out;
@@ -514,33 +161,33 @@ static void hand_over(const sps_tmap *map, const fixture *f) {
     sps_tmap_settings s;
     double matrix[16], bias[2];
     sps_tmap_get_settings(map, &s);
-    texels = sps_tmap_texels(map), starts = sps_tmap_starts(map), surfaces = sps_tmap_surfaces(map);
-    planes = s.planes;
-    map_technique = (int)s.technique, map_components = s.components;
-    map_has_range = s.technique == SPS_TMAP_DEEP_OPACITY || (s.technique == SPS_TMAP_FOURIER && s.texel_range);
-    map_has_planes = planes != NULL, map_cubic = s.cubic;
-    map_running_maximum = s.running_maximum;
-    map_has_surfaces = surfaces != NULL;
-    map_width = f->light.width, map_height = f->light.height;
-    map_near = (float)s.near_depth, map_far = (float)s.far_depth;
+    starts = sps_tmap_starts(map), surfaces = sps_tmap_surfaces(map), planes = s.planes;
+    bind_texels(sps_tmap_texels(map));
+    tmap_bound.technique_id = (int)s.technique, tmap_bound.components = s.components;
+    tmap_bound.has_range = s.technique == SPS_TMAP_DEEP_OPACITY || (s.technique == SPS_TMAP_FOURIER && s.texel_range);
+    tmap_bound.has_planes = planes != NULL, tmap_bound.cubic = s.cubic;
+    tmap_bound.running_maximum = s.running_maximum;
+    tmap_bound.has_surfaces = surfaces != NULL;
+    tmap_bound.width = f->light.width, tmap_bound.height = f->light.height;
+    tmap_bound.near_depth = (float)s.near_depth, tmap_bound.far_depth = (float)s.far_depth;
     sps_tmap_get_projection(map, 0, matrix, bias);
-    map_row_x = row_of(matrix, 0), map_row_y = row_of(matrix, 1);
-    map_row_distance = row_of(matrix, 2), map_row_w = row_of(matrix, 3);
-    map_bias = (float)bias[0], map_bias_per_distance = (float)bias[1];
+    tmap_bound.row_x = row_of(matrix, 0), tmap_bound.row_y = row_of(matrix, 1);
+    tmap_bound.row_distance = row_of(matrix, 2), tmap_bound.row_w = row_of(matrix, 3);
+    tmap_bound.bias = (float)bias[0], tmap_bound.bias_per_distance = (float)bias[1];
     if (f->light.world_to_clip) check_own_matrix(f, matrix);
 }
 
 /* A point given in world space. */
-static place locate(const fixture *f, const double position[3]) {
-    vec3 p;
+static tmap_place locate(const fixture *f, const double position[3]) {
+    tmap_vec3 p;
     const double *origin = f->light.position;
     if (!f->settings.omnidirectional) {
         p.x = (float)position[0], p.y = (float)position[1], p.z = (float)position[2];
-        return place_of(p);
+        return tmap_project(tmap_bound, p);
     }
     p.x = (float)(position[0] - origin[0]), p.y = (float)(position[1] - origin[1]);
     p.z = (float)(position[2] - origin[2]);
-    return place_of_six(p);
+    return tmap_project_to_cube(tmap_bound, p);
 }
 
 /* -------------------------------------------------------------------------------------------- against sps_tmap_query
@@ -570,14 +217,14 @@ static span span_of_moments(int texel, float u, double depth) {
     span s;
     for (int i = 0; i < 8; ++i) {
         float moved[9];
-        for (int k = 0; k < map_components; ++k) {
+        for (int k = 0; k < tmap_bound.components; ++k) {
             const double error = 3e-7 * (check_next(&random) < 0.5 ? -1 : 1);
-            moved[k] = (float)((double)kept[texel * map_components + k] + (k > 0 ? error : 0));
+            moved[k] = (float)((double)kept[texel * tmap_bound.components + k] + (k > 0 ? error : 0));
         }
-        texels = moved;
-        most = fmax(most, fabs((double)moment_depth(0, map_components, u) - depth));
+        bind_texels(moved);
+        most = fmax(most, fabs((double)tmap_moment_depth(tmap_bound, 0, tmap_bound.components, u) - depth));
     }
-    texels = kept;
+    bind_texels(kept);
     s.low = depth - 3 * most, s.high = depth + 3 * most;
     return s;
 }
@@ -587,14 +234,15 @@ static span span_of_moments(int texel, float u, double depth) {
    up to
    22. The floor of a cosine map's T is given in the code in six digits. */
 static span span_of_texel(int texel, float u) {
-    const double depth = (double)gas_depth(texel, u), whole = (double)gas_depth(texel, 1);
+    const double depth = (double)tmap_gas_depth(tmap_bound, texel, u),
+                 whole = (double)tmap_gas_depth(tmap_bound, texel, 1);
     span s;
-    if (map_technique == SPS_TMAP_COSINE) return span_of_through(depth, 3e-6, 1.12535e-7);
-    if (map_technique == SPS_TMAP_COMPRESSED || map_technique == SPS_TMAP_ADAPTIVE)
+    if (tmap_bound.technique_id == SPS_TMAP_COSINE) return span_of_through(depth, 3e-6, 1.12535e-7);
+    if (tmap_bound.technique_id == SPS_TMAP_COMPRESSED || tmap_bound.technique_id == SPS_TMAP_ADAPTIVE)
         return span_of_through(depth, 3e-7, 0);
-    if (map_technique == SPS_TMAP_MOMENT) return span_of_moments(texel, u, depth);
+    if (tmap_bound.technique_id == SPS_TMAP_MOMENT) return span_of_moments(texel, u, depth);
     s.low = s.high = depth;
-    if (map_technique == SPS_TMAP_DEPTH) return s;
+    if (tmap_bound.technique_id == SPS_TMAP_DEPTH) return s;
     s.low -= 2e-6 * whole, s.high += 2e-6 * whole;
     return s;
 }
@@ -614,15 +262,16 @@ static double overlap(double x, int texel) { return fmax(1 - fabs(x - texel), 0)
 
 /* What the code may give at a place. Texel coordinates are sums of three products of up to 12 in units of at most 5
    texels, each good to 6e-8: 2e-5. A point whose u is this close to a surface may be before or behind it. */
-static span span_of_transmittance(const place *p) {
-    const double bias = (double)((map_bias + map_bias_per_distance * p->distance) / (map_far - map_near));
+static span span_of_transmittance(const tmap_place *p) {
+    const double bias = (double)((tmap_bound.bias + tmap_bound.bias_per_distance * p->distance) /
+                                 (tmap_bound.far_depth - tmap_bound.near_depth));
     const double beyond = (double)p->u; /* of far_depth, perhaps: surfaces may lie there */
     const float u = fminf(p->u, 1);
     span depth = {0, 0}, lit = {0, 0}, s;
     for (int i = 0; i < 4; ++i) {
         const int x = (int)floorf(p->x) + i % 2, y = (int)floorf(p->y) + i / 2;
-        const int row = p->face * map_height + clampi(y, 0, map_height - 1);
-        const int texel = row * map_width + clampi(x, 0, map_width - 1);
+        const int row = p->face * tmap_bound.height + tmap_clamp_int(y, 0, tmap_bound.height - 1);
+        const int texel = row * tmap_bound.width + tmap_clamp_int(x, 0, tmap_bound.width - 1);
         const double weight = overlap((double)p->x, x) * overlap((double)p->y, y), less = fmax(weight - 4e-5, 0);
         const span one = span_about(texel, u);
         const double surface = surfaces ? (double)surfaces[texel] + bias : 1e30;
@@ -635,9 +284,9 @@ static span span_of_transmittance(const place *p) {
     return s;
 }
 
-static int outside(const place *p) {
-    return !(p->u >= 0 && p->x >= -0.5f && p->y >= -0.5f && p->x <= (float)map_width - 0.5f &&
-             p->y <= (float)map_height - 0.5f);
+static int outside(const tmap_place *p) {
+    return !(p->u >= 0 && p->x >= -0.5f && p->y >= -0.5f && p->x <= (float)tmap_bound.width - 0.5f &&
+             p->y <= (float)tmap_bound.height - 0.5f);
 }
 
 /* What random points came to. */
@@ -647,9 +296,9 @@ typedef struct tally {
 } tally;
 
 /* Whether both transmittances are right at a place on the map. */
-typedef int (*judge_fn)(const place *p, double sampled, double query, tally *points);
+typedef int (*judge_fn)(const tmap_place *p, double sampled, double query, tally *points);
 
-static int judge_between(const place *p, double sampled, double query, tally *points) {
+static int judge_between(const tmap_place *p, double sampled, double query, tally *points) {
     const span s = span_of_transmittance(p);
     points->slack += s.high - s.low;
     points->between += query > 0.02 && query < 0.98;
@@ -658,7 +307,7 @@ static int judge_between(const place *p, double sampled, double query, tally *po
 
 /* Behind far_depth, up to three times as far from the middle of things. Texel coordinates are off by three times as
    much there, 6e-5, weights by 1.2e-4, and that of the largest optical depth, 30, is 4e-3 of T. */
-static int judge_beyond(const place *p, double sampled, double query, tally *points) {
+static int judge_beyond(const tmap_place *p, double sampled, double query, tally *points) {
     if (p->u < 1.01f) return 1;
     const span s = span_of_transmittance(p);
     if (s.high - s.low > 1e-2) return 1; /* at a surface's own depth, or at the map's edge */
@@ -678,8 +327,8 @@ static tally check_points(const char *name, const fixture *f, const sps_tmap *ma
         float query;
         for (int k = 0; k < 3; ++k) position[k] = (double)(float)(reach * (2 * check_next(&random) - 1));
         sps_tmap_query(map, 1, position, NULL, &query);
-        const place p = locate(f, position);
-        const double sampled = (double)transmittance(p);
+        const tmap_place p = locate(f, position);
+        const double sampled = (double)tmap_transmittance(tmap_bound, p);
         const int is_outside = outside(&p);
         points.outside += is_outside;
         if (!CHECK(is_outside ? sampled == 1 && query == 1 : judge(&p, sampled, (double)query, &points)))
@@ -696,7 +345,7 @@ static void check_map(const char *name, const fixture *f, const sps_tmap *map) {
     const tally near = check_points(name, f, map, 5, 4, judge_between);
     const tally far = check_points(name, f, map, 6, 12, judge_beyond);
     if (!CHECK(near.slack < 5e-4 * (double)POINTS && near.outside < POINTS / 2 &&
-               (near.between > POINTS / 5 || map_technique == SPS_TMAP_DEPTH)))
+               (near.between > POINTS / 5 || tmap_bound.technique_id == SPS_TMAP_DEPTH)))
         printf("    %s, light %d: slack %g, %d partly lit, %d outside\n", name, (int)f->kind,
                near.slack / (double)POINTS, near.between, near.outside);
     if (!CHECK(far.seen > 20 && (!surfaces || far.dark > 0)))
@@ -785,32 +434,34 @@ static void test_gas_alone(void) {
 /* ------------------------------------------------------------------------------------------ what else the page says */
 
 /* Mixes component `component` of the four texels of a place, as a texture's filter does. */
-static double filtered(place p, int component) {
+static double filtered(tmap_place p, int component) {
     double sum = 0;
     for (int i = 0; i < 4; ++i) {
         const int x = (int)floorf(p.x) + i % 2, y = (int)floorf(p.y) + i / 2;
-        const int texel = clampi(y, 0, map_height - 1) * map_width + clampi(x, 0, map_width - 1);
-        sum += overlap((double)p.x, x) * overlap((double)p.y, y) * (double)texels[texel * map_components + component];
+        const int texel =
+            tmap_clamp_int(y, 0, tmap_bound.height - 1) * tmap_bound.width + tmap_clamp_int(x, 0, tmap_bound.width - 1);
+        sum += overlap((double)p.x, x) * overlap((double)p.y, y) *
+               (double)texels[texel * tmap_bound.components + component];
     }
     return sum;
 }
 
 /* Even planes in a 3D texture of n slices, whose centres are at (i + 0.5) / n. */
-static double filtered_opacity(place p) {
-    const int n = map_components;
+static double filtered_opacity(tmap_place p) {
+    const int n = tmap_bound.components;
     const double u = (double)p.u, slice = n * (fmax(u, 1.0 / n) - 0.5 / n) - 0.5;
-    const int below = clampi((int)floor(slice), 0, n - 1), above = clampi(below + 1, 0, n - 1);
+    const int below = tmap_clamp_int((int)floor(slice), 0, n - 1), above = tmap_clamp_int(below + 1, 0, n - 1);
     const double t = slice - below;
     return fmin(n * u, 1) * ((1 - t) * filtered(p, below) + t * filtered(p, above));
 }
 
-static double filtered_fourier(place p) {
+static double filtered_fourier(tmap_place p) {
     float mixed[17];
-    for (int k = 0; k < map_components; ++k) mixed[k] = (float)filtered(p, k);
+    for (int k = 0; k < tmap_bound.components; ++k) mixed[k] = (float)filtered(p, k);
     const float *kept = texels;
-    texels = mixed;
-    const double depth = (double)fourier_series(0, map_components, p.u);
-    texels = kept;
+    bind_texels(mixed);
+    const double depth = (double)tmap_fourier_series(tmap_bound, 0, tmap_bound.components, p.u);
+    bind_texels(kept);
     return fmin(fmax(depth, 0), 0.5 * (double)mixed[0]);
 }
 
@@ -828,11 +479,11 @@ static void test_shortcuts(void) {
         if (!CHECK(map != NULL)) continue;
         hand_over(map, &f);
         for (int i = 0; i < POINTS; ++i) {
-            place p;
+            tmap_place p;
             p.face = 0, p.distance = 0, p.u = (float)check_next(&random);
             p.x = (float)((WIDTH - 1) * check_next(&random)), p.y = (float)((HEIGHT - 1) * check_next(&random));
             const double through = exp(-(fourier ? filtered_fourier(p) : filtered_opacity(p)));
-            const int near_by = fabs(through - (double)transmittance(p)) < 2e-5;
+            const int near_by = fabs(through - (double)tmap_transmittance(tmap_bound, p)) < 2e-5;
             uncut += near_by;
             if (!fourier) CHECK(near_by);
         }
@@ -846,20 +497,20 @@ static void test_shortcuts(void) {
 static void insert_as_told(double u0, double u1, double depth, int soft, double *out) {
     const double pi = 3.14159265358979323846, m = 0.5 * (u0 + u1), e = 0.5 * (u1 - u0);
     const double z = 2 * m - 1, h = 2 * e;
-    const int n = map_components;
-    for (int i = 0; i < n && map_technique == SPS_TMAP_OPACITY; ++i) {
+    const int n = tmap_bound.components;
+    for (int i = 0; i < n && tmap_bound.technique_id == SPS_TMAP_OPACITY; ++i) {
         const double s = fmin(fmax(((i + 1.0) / n - u0) / (u1 - u0), 0), 1);
         out[i] = depth * (soft ? s * s * (3 - 2 * s) : s);
     }
-    for (int k = 0; 2 * k < n && map_technique == SPS_TMAP_FOURIER; ++k) {
+    for (int k = 0; 2 * k < n && tmap_bound.technique_id == SPS_TMAP_FOURIER; ++k) {
         const double x = 2 * pi * k * e;
         const double d = k == 0 ? 1 : soft ? 3 * (sin(x) - x * cos(x)) / (x * x * x) : sin(x) / x;
         if (k > 0) out[2 * k - 1] = 2 * depth * cos(2 * pi * k * m) * d;
         out[2 * k] = 2 * depth * sin(2 * pi * k * m) * d;
         if (k == 0) out[0] = 2 * depth;
     }
-    if (map_technique == SPS_TMAP_BEER) out[0] = u0, out[1] = depth / (u1 - u0), out[2] = depth;
-    if (map_technique != SPS_TMAP_MOMENT) return;
+    if (tmap_bound.technique_id == SPS_TMAP_BEER) out[0] = u0, out[1] = depth / (u1 - u0), out[2] = depth;
+    if (tmap_bound.technique_id != SPS_TMAP_MOMENT) return;
     out[0] = depth, out[1] = z, out[2] = z * z + h * h / 3, out[3] = z * z * z + z * h * h;
     out[4] = pow(z, 4) + 2 * z * z * h * h + pow(h, 4) / 5;
     for (int k = 1; k < n; ++k) /* the other formula says the same */
@@ -896,8 +547,8 @@ static void test_insertion(void) {
             if (half < 0.1) continue;
             insert_as_told((middle - half - 5.5) / range, (middle + half - 5.5) / range,
                            2 * (soft ? pow(half / 2, 3) : half / 2), soft, told);
-            for (int k = 0; k < map_components; ++k)
-                CHECK_NEAR((double)texels[texel * map_components + k], told[k], 1e-5 * fmax(fabs(told[k]), 1));
+            for (int k = 0; k < tmap_bound.components; ++k)
+                CHECK_NEAR((double)texels[texel * tmap_bound.components + k], told[k], 1e-5 * fmax(fabs(told[k]), 1));
         }
         sps_tmap_destroy(map);
     }
@@ -938,14 +589,14 @@ static void test_half(void) {
         sps_tmap *map = fixture_build(&f, context);
         if (!CHECK(map != NULL)) continue;
         hand_over(map, &f);
-        for (int i = 0; i < WIDTH * HEIGHT * map_components; ++i) rounded[i] = half_of(texels[i]);
+        for (int i = 0; i < WIDTH * HEIGHT * tmap_bound.components; ++i) rounded[i] = half_of(texels[i]);
         for (int i = 0; i < 4 * POINTS; ++i) {
             const int texel = (int)(check_next(&random) * (double)(WIDTH * HEIGHT));
             const float u = (float)check_next(&random);
-            texels = sps_tmap_texels(map);
-            const double exact = exp((double)-gas_depth(texel, u));
-            texels = rounded;
-            most = fmax(most, fabs(exp((double)-gas_depth(texel, u)) - exact));
+            bind_texels(sps_tmap_texels(map));
+            const double exact = exp((double)-tmap_gas_depth(tmap_bound, texel, u));
+            bind_texels(rounded);
+            most = fmax(most, fabs(exp((double)-tmap_gas_depth(tmap_bound, texel, u)) - exact));
         }
         if (!CHECK(rows[row].fails == (most > rows[row].most))) printf("    %s: %g\n", rows[row].name, most);
         sps_tmap_destroy(map);
@@ -953,192 +604,71 @@ static void test_half(void) {
     sps_destroy(context);
 }
 
-/* --------------------------------------------------------------------------------------------------- the page itself
+/* --------------------------------------------------------------------------------- what the page quotes from maps.md
  */
+
+enum { SCENES = 6 };
 
 /* All of a file, to be freed; NULL if it cannot be read. */
 static char *read_text(const char *path) {
     FILE *file = fopen(path, "rb");
     const size_t room = 1 << 20;
     char *text = file ? (char *)malloc(room + 1) : NULL;
-    size_t length = 0;
-    if (text) length = fread(text, 1, room, file);
-    if (text) text[length] = 0;
+    if (text) text[fread(text, 1, room, file)] = 0;
     if (file) fclose(file);
     return text;
 }
 
-/* Appends to a text that ends with 0 and has room. */
-static void append(char *out, const char *from, size_t length) {
-    const size_t end = strlen(out);
-    memcpy(out + end, from, length);
-    out[end + length] = 0;
+/* The error in the gas that maps.md has for a technique with 8 floats; -1 if it has none. */
+static double error_with_8(const char *maps, const char *scene, const char *technique) {
+    char heading[32], row[64];
+    snprintf(heading, sizeof heading, "\n## %s: ", scene);
+    snprintf(row, sizeof row, "\n%-30s8 ", technique);
+    const char *at = strstr(maps, heading), *end = at ? strstr(at + 1, "\n## ") : NULL;
+    at = at ? strstr(at, row) : NULL;
+    if (!at || (end && at > end)) return -1;
+    return strtod(strchr(at, '|') + 1, NULL);
 }
 
-/* The code blocks of a language from number `first` on, with an empty line between them. To be freed. */
-static char *blocks_of(const char *page, const char *language, int first) {
-    char *out = (char *)calloc(strlen(page) + 1, 1);
-    char fence[16];
-    snprintf(fence, sizeof fence, "\n```%s\n", language);
-    for (const char *at = strstr(page, fence); at && out; at = strstr(at, fence)) {
-        const char *begin = at + strlen(fence), *end = strstr(begin, "\n```\n");
-        if (!end) break;
-        at = end;
-        if (first-- > 0) continue;
-        if (out[0]) append(out, "\n", 1);
-        append(out, begin, (size_t)(end + 1 - begin));
+/* One row of the page's table: its name, its errors, and which of these are bold. Returns 0 behind the last row. */
+static int read_row(const char *row, char name[32], double errors[SCENES], int bold[SCENES]) {
+    if (sscanf(row, "| %31[^|]|", name) != 1) return 0;
+    name[strlen(name) - 1] = 0; /* the space before the bar */
+    for (int i = 0; i < SCENES; ++i) {
+        row = strchr(row + 1, '|');
+        bold[i] = row[2] == '*';
+        errors[i] = strtod(row + (bold[i] ? 4 : 1), NULL);
     }
-    return out;
+    return 1;
 }
 
-typedef struct spelling {
-    const char *c, *other;
-} spelling;
-
-/* Words that differ; "" leaves one out, with the space after it. What comes before the first function is C's alone. */
-static const spelling to_glsl[] = {{"static", ""},   {"typedef", ""},  {"clampi", "clamp"}, {"fminf", "min"},
-                                   {"fmaxf", "max"}, {"fabsf", "abs"}, {"sqrtf", "sqrt"},   {"sinf", "sin"},
-                                   {"cosf", "cos"},  {"expf", "exp"},  {"floorf", "floor"}, {"logf", "log"},
-                                   {NULL, NULL}};
-static const spelling to_hlsl[] = {
-    {"mix", "lerp"}, {"vec2", "float2"}, {"vec3", "float3"}, {"vec4", "float4"}, {NULL, NULL}};
-
-static int is_word(char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_' || (c >= '0' && c <= '9');
-}
-
-static size_t word_length(const char *text) {
-    size_t length = 0;
-    while (is_word(text[length])) ++length;
-    return length;
-}
-
-/* Numbers lose their f; 1e-7 is two words. */
-static size_t number_length(const char *word, size_t length) {
-    return word[0] >= '0' && word[0] <= '9' && word[length - 1] == 'f' ? length - 1 : length;
-}
-
-/* Another language's words for C's. To be freed. */
-static char *respell(const char *text, const spelling *spellings) {
-    char *out = (char *)calloc(2 * strlen(text) + 1, 1);
-    while (*text && out) {
-        const size_t length = word_length(text);
-        const spelling *s = spellings;
-        if (length == 0) {
-            append(out, text++, 1);
-            continue;
-        }
-        while (s->c && (strlen(s->c) != length || strncmp(s->c, text, length) != 0)) ++s;
-        append(out, s->c ? s->other : text, s->c ? strlen(s->other) : number_length(text, length));
-        text += length;
-        if (s->c && !s->other[0]) ++text;
+/* The page's table of errors is that of maps.md, and the least error of each scene is bold. */
+static void test_quotes(void) {
+    static const char *const scenes[SCENES] = {"Puff", "Wind", "Clumps", "Shell", "Core", "Ball"};
+    char *page = read_text("docs/shadow_maps.md"), *maps = read_text("docs/maps.md"), name[32];
+    const char *table = page ? strstr(page, "| with 8 floats | puff | wind | clumps | shell | core | ball |\n") : NULL;
+    double errors[SCENES], least[SCENES] = {1, 1, 1, 1, 1, 1}, least_bold[SCENES] = {1, 1, 1, 1, 1, 1};
+    int bold[SCENES], rows = 0, bolds = 0;
+    if (CHECK(table && maps)) {
+        table = strchr(strchr(table, '\n') + 1, '\n') + 1;
+        for (; read_row(table, name, errors, bold); table = strchr(table, '\n') + 1, ++rows)
+            for (int i = 0; i < SCENES; ++i) {
+                if (!CHECK(errors[i] == error_with_8(maps, scenes[i], name))) printf("    %s, %s\n", name, scenes[i]);
+                least[i] = fmin(least[i], errors[i]);
+                if (bold[i]) least_bold[i] = errors[i], ++bolds;
+            }
+        CHECK(rows == 9 && bolds == SCENES);
+        for (int i = 0; i < SCENES; ++i) CHECK(least_bold[i] == least[i]);
     }
-    return out;
+    free(page), free(maps);
 }
 
-/* What a cast is of: a word and the brackets after it, or brackets alone. */
-static size_t operand_length(const char *text) {
-    size_t length = word_length(text);
-    int depth = 0;
-    while (text[length] == '(' || text[length] == '[') do {
-            depth += text[length] == '(' || text[length] == '[' ? 1 : 0;
-            depth -= text[length] == ')' || text[length] == ']' ? 1 : 0;
-            ++length;
-        } while (depth > 0);
-    return length;
-}
-
-/* (float)x becomes float(x), in place: that takes no more room. */
-static void turn_casts(char *text, const char *type) {
-    char cast[16];
-    snprintf(cast, sizeof cast, "(%s)", type);
-    for (char *at = strstr(text, cast); at; at = strstr(at + 1, cast)) {
-        char *operand = at + strlen(cast);
-        const size_t length = operand_length(operand);
-        memmove(at, at + 1, strlen(type));
-        at[strlen(type)] = '(';
-        if (operand[0] == '(')
-            memmove(operand - 1, operand + 1, strlen(operand));
-        else
-            memmove(operand - 1, operand, length), operand[length - 1] = ')';
-    }
-}
-
-/* "} name;" that ends a typedef becomes "};". */
-static void close_structs(char *text) {
-    for (char *at = strstr(text, "\n} "); at; at = strstr(at + 1, "\n} ")) {
-        const size_t name = word_length(at + 3);
-        if (at[3 + name] == ';') memmove(at + 2, at + 3 + name, strlen(at + 3 + name) + 1);
-    }
-}
-
-static char *glsl_of(const char *c) {
-    char *text = respell(c, to_glsl);
-    turn_casts(text, "float");
-    turn_casts(text, "int");
-    close_structs(text);
-    return text;
-}
-
-/* Says where two texts part, and gives 1 if they do not. */
-static int same_text(const char *name, const char *page, const char *wanted) {
-    size_t same = 0, line = 1, begin = 0;
-    while (page[same] && page[same] == wanted[same]) {
-        if (page[same++] == '\n') ++line, begin = same;
-    }
-    if (page[same] == wanted[same]) return 1;
-    printf("    %s, line %d of the code: the page has\n        %.*s\n    where the test has\n        %.*s\n", name,
-           (int)line, (int)strcspn(page + begin, "\n"), page + begin, (int)strcspn(wanted + begin, "\n"),
-           wanted + begin);
-    return 0;
-}
-
-/* The code of this file. To be freed. */
-static char *own_code(void) {
-    char *text = read_text("tests/test_sampling.c");
-    char *begin = text ? strstr(text, "/* begin */\n") : NULL, *end = text ? strstr(text, "/* end */\n") : NULL;
-    if (!begin || !end) return text;
-    *end = 0;
-    memmove(text, begin + strlen("/* begin */\n"), (size_t)(end - begin));
-    return text;
-}
-
-/* Without what only C needs to know: from the first function after the prelude on. */
-static const char *without_prelude(const char *code) {
-    const char *begin = strstr(code, "/* Even planes");
-    return begin ? begin : code;
-}
-
-/* The page's C is the code above, its GLSL and HLSL are what follows from that. */
-static void test_page(void) {
-    char *page = read_text("docs/shadow_maps.md"), *code = own_code();
-    if (CHECK(page && code)) {
-        char *c = blocks_of(page, "c", 0), *glsl = blocks_of(page, "glsl", 1), *hlsl = blocks_of(page, "hlsl", 1);
-        char *as_glsl = glsl_of(without_prelude(code)), *as_hlsl = respell(as_glsl, to_hlsl);
-        CHECK(same_text("C", c, code));
-        CHECK(same_text("GLSL", glsl, as_glsl));
-        CHECK(same_text("HLSL", hlsl, as_hlsl));
-        free(c), free(glsl), free(hlsl), free(as_glsl), free(as_hlsl);
-    }
-    free(page), free(code);
-}
-
-/* `test_sampling glsl` and `test_sampling hlsl` print what belongs on the page. */
-static int print_code(const char *language) {
-    char *code = own_code(), *glsl = code ? glsl_of(without_prelude(code)) : NULL;
-    char *hlsl = glsl ? respell(glsl, to_hlsl) : NULL;
-    if (hlsl) fputs(strcmp(language, "hlsl") == 0 ? hlsl : glsl, stdout);
-    free(code), free(glsl), free(hlsl);
-    return 0;
-}
-
-int main(int count, char **arguments) {
-    if (count > 1) return print_code(arguments[1]);
+int main(void) {
+    RUN(test_quotes);
     RUN(test_techniques);
     RUN(test_gas_alone);
     RUN(test_shortcuts);
     RUN(test_insertion);
     RUN(test_half);
-    RUN(test_page);
     return check_report();
 }

@@ -1,0 +1,452 @@
+/* Reads transmittance maps in a shader, as sps_tmap_query does on the CPU. docs/shadow_maps.md says which map to take,
+   how to upload it, and what goes wrong.
+
+       float light_left = tmap_transmittance(tmap_bound, tmap_project(tmap_bound, world_position));
+
+   This file is GLSL (4.30, ES 3.10) and needs no other. transmittance_map.hlsl and transmittance_map.h include it as
+   HLSL and as C: words that these spell differently begin with tmap_ here, or are C's own (fminf, sqrtf).
+
+   It reads every kind of map. A shader that knows its map sets what it knows to constants, and the compiler drops the
+   rest:
+
+       tmap map = tmap_bound;
+       map.technique_id = TMAP_DEEP_OPACITY, map.components = 8, map.cubic = 1, map.has_planes = 0;
+
+   An engine with buffers of its own defines TMAP_TEXEL, TMAP_SURFACE, TMAP_PLANE and TMAP_START before it includes this
+   file, and passes a tmap that it has filled itself. */
+
+#ifndef TMAP_INCLUDED
+#define TMAP_INCLUDED
+
+#ifndef TMAP_FUNCTION /* a shading language */
+#define TMAP_FUNCTION
+#define TMAP_ARRAYS
+#define tmap_float     float
+#define tmap_int       int
+#define tmap_clamp     clamp
+#define tmap_clamp_int clamp
+#define fminf          min
+#define fmaxf          max
+#define fabsf          abs
+#define floorf         floor
+#define sqrtf          sqrt
+#define sinf           sin
+#define cosf           cos
+#define expf           exp
+#define logf           log
+#ifndef TMAP_HLSL
+#define tmap_vec2 vec2
+#define tmap_vec3 vec3
+#define tmap_vec4 vec4
+#define tmap_mix  mix
+#ifdef GL_ES
+precision highp float;
+precision highp int;
+#endif
+#endif
+#endif
+
+/* The numbers of sps_tmap_technique. */
+#define TMAP_DEEP         0
+#define TMAP_COMPRESSED   1
+#define TMAP_DEPTH        2
+#define TMAP_OPACITY      3
+#define TMAP_DEEP_OPACITY 4
+#define TMAP_FOURIER      5
+#define TMAP_COSINE       6
+#define TMAP_MOMENT       7
+#define TMAP_ADAPTIVE     8
+#define TMAP_BEER         9
+
+/* What has to be known about a map, in the layout of a std140 block and of a constant buffer. */
+struct tmap {
+    tmap_vec4 row_x, row_y, row_w, row_distance; /* of sps_tmap_get_projection's matrix; a cube map needs none */
+    int technique_id, components;                /* sps_tmap_get_settings; so are cubic and running_maximum */
+    int has_range;                               /* 1: a deep opacity map, or texel_range is set */
+    int has_planes;                              /* 1: planes is not NULL */
+    int cubic, running_maximum;
+    int has_surfaces;              /* 1: sps_tmap_surfaces is not NULL */
+    int width, height;             /* texels of a face */
+    float near_depth, far_depth;   /* sps_tmap_get_settings */
+    float bias, bias_per_distance; /* of surfaces: sps_tmap_get_projection */
+    TMAP_ARRAYS
+};
+
+#ifndef TMAP_TEXEL
+#ifndef TMAP_HLSL
+layout(std430, binding = 0) readonly buffer tmap_texel_buffer { float tmap_texels[]; };
+layout(std430, binding = 1) readonly buffer tmap_surface_buffer { float tmap_surfaces[]; };
+layout(std430, binding = 2) readonly buffer tmap_plane_buffer { float tmap_planes[]; };
+layout(std430, binding = 3) readonly buffer tmap_start_buffer { uint tmap_starts[]; };
+layout(std140, binding = 4) uniform tmap_block { tmap tmap_bound; };
+#endif
+#define TMAP_TEXEL(map, i)   tmap_texels[i]
+#define TMAP_SURFACE(map, i) tmap_surfaces[i]
+#define TMAP_PLANE(map, i)   tmap_planes[i]
+#define TMAP_START(map, i)   tmap_starts[i]
+#endif
+
+/* Throughout, `first` is the index of a texel's first float, n the number of its floats, and u the depth: 0 at
+   near_depth, 1 at far_depth. A function *_depth returns the optical depth before u. */
+
+/* Opacity: planes at u = 1 / n, 2 / n .. 1, straight lines between them. */
+TMAP_FUNCTION float tmap_even_planes_depth(tmap map, int first, int n, float u) {
+    float at = u * tmap_float(n);
+    int plane = tmap_clamp_int(tmap_int(at), 0, n - 1);
+    float before = plane > 0 ? TMAP_TEXEL(map, first + plane - 1) : 0.0f;
+    return tmap_mix(before, TMAP_TEXEL(map, first + plane), at - tmap_float(plane));
+}
+
+/* Returns u and optical depth of plane i. Plane -1 is u = 0, and nothing lies before it. */
+TMAP_FUNCTION tmap_vec2 tmap_knot(tmap map, int first, int n, int i) {
+    tmap_vec2 knot;
+    int plane = tmap_clamp_int(i, 0, n - 1);
+    knot.x = i < 0 ? 0.0f : map.has_planes != 0 ? TMAP_PLANE(map, plane) : tmap_float(plane + 1) / tmap_float(n);
+    knot.y = i < 0 ? 0.0f : TMAP_TEXEL(map, first + plane);
+    return knot;
+}
+
+/* Returns the first plane at or behind u. */
+TMAP_FUNCTION int tmap_next_plane(tmap map, int first, int n, float u) {
+    int i = 0;
+    while (i < n - 1 && tmap_knot(map, first, n, i).x < u) ++i;
+    return i;
+}
+
+/* Opacity: planes where the caller put them, straight lines between them. */
+TMAP_FUNCTION float tmap_planes_depth(tmap map, int first, int n, float u) {
+    int i = tmap_next_plane(map, first, n, u);
+    tmap_vec2 a = tmap_knot(map, first, n, i - 1);
+    tmap_vec2 b = tmap_knot(map, first, n, i);
+    return tmap_mix(a.y, b.y, tmap_clamp((u - a.x) / (b.x - a.x), 0.0f, 1.0f));
+}
+
+TMAP_FUNCTION float tmap_secant(tmap_vec2 a, tmap_vec2 b) { return (b.y - a.y) / (b.x - a.x); }
+
+/* Slopes of a curve through a, b, c that never falls: at b, and at a. [Steffen 1990] */
+TMAP_FUNCTION float tmap_inner_slope(tmap_vec2 a, tmap_vec2 b, tmap_vec2 c) {
+    float before = tmap_secant(a, b), after = tmap_secant(b, c);
+    float parabola = (before * (c.x - b.x) + after * (b.x - a.x)) / (c.x - a.x);
+    return 2.0f * fminf(fminf(before, after), 0.5f * parabola);
+}
+
+TMAP_FUNCTION float tmap_end_slope(tmap_vec2 a, tmap_vec2 b, tmap_vec2 c) {
+    float part = (b.x - a.x) / (c.x - a.x);
+    return tmap_clamp(tmap_secant(a, b) * (1.0f + part) - tmap_secant(b, c) * part, 0.0f, 2.0f * tmap_secant(a, b));
+}
+
+/* Opacity: any planes, monotone cubics between them. */
+TMAP_FUNCTION float tmap_cubic_depth(tmap map, int first, int n, float u) {
+    int i = tmap_next_plane(map, first, n, u);
+    tmap_vec2 a = tmap_knot(map, first, n, i - 2);
+    tmap_vec2 b = tmap_knot(map, first, n, i - 1);
+    tmap_vec2 c = tmap_knot(map, first, n, i);
+    tmap_vec2 d = tmap_knot(map, first, n, i + 1);
+    float even = tmap_secant(b, c), t = tmap_clamp((u - b.x) / (c.x - b.x), 0.0f, 1.0f);
+    float slope0 = i > 0 ? tmap_inner_slope(a, b, c) : i < n - 1 ? tmap_end_slope(b, c, d) : even;
+    float slope1 = i < n - 1 ? tmap_inner_slope(b, c, d) : i > 0 ? tmap_end_slope(c, b, a) : even;
+    float bend = (1.0f - t) * (slope0 - even) - t * (slope1 - even);
+    return tmap_clamp(tmap_mix(b.y, c.y, t) + t * (1.0f - t) * (c.x - b.x) * bend, b.y, c.y);
+}
+
+/* Fourier series of extinction, integrated up to u. */
+TMAP_FUNCTION float tmap_fourier_series(tmap map, int first, int n, float u) {
+    float sum = 0.5f * TMAP_TEXEL(map, first) * u;
+    for (int k = 1; 2 * k < n; ++k) {
+        float w = 6.28318531f * tmap_float(k);
+        float a = TMAP_TEXEL(map, first + 2 * k - 1), b = TMAP_TEXEL(map, first + 2 * k);
+        sum += (a * sinf(w * u) + b * (1.0f - cosf(w * u))) / w;
+    }
+    return sum;
+}
+
+/* No less than nothing and no more than all; with running_maximum, no less than anywhere before u. */
+TMAP_FUNCTION float tmap_fourier_depth(tmap map, int first, int n, float u) {
+    float most = tmap_fourier_series(map, first, n, u);
+    int samples = map.running_maximum != 0 ? 2 * (n - 1) : 0;
+    for (int i = 1; tmap_float(i) < u * tmap_float(samples); ++i)
+        most = fmaxf(most, tmap_fourier_series(map, first, n, tmap_float(i) / tmap_float(samples)));
+    return tmap_clamp(most, 0.0f, 0.5f * TMAP_TEXEL(map, first));
+}
+
+/* Cosine series of transmittance. Below exp(-16) it holds rounding errors only. */
+TMAP_FUNCTION float tmap_cosine_depth(tmap map, int first, int n, float u) {
+    float sum = TMAP_TEXEL(map, first);
+    for (int k = 1; k < n; ++k) sum += TMAP_TEXEL(map, first + k) * cosf(3.14159265f * tmap_float(k) * u);
+    return -logf(tmap_clamp(sum, 1.12535e-7f, 1.0f));
+}
+
+/* Beer: where gas begins, optical depth per u from there on, optical depth of all. */
+TMAP_FUNCTION float tmap_beer_depth(tmap map, int first, float u) {
+    return fminf(fmaxf(u - TMAP_TEXEL(map, first), 0.0f) * TMAP_TEXEL(map, first + 1), TMAP_TEXEL(map, first + 2));
+}
+
+/* Depth map: all or nothing. */
+TMAP_FUNCTION float tmap_step_depth(tmap map, int first, float u) { return u < TMAP_TEXEL(map, first) ? 0.0f : 1e15f; }
+
+/* Nodes of u and transmittance, straight lines of transmittance between them: 1 before the first node, constant behind
+   the last. */
+TMAP_FUNCTION float tmap_nodes_depth(tmap map, int first, int count, float u) {
+    int low = 0, high = count; /* bisects for the first node behind u */
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if (TMAP_TEXEL(map, first + 2 * middle) <= u)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low == 0) return 0.0f;
+    int after = first + 2 * tmap_clamp_int(low, 0, count - 1), before = first + 2 * (low - 1);
+    float t = low < count ? (u - TMAP_TEXEL(map, before)) / (TMAP_TEXEL(map, after) - TMAP_TEXEL(map, before)) : 0.0f;
+    float through = tmap_mix(TMAP_TEXEL(map, before + 1), TMAP_TEXEL(map, after + 1), t);
+    return through > 0.0f ? -logf(fminf(through, 1.0f)) : 1e15f;
+}
+
+TMAP_FUNCTION float tmap_adaptive_depth(tmap map, int first, int n, float u) {
+    return tmap_nodes_depth(map, first, n / 2, u);
+}
+
+TMAP_FUNCTION float tmap_compressed_depth(tmap map, int texel, float u) {
+    int first = tmap_int(TMAP_START(map, texel)), last = tmap_int(TMAP_START(map, texel + 1));
+    return tmap_nodes_depth(map, 2 * first, last - first, u);
+}
+
+/* Deep: stretches of u0, u1, optical depth, softness. Softness 0 is a stretch of constant extinction, 1 a whole chord
+   through a soft particle, densest in its middle, and anything between the last part of such a chord. At u = 1
+   everything counts, including what lies behind. */
+TMAP_FUNCTION float tmap_deep_depth(tmap map, int texel, float u) {
+    int first = 4 * tmap_int(TMAP_START(map, texel)), last = 4 * tmap_int(TMAP_START(map, texel + 1));
+    float sum = 0.0f;
+    for (int i = first; i < last && TMAP_TEXEL(map, i) <= u; i += 4) {
+        float u0 = TMAP_TEXEL(map, i), u1 = TMAP_TEXEL(map, i + 1), soft = TMAP_TEXEL(map, i + 3);
+        float s = u < fminf(u1, 1.0f) ? (u - u0) / (u1 - u0) : 1.0f;
+        float bend = s * (6.0f * soft - 3.0f - 2.0f * soft * s) + 6.0f - 6.0f * soft;
+        sum += TMAP_TEXEL(map, i + 2) * (soft > 0.0f ? s * bend / (3.0f - 2.0f * soft) : s);
+    }
+    return sum;
+}
+
+/* Moments leave a range of optical depths that may lie before u; the answer is its middle. Both ends of the range
+   belong to the distribution of few points, one of them at u, that has the given moments [Muenstermann et al. 2018]. In
+   floats transmittance is good to about 1e-3; the library works in double precision. */
+
+/* Up to five numbers: values of polynomials, coefficients from the constant one on, or roots. */
+struct tmap_numbers {
+    int count;
+    float x[5];
+};
+
+/* A lower triangular matrix of `size` rows; row i begins at 5 i. */
+struct tmap_triangle {
+    int size;
+    float x[25];
+};
+
+/* Moment k of the wide distribution that is mixed in to keep the matrix regular in spite of rounding. */
+TMAP_FUNCTION float tmap_wide_moment(int n, int k) {
+    if (k % 2 == 1) return 0.0f;
+    if (n == 5) return 0.375f;
+    if (n == 7) return k == 2 ? 0.48f : k == 4 ? 0.451f : 0.45f;
+    return k == 2 ? 0.75f : k == 4 ? 0.676666667f : k == 6 ? 0.63f : 0.600303030f;
+}
+
+/* Cholesky factor of the matrix whose element i, j is moment i + j. */
+TMAP_FUNCTION tmap_triangle tmap_moment_factor(tmap map, int first, int n) {
+    tmap_triangle f;
+    float bias = n == 5 ? 5e-7f : n == 7 ? 5e-6f : 5e-5f;
+    f.size = (n + 1) / 2;
+    for (int i = 0; i < f.size; ++i)
+        for (int j = 0; j <= i; ++j) {
+            int k = i + j;
+            float sum = k == 0 ? 1.0f : tmap_mix(TMAP_TEXEL(map, first + k), tmap_wide_moment(n, k), bias);
+            for (int l = 0; l < j; ++l) sum -= f.x[5 * i + l] * f.x[5 * j + l];
+            f.x[5 * i + j] = i == j ? sqrtf(fmaxf(sum, 1e-7f)) : sum / f.x[5 * j + j];
+        }
+    return f;
+}
+
+/* Values of the orthonormal polynomials at z. */
+TMAP_FUNCTION tmap_numbers tmap_moment_polynomials(tmap_triangle f, float z) {
+    tmap_numbers p;
+    float power = 1.0f;
+    p.count = f.size;
+    for (int i = 0; i < f.size; ++i) {
+        float sum = power;
+        for (int k = 0; k < i; ++k) sum -= f.x[5 * i + k] * p.x[k];
+        p.x[i] = sum / f.x[5 * i + i];
+        power *= z;
+    }
+    return p;
+}
+
+/* The largest share that can lie at z. */
+TMAP_FUNCTION float tmap_moment_weight(tmap_triangle f, float z) {
+    tmap_numbers p = tmap_moment_polynomials(f, z);
+    float sum = 0.0f;
+    for (int i = 0; i < p.count; ++i) sum += p.x[i] * p.x[i];
+    return 1.0f / sum;
+}
+
+/* The polynomial whose roots are the other points of the distribution that has its largest share at z. */
+TMAP_FUNCTION tmap_numbers tmap_moment_kernel(tmap_triangle f, float z) {
+    tmap_numbers c = tmap_moment_polynomials(f, z);
+    for (int i = f.size - 1; i >= 0; --i) {
+        for (int k = i + 1; k < f.size; ++k) c.x[i] -= f.x[5 * k + i] * c.x[k];
+        c.x[i] /= f.x[5 * i + i];
+    }
+    return c;
+}
+
+/* c, differentiated `order` times. */
+TMAP_FUNCTION tmap_numbers tmap_derivative(tmap_numbers c, int order) {
+    for (int turn = 0; turn < order; ++turn) {
+        c.count -= 1;
+        for (int i = 0; i < c.count; ++i) c.x[i] = tmap_float(i + 1) * c.x[i + 1];
+    }
+    return c;
+}
+
+TMAP_FUNCTION float tmap_polynomial(tmap_numbers c, float x) {
+    float value = 0.0f;
+    for (int i = c.count - 1; i >= 0; --i) value = value * x + c.x[i];
+    return value;
+}
+
+/* Roots of a quadratic polynomial, the smaller one first, clamped to -100..100: those farther out have no weight. */
+TMAP_FUNCTION tmap_numbers tmap_quadratic_roots(tmap_numbers c) {
+    tmap_numbers roots;
+    float root = sqrtf(fmaxf(c.x[1] * c.x[1] - 4.0f * c.x[0] * c.x[2], 0.0f));
+    float q = -0.5f * (c.x[1] < 0.0f ? c.x[1] - root : c.x[1] + root);
+    float a = fabsf(q) < 100.0f * fabsf(c.x[2]) ? q / c.x[2] : 100.0f;
+    float b = fabsf(c.x[0]) < 100.0f * fabsf(q) ? c.x[0] / q : -100.0f;
+    roots.count = 2;
+    roots.x[0] = fminf(a, b);
+    roots.x[1] = fmaxf(a, b);
+    return roots;
+}
+
+/* The root between a and b, by Newton's method with bisection where a step leaves the bracket. */
+TMAP_FUNCTION float tmap_root_between(tmap_numbers c, float a, float b) {
+    tmap_numbers slope = tmap_derivative(c, 1);
+    float end = tmap_polynomial(c, b), x = 0.5f * (a + b);
+    for (int i = 0; i < 32; ++i) {
+        float value = tmap_polynomial(c, x), next = x - value / tmap_polynomial(slope, x);
+        if (value * end > 0.0f)
+            b = x;
+        else
+            a = x;
+        if (!(next > a && next < b)) next = 0.5f * (a + b);
+        if (fabsf(next - x) < 1e-6f) return next;
+        x = next;
+    }
+    return x;
+}
+
+/* Roots of a polynomial of degree 2, 3 or 4, all real: the roots of its derivative separate them. */
+TMAP_FUNCTION tmap_numbers tmap_moment_roots(tmap_numbers c) {
+    tmap_numbers roots = tmap_quadratic_roots(tmap_derivative(c, c.count - 3));
+    for (int order = c.count - 4; order >= 0; --order) {
+        tmap_numbers inner = roots, d = tmap_derivative(c, order);
+        roots.count = inner.count + 1;
+        for (int i = 0; i < roots.count; ++i) {
+            float a = i > 0 ? inner.x[tmap_clamp_int(i - 1, 0, 4)] : -100.0f;
+            float b = i < inner.count ? inner.x[i] : 100.0f;
+            roots.x[i] = tmap_root_between(d, a, b);
+        }
+    }
+    return roots;
+}
+
+TMAP_FUNCTION float tmap_moment_depth(tmap map, int first, int n, float u) {
+    float z = 2.0f * u - 1.0f, whole = TMAP_TEXEL(map, first);
+    if (!(whole > 0.0f) || u >= 1.0f) return whole;
+    tmap_triangle f = tmap_moment_factor(map, first, n);
+    tmap_numbers roots = tmap_moment_roots(tmap_moment_kernel(f, z));
+    float here = tmap_moment_weight(f, z), sum = here, before = 0.5f * here;
+    for (int i = 0; i < roots.count; ++i) {
+        float weight = tmap_moment_weight(f, roots.x[i]);
+        sum += weight;
+        before += roots.x[i] < z ? weight : 0.0f;
+    }
+    return whole * before / sum;
+}
+
+/* Optical depth of the gas before u in one texel. */
+TMAP_FUNCTION float tmap_gas_depth(tmap map, int texel, float u) {
+    int first = texel * map.components, n = map.components;
+    if (map.technique_id == TMAP_DEEP) return tmap_deep_depth(map, texel, u);
+    if (map.technique_id == TMAP_COMPRESSED) return tmap_compressed_depth(map, texel, u);
+    if (map.technique_id == TMAP_DEPTH) return tmap_step_depth(map, first, u);
+    if (map.technique_id == TMAP_COSINE) return tmap_cosine_depth(map, first, n, u);
+    if (map.technique_id == TMAP_MOMENT) return tmap_moment_depth(map, first, n, u);
+    if (map.technique_id == TMAP_ADAPTIVE) return tmap_adaptive_depth(map, first, n, u);
+    if (map.technique_id == TMAP_BEER) return tmap_beer_depth(map, first, u);
+    if (map.has_range != 0) { /* from the texel's first occluder to its last */
+        float begin = TMAP_TEXEL(map, first), end = TMAP_TEXEL(map, first + 1);
+        if (u < begin) return 0.0f;
+        u = end > begin ? fminf((u - begin) / (end - begin), 1.0f) : 1.0f;
+        first += 2;
+        n -= 2;
+    }
+    if (map.technique_id == TMAP_FOURIER) return tmap_fourier_depth(map, first, n, u);
+    if (map.cubic != 0) return tmap_cubic_depth(map, first, n, u);
+    return map.has_planes != 0 ? tmap_planes_depth(map, first, n, u) : tmap_even_planes_depth(map, first, n, u);
+}
+
+/* Where a point lies in the map. Texel centers are at integer x and y; distance is measured like near_depth. */
+struct tmap_place {
+    int face;
+    float x, y, u, distance;
+};
+
+TMAP_FUNCTION float tmap_row_times(tmap_vec4 row, tmap_vec3 p) {
+    return row.x * p.x + row.y * p.y + row.z * p.z + row.w;
+}
+
+/* A point in the space that the rows are for, which is world space unless the caller moved them. */
+TMAP_FUNCTION tmap_place tmap_project(tmap map, tmap_vec3 position) {
+    tmap_place p;
+    float w = tmap_row_times(map.row_w, position);
+    p.face = 0;
+    p.x = tmap_row_times(map.row_x, position) / w;
+    p.y = tmap_row_times(map.row_y, position) / w;
+    p.distance = tmap_row_times(map.row_distance, position);
+    p.u = w > 0.0f ? (p.distance - map.near_depth) / (map.far_depth - map.near_depth) : -1.0f;
+    return p;
+}
+
+/* The same for a cube map; `offset` is the point minus the light's position. */
+TMAP_FUNCTION tmap_place tmap_project_to_cube(tmap map, tmap_vec3 offset) {
+    tmap_place p;
+    float x = fabsf(offset.x), y = fabsf(offset.y), z = fabsf(offset.z);
+    int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    float along = axis == 0 ? offset.x : axis == 1 ? offset.y : offset.z;
+    float right = axis == 0 ? offset.y : axis == 1 ? offset.z : offset.x;
+    float down = axis == 0 ? offset.z : axis == 1 ? offset.x : offset.y;
+    p.face = 2 * axis + (along < 0.0f ? 1 : 0);
+    p.distance = fabsf(along);
+    p.x = (0.5f + 0.5f * right / p.distance) * tmap_float(map.width - 1);
+    p.y = (0.5f + 0.5f * down / p.distance) * tmap_float(map.height - 1);
+    p.u = p.distance > 0.0f ? (p.distance - map.near_depth) / (map.far_depth - map.near_depth) : -1.0f;
+    return p;
+}
+
+/* The share of light that reaches a place. Interpolates the optical depths of four texels, not their contents, and
+   compares with four surfaces before interpolating. Outside of the map everything is lit. */
+TMAP_FUNCTION float tmap_transmittance(tmap map, tmap_place p) {
+    float right = tmap_float(map.width) - 0.5f, bottom = tmap_float(map.height) - 0.5f, depth = 0.0f, lit = 0.0f;
+    float bias = (map.bias + map.bias_per_distance * p.distance) / (map.far_depth - map.near_depth);
+    if (!(p.u >= 0.0f && p.x >= -0.5f && p.y >= -0.5f && p.x <= right && p.y <= bottom)) return 1.0f;
+    float u = fminf(p.u, 1.0f);
+    for (int i = 0; i < 4; ++i) {
+        int x = tmap_int(floorf(p.x)) + i % 2, y = tmap_int(floorf(p.y)) + i / 2;
+        int row = p.face * map.height + tmap_clamp_int(y, 0, map.height - 1);
+        int texel = row * map.width + tmap_clamp_int(x, 0, map.width - 1);
+        float weight = (1.0f - fabsf(p.x - tmap_float(x))) * (1.0f - fabsf(p.y - tmap_float(y)));
+        depth += weight * tmap_gas_depth(map, texel, u);
+        lit += map.has_surfaces != 0 && TMAP_SURFACE(map, texel) + bias < p.u ? 0.0f : weight;
+    }
+    return lit * expf(-depth);
+}
+
+#endif

@@ -1,0 +1,69 @@
+# sh tests/shaders.sh COMPILER FOLDER: compiles examples/shaders/ with glslangValidator, glslc or dxc, together with the
+# excerpt that docs/shadow_maps.md shows. Files go to FOLDER. The last line is `N passed, N failed`.
+
+compiler=$1 folder=$2 shaders=examples/shaders/transmittance_map
+passed=0 failed=0
+
+excerpt() {
+    sed -n '/^```glsl$/,/^```$/ { /^```/d; p; }' docs/shadow_maps.md
+}
+
+# The sum looks a point up in both ways.
+sum='light_left(world_position) + light_left_of_cube(world_position, world_position.zyx)'
+
+# glsl "#version ..": the file as an engine hands it to a driver. Standard input comes before it.
+glsl() {
+    echo "$1" && cat - "$shaders.glsl" && excerpt &&
+        echo 'layout(location = 0) in vec3 world_position; layout(location = 0) out vec4 color;' &&
+        echo "void main() { color = vec4($sum); }"
+}
+
+hlsl() {
+    echo '#include "transmittance_map.hlsl"' && excerpt | sed 's/vec3/float3/g' &&
+        echo "float4 main(float3 world_position : TEXCOORD0) : SV_Target { return $sum; }"
+}
+
+own_buffers() {
+    echo 'layout(std430, binding = 0) readonly buffer Floats { float floats[]; };'
+    echo 'layout(std430, binding = 1) readonly buffer Numbers { uint numbers[]; };'
+    echo 'layout(binding = 2) uniform sampler2D surfaces;'
+    echo '#define TMAP_TEXEL(map, i)   floats[i]'
+    echo '#define TMAP_SURFACE(map, i) texelFetch(surfaces, ivec2((i) % (map).width, (i) / (map).width), 0).x'
+    echo '#define TMAP_PLANE(map, i)   floats[1000 + (i)]'
+    echo '#define TMAP_START(map, i)   numbers[i]'
+    echo '#define tmap_bound           tmap(vec4(1), vec4(1), vec4(1), vec4(1), 4, 8, 1, 0, 1, 0, 1, 9, 9, 0.0, 1.0, 0.1, 0.0)'
+}
+
+# check FILE COMMAND..: runs a command on FILE
+check() {
+    file=$1 && shift
+    if "$@" "$file" > "$file.log" 2>&1; then
+        passed=$((passed + 1))
+    else
+        failed=$((failed + 1)) && echo "failed: $* $file" && cat "$file.log"
+    fi
+}
+
+glsl '#version 430' < /dev/null > "$folder/$compiler.430.frag"
+glsl '#version 310 es' < /dev/null > "$folder/$compiler.es.frag"
+glsl '#version 450' < /dev/null > "$folder/$compiler.450.frag"
+own_buffers | glsl '#version 450' > "$folder/$compiler.own.frag"
+hlsl > "$folder/$compiler.hlsl"
+object=$folder/$compiler.spv
+
+case $compiler in
+glslangValidator)
+    for version in 430 es 450 own; do check "$folder/$compiler.$version.frag" glslangValidator; done
+    check "$folder/$compiler.450.frag" glslangValidator -V -o "$object"
+    check "$folder/$compiler.hlsl" glslangValidator -D -V -S frag -e main -Iexamples/shaders -o "$object"
+    ;;
+glslc)
+    for version in 450 own; do check "$folder/$compiler.$version.frag" glslc -o "$object"; done
+    check "$folder/$compiler.hlsl" glslc -x hlsl -fshader-stage=fragment -fentry-point=main -Iexamples/shaders -o "$object"
+    ;;
+dxc)
+    check "$folder/$compiler.hlsl" dxc -T ps_6_0 -E main -I examples/shaders -Fo "$object"
+    ;;
+esac
+echo "$passed passed, $failed failed"
+[ "$failed" = 0 ]

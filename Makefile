@@ -11,6 +11,7 @@
 # make gallery     the pictures of the scene programs alone
 # make pictures    the small ones in docs/
 # make format      clang-format on examples and tests
+# make install     the header and splatshadow.pc, below DESTDIR and PREFIX (/usr/local); make uninstall removes them
 # make clean
 # STB=dir says where stb_image_write.h is; SPLATSHADOW_DATA=dir where real scans are (optional, for demo and test).
 
@@ -203,6 +204,7 @@ test:
 	@mkdir -p build/tests && $(call can_build,sanitized) || { $(call fetch,libclang-rt-$$(clang -dumpversion | cut -d. -f1)-dev); }
 	@test -f $(STB)/stb_image_write.h || { $(call fetch,libstb-dev); }
 	@command -v tcc >/dev/null || { $(call fetch,tcc); }
+	@command -v pkg-config >/dev/null && command -v cmake >/dev/null || { $(call fetch,pkg-config cmake); }
 	@rm -rf build/tests && mkdir -p build/tests
 	@test -f $(STB)/stb_image_write.h || echo "skipped: all examples but hello: install libstb-dev"
 	@$(MAKE) -s --no-print-directory -j$(JOBS) -k run-tests
@@ -239,6 +241,10 @@ $(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(info skipped: configurati
 $(foreach c,$(filter-out $(THERE) $(if $(TCC_THERE),tcc),$(CHECK_COMPILERS) tcc),$(info skipped: warnings of $(c): install it))
 $(foreach c,$(filter-out $(SHADER_COMPILERS_THERE),$(SHADER_COMPILERS)),$(info skipped: examples/shaders/ by $(c): install it))
 
+INSTALL_CHECKS = $(if $(THERE),make pkg-config cmake)
+INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/dev/null && echo $(c)))
+$(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(info skipped: the quick start by $(c): install it))
+
 # test_engineering runs build/render
 $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log: build/render)))
 
@@ -247,7 +253,7 @@ run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) $(if $(TCC_THERE),build/tests/header.tcc.log) \
-	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
+	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log) $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log)
 endif
 
 # $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
@@ -324,6 +330,10 @@ build/tests/header.link.log: splatshadow.h
 		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp) && \
 		$(ONE_PASSED))
 
+# The quick start, built from what `make install` leaves, and by CMake
+build/tests/install.%.log: tests/install.sh splatshadow.h Makefile $(wildcard examples/cmake/*)
+	@$(call run,install.$*,CC="$(or $(firstword $(THERE)),$(CC))" MAKE="$(MAKE)" sh $< $* build/tests/install_$*)
+
 # Whether the entries of the list of mutants still apply to the header.
 build/tests/mutants.log: splatshadow.h $(wildcard tests/mutants.*)
 	@$(call run,mutants,sh tests/mutants.sh check)
@@ -342,6 +352,22 @@ fuzz: tests/fuzz.c $(HEADERS) tests/check.h | build
 soak: tests/soak.c $(HEADERS) $(wildcard tests/*.h) | build
 	$(COMPILE_native) -Wall $(INCLUDES) -Iexamples -Itests $< -o build/soak $(LIBRARIES)
 	build/soak $(or $(SEED),1) $(or $(COUNT),200) $(or $(FIRST),0)
+
+# -------------------------------------------------------------------------------------------------- installing
+
+PREFIX ?= /usr/local
+VERSION = $(shell awk '/^\#define SPS_VERSION / { printf "%d.%d.%d", $$3 / 10000, $$3 / 100 % 100, $$3 % 100 }' splatshadow.h)
+PKG_CONFIG_FILE = prefix=$(PREFIX)\nincludedir=$${prefix}/include\n\nName: splatshadow\nDescription: volumes, particles and \
+polygons with correct shadows, and shadow maps of them\nVersion: $(VERSION)\nCflags: -I$${includedir}\nLibs: -lm\n
+
+.PHONY: install uninstall
+install:
+	install -d "$(DESTDIR)$(PREFIX)/include" "$(DESTDIR)$(PREFIX)/share/pkgconfig"
+	install -m 644 splatshadow.h "$(DESTDIR)$(PREFIX)/include"
+	printf %b '$(PKG_CONFIG_FILE)' > "$(DESTDIR)$(PREFIX)/share/pkgconfig/splatshadow.pc"
+
+uninstall:
+	rm -f "$(DESTDIR)$(PREFIX)/include/splatshadow.h" "$(DESTDIR)$(PREFIX)/share/pkgconfig/splatshadow.pc"
 
 # ---------------------------------------------------------------------------------------------------- the rest
 

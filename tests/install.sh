@@ -1,0 +1,68 @@
+# sh tests/install.sh CHECK FOLDER: installs into FOLDER and builds the quick start from there. CHECK is `make` (make
+# install and uninstall alone), `pkg-config`, or `cmake` (examples/cmake/, by itself and from a project that fetches it).
+# CC and MAKE are in the environment. The last line is `1 passed, 0 failed`, or what failed before it.
+
+set -ex
+unset MAKEFLAGS MFLAGS MAKELEVEL MAKEOVERRIDES
+mkdir -p "$2"
+folder=$(cd "$2" && pwd) top=$(pwd)
+
+# A program's picture must have its 256 * 256 * 3 numbers.
+check_picture() {
+    "$1" | awk 'NR > 1 { numbers += NF } END { exit numbers != 256 * 256 * 3 }'
+}
+
+check_make() {
+    "$MAKE" install DESTDIR="$folder/root" PREFIX=/opt/splatshadow
+    cmp splatshadow.h "$folder/root/opt/splatshadow/include/splatshadow.h"
+    "$CC" -std=c99 -O1 -I"$folder/root/opt/splatshadow/include" examples/hello.c -o "$folder/hello" -lm
+    check_picture "$folder/hello"
+    "$MAKE" uninstall DESTDIR="$folder/root" PREFIX=/opt/splatshadow
+    test -z "$(find "$folder/root" -type f)"
+}
+
+# The version that pkg-config knows is the one that the compiled library returns.
+check_pkg_config() {
+    "$MAKE" install PREFIX="$folder/prefix"
+    export PKG_CONFIG_PATH="$folder/prefix/share/pkgconfig"
+    "$CC" -std=c99 -O1 $(pkg-config --cflags splatshadow) examples/hello.c -o "$folder/hello" $(pkg-config --libs splatshadow)
+    check_picture "$folder/hello"
+    cat > "$folder/version.c" << 'C'
+#define SPLATSHADOW_IMPLEMENTATION
+#include <splatshadow.h>
+#include <stdio.h>
+int main(void) {
+    return printf("%d.%d.%d\n", sps_version() / 10000, sps_version() / 100 % 100, sps_version() % 100) < 0;
+}
+C
+    "$CC" -std=c99 $(pkg-config --cflags splatshadow) "$folder/version.c" -o "$folder/version" $(pkg-config --libs splatshadow)
+    test "$("$folder/version")" = "$(pkg-config --modversion splatshadow)"
+}
+
+build_by_cmake() {
+    cmake -S "$1" -B "$2" -DCMAKE_C_COMPILER="$CC" -DCMAKE_BUILD_TYPE=Release
+    cmake --build "$2"
+    check_picture "$2/hello"
+}
+
+check_cmake() {
+    build_by_cmake examples/cmake "$folder/alone"
+    mkdir -p "$folder/consumer"
+    cat > "$folder/consumer/CMakeLists.txt" << CMAKE
+cmake_minimum_required(VERSION 3.18)
+project(consumer LANGUAGES C)
+include(FetchContent)
+FetchContent_Declare(splatshadow SOURCE_DIR "$top" SOURCE_SUBDIR examples/cmake)
+FetchContent_MakeAvailable(splatshadow)
+add_executable(hello "\${splatshadow_SOURCE_DIR}/examples/hello.c")
+target_link_libraries(hello PRIVATE splatshadow::splatshadow)
+CMAKE
+    build_by_cmake "$folder/consumer" "$folder/fetched"
+}
+
+case $1 in
+make) check_make ;;
+pkg-config) check_pkg_config ;;
+cmake) check_cmake ;;
+esac
+echo "1 passed, 0 failed"

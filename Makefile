@@ -165,7 +165,7 @@ COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native 
 # under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
 TESTS_native    = $(TESTS) fuzz soak
 TESTS_sanitized = test_extremes test_plan test_transmittance
-TESTS_wide_sanitized = test_engineering test_polygons test_tmaps test_watertight
+TESTS_wide_sanitized = test_engineering test_files test_polygons test_tmaps test_watertight
 TESTS_cpp       = test_plan
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
@@ -245,8 +245,8 @@ INSTALL_CHECKS = $(if $(THERE),make pkg-config cmake)
 INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/dev/null && echo $(c)))
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(info skipped: the quick start by $(c): install it))
 
-# test_engineering runs build/render
-$(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log: build/render)))
+# Tests that run build/render
+$(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/render)))
 
 .PHONY: run-tests
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \

@@ -141,13 +141,14 @@ static int bonsai_load(ex_grid *grid) {
     static const int size[3] = {256, 256, 256};
     const char *folder = getenv("SPLATSHADOW_DATA");
     char path[4096];
+    ex_voxel_file file;
     ex_error error;
     if (!folder) {
         printf("  left out: SPLATSHADOW_DATA does not say where bonsai_256x256x256_u8.raw is\n");
         return 1;
     }
     snprintf(path, sizeof path, "%s/bonsai_256x256x256_u8.raw", folder);
-    if (!ex_grid_load(grid, path, size, EX_U8, &error)) return 0;
+    if (!ex_voxel_file_raw(&file, path, size, EX_U8, &error) && !ex_grid_load(grid, &file, &error)) return 0;
     printf("  left out: %s\n", error.text);
     return 1;
 }

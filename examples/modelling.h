@@ -886,10 +886,7 @@ static inline void ex_tree_raise(const ex_tree *tree, int rod, int clump, const 
 
 /* Makes `grid` the voxels of `volume` with the whole tree in them. */
 static inline void ex_tree_fill(const ex_tree *tree, const sps_volume *volume, ex_grid *grid) {
-    memcpy(grid->size, volume->size, sizeof grid->size);
-    grid->type = EX_F32;
-    grid->data =
-        ex_allocate((size_t)volume->size[0] * (size_t)volume->size[1] * (size_t)volume->size[2], sizeof(float));
+    ex_grid_begin(grid, volume->size, EX_F32);
     for (int i = 0; i < tree->clump_count; ++i) ex_tree_raise(tree, -1, i, volume, (float *)grid->data);
     for (int i = 0; i < tree->rod_count; ++i) ex_tree_raise(tree, i, -1, volume, (float *)grid->data);
     ex_grid_measure(grid);

@@ -1,9 +1,11 @@
-/* render: the library from the command line. Raw volumes, particles and OBJ meshes in, PNG, PFM and statistics out.
+/* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI-1, NPY), particles and OBJ meshes in;
+   PNG, PFM and statistics out.
    cc -O3 -march=native -pthread -I. -isystem /usr/include/stb examples/render.c -o render -lm
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. Either with one line on stderr. */
 
 #define SPLATSHADOW_IMPLEMENTATION
 #include "common.h"
+#include "volume_file.h"
 
 #include <inttypes.h>
 #include <limits.h>
@@ -27,8 +29,10 @@ typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
     int size[3], type, shading;
-    double box[6], extinction, albedo[3], emission[3];
+    double range[2], box[6], extinction, albedo[3], emission[3];
     phase_lobes lobes;
+    ex_voxel_file voxels; /* what the file's header says, and the options instead of it */
+    sps_placement placement;
     ex_grid grid;
     ex_transfer points;
     sps_transfer transfer;
@@ -80,7 +84,6 @@ typedef struct option_rule {
     const char *const *names; /* of a choice, by number; those below lo are not for users */
 } option_rule;
 
-static const char *const type_names[] = {"u8", "u16", "f32", NULL};
 static const char *const shading_names[] = {"gas", "surface", NULL};
 static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
                                            "fourier", "cosine", "moment",     "adaptive", "beer",    NULL};
@@ -178,6 +181,12 @@ static int set_camera(const option_rule *rule, arguments *all, void *place, cons
     return 0;
 }
 
+static int set_range(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    const double *range = (const double *)place;
+    if (set_reals(rule, all, place, value, error)) return 1;
+    return range[0] == range[1] ? unfit(rule, value, "both ends are the same", error) : 0;
+}
+
 static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     phase_lobes *lobes = (phase_lobes *)place;
     double g[3] = {0, 0, 0};
@@ -265,15 +274,16 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
 
 /* clang-format off */
 static const option_rule options[] = {
-    {"--volume", "FILE", "raw voxels, x fastest, no header; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
-    {"--size", "X,Y,Z", "voxels along each axis; required", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
-    {"--type", "u8|u16|f32", "little endian; u8 and u16 stand for 0..1; default u8", set_choice, OF_VOLUME(type), 1, 0, 0, type_names},
-    {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
+    {"--volume", "FILE", "voxels; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
+    {"--size", "X,Y,Z", "voxels along each axis; required for a file without a header", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
+    {"--type", "u8|i8|u16|i16|u32|i32|f32|f64", "of a voxel; default: the header's, or u8, little endian", set_choice, OF_VOLUME(type), 1, 0, 0, ex_type_names},
+    {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
+    {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
     {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
-    {"--transfer", "FILE", "lines: value r g b extinction, values (0..1 for u8 and u16) rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
+    {"--transfer", "FILE", "lines: value r g b extinction, values rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
     {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
@@ -321,7 +331,16 @@ enum { OPTION_COUNT = sizeof options / sizeof options[0] };
 /* What --help says before an option. */
 static const char *const headings[][2] = {
     {"--volume",
-     "Volumes. These are about the --volume before them; those before the first --volume, about the first."},
+     "Volumes. These are about the --volume before them; those before the first --volume, about the first.\n"
+     "  Files called .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii (NIfTI-1) and .npy have a header, which says "
+     "size,\n"
+     "  type, byte order, spacing and place, unless an option below does; their voxels must not be compressed. The\n"
+     "  coordinates are those of the file. Where a header has none, voxels are cubes of edge 1, the first one's centre "
+     "at\n"
+     "  0,0,0; an .npy array is indexed [z,y,x]. All other files are raw: voxels only, x fastest, little endian.\n"
+     "  Numbers become values like this: u8, u16 and u32 are 0..1 over all that the type holds; i8, i16 and i32, and\n"
+     "  integers that a NIfTI header scales, are 0..1 from the smallest to the largest in the file; f32 and f64 are\n"
+     "  values as they stand, negative ones being 0. For anything else there is --range, after NIfTI's scaling."},
     {"--particles", "Particles, in the same way: balls of gas."},
     {"--mesh", "Meshes, in the same way."},
     {"--camera", "View."},
@@ -400,10 +419,39 @@ static int check_look(const volume_arguments *volume, ex_error *error) {
     return 0;
 }
 
+/* Where the voxels are and what they are: as the file's header says, if it has one, and as options say instead. */
+static int find_voxels(volume_arguments *volume, ex_error *error) {
+    const int has_header = ex_volume_format_of(volume->file) != NULL;
+    ex_volume_file file;
+    ex_voxel_file *voxels = &file.voxels;
+    if (has_header ? ex_volume_file_read(&file, volume->file, error)
+                   : ex_voxel_file_raw(voxels, volume->file, volume->size, (ex_type)volume->type, error))
+        return 1;
+    if (has(volume->given, "--size")) memcpy(voxels->size, volume->size, sizeof voxels->size);
+    if (has(volume->given, "--type")) voxels->type = (ex_type)volume->type;
+    memcpy(voxels->range, volume->range, sizeof voxels->range);
+    volume->voxels = *voxels;
+    if (has_header && !has(volume->given, "--box")) {
+        volume->placement = ex_volume_file_placement(&file);
+        return 0;
+    }
+    for (int a = 0; a < 3; ++a) {
+        volume->placement.origin[a] = volume->box[a];
+        volume->placement.axis[a][a] = volume->box[3 + a] - volume->box[a];
+    }
+    return 0;
+}
+
+static int find_volumes(arguments *all, ex_error *error) {
+    for (int i = 0; i < all->volume_count; ++i)
+        if (find_voxels(&all->volumes[i], error)) return 1;
+    return 0;
+}
+
 static int check_volumes(const arguments *all, ex_error *error) {
     for (int i = 0; i < all->volume_count; ++i) {
         const volume_arguments *volume = &all->volumes[i];
-        if (!has(volume->given, "--size"))
+        if (volume->voxels.size[0] == 0)
             return ex_fail(error, "--volume %s has no --size%s", volume->file, i > 0 ? " after it" : "");
         for (int a = 0; a < 3; ++a)
             if (volume->box[a] == volume->box[3 + a])
@@ -430,7 +478,7 @@ static int check_owners(const arguments *all, ex_error *error) {
 static const char *find_input(const arguments *all, const char *path) {
     for (int i = 0; i < all->volume_count; ++i) {
         const volume_arguments *volume = &all->volumes[i];
-        if (ex_same_file(path, volume->file)) return "--volume";
+        if (ex_same_file(path, volume->file) || ex_same_file(path, volume->voxels.path)) return "--volume";
         if (volume->transfer_file && ex_same_file(path, volume->transfer_file)) return "--transfer";
     }
     for (int i = 0; i < all->mesh_count; ++i)
@@ -518,20 +566,18 @@ static void make_linear_transfer(volume_arguments *volume) {
 static int check_transfer(const volume_arguments *volume, ex_error *error) {
     const ex_transfer *transfer = &volume->points;
     if (transfer->point_count > INT_MAX) return ex_fail(error, "%s: too many lines", volume->transfer_file);
-    if (volume->type == EX_F32 || transfer->point_count < 2) return 0;
+    if (ex_type_is_float(volume->voxels.type) && !has(volume->given, "--range")) return 0;
+    if (transfer->point_count < 2) return 0;
     const double reach = (double)transfer->points[transfer->point_count - 2].value;
     if (reach <= 1) return 0;
     return ex_fail(error, "%s: a line's value is %g, and there are lines beyond it; %s voxels stand for 0..1",
-                   volume->transfer_file, reach, ex_type_name((ex_type)volume->type));
+                   volume->transfer_file, reach, ex_type_names[volume->voxels.type]);
 }
 
 static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *error) {
-    if (ex_grid_load(&from->grid, from->file, from->size, (ex_type)from->type, error)) return 1;
-    memcpy(volume->size, from->size, sizeof volume->size);
-    for (int a = 0; a < 3; ++a) {
-        volume->placement.origin[a] = from->box[a];
-        volume->placement.axis[a][a] = from->box[3 + a] - from->box[a];
-    }
+    if (ex_grid_load(&from->grid, &from->voxels, error)) return 1;
+    memcpy(volume->size, from->grid.size, sizeof volume->size);
+    volume->placement = from->placement;
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &from->grid;
     volume->extinction = (float)from->extinction;
     to_floats(from->albedo, volume->albedo);
@@ -615,11 +661,23 @@ static void widen(double lo[3], double hi[3], const double *a, const double *b) 
     }
 }
 
+/* The corners of a placed unit cube. */
+static void widen_by_box(double lo[3], double hi[3], const sps_placement *box) {
+    for (int corner = 0; corner < 8; ++corner) {
+        double p[3];
+        for (int i = 0; i < 3; ++i) {
+            p[i] = box->origin[i];
+            for (int a = 0; a < 3; ++a) p[i] += corner >> a & 1 ? box->axis[a][i] : 0;
+        }
+        widen(lo, hi, p, p);
+    }
+}
+
 /* Places the camera so that the scene's bounding sphere fits into the image. */
 static void frame_scene(const arguments *all, sps_view *view) {
     const double direction[3] = {0.4, 0.3, 1};
     double lo[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, hi[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
-    for (int i = 0; i < all->volume_count; ++i) widen(lo, hi, all->volumes[i].box, all->volumes[i].box + 3);
+    for (int i = 0; i < all->volume_count; ++i) widen_by_box(lo, hi, &all->volumes[i].placement);
     for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
     for (int i = 0; i < all->particles_count; ++i)
         if (all->particles[i].particles.lo[0] <= all->particles[i].particles.hi[0])
@@ -691,7 +749,8 @@ static void name_subject(const arguments *all, const char *sentence, char *out, 
     const char *option = find_field(all, sentence);
     snprintf(out, size, "%s%s", option ? option : "", option ? ": " : "");
     if (sscanf(sentence, "volume[%d]", &index) == 1 && index >= 0 && index < all->volume_count)
-        snprintf(out, size, "%s %s: ", strstr(sentence, "placement") ? "--box of" : "--volume",
+        snprintf(out, size, "%s %s: ",
+                 strstr(sentence, "placement") && has(all->volumes[index].given, "--box") ? "--box of" : "--volume",
                  all->volumes[index].file);
     else if (sscanf(sentence, "mesh[%d]", &index) == 1 && index >= 0 && index < all->mesh_count)
         snprintf(out, size, "--mesh %s: ", all->meshes[index].file);
@@ -853,7 +912,7 @@ int main(int argc, char **argv) {
         if (all.help) {
             print_help();
             status = 0;
-        } else if (check(&all, &error) == 0) {
+        } else if (find_volumes(&all, &error) == 0 && check(&all, &error) == 0) {
             scene_arrays arrays;
             arrays.volumes = (sps_volume *)ex_allocate(most, sizeof *arrays.volumes);
             arrays.particles = (sps_particles *)ex_allocate(most, sizeof *arrays.particles);

@@ -3,9 +3,9 @@
    the command line, build/render, says to its user. */
 
 #include "check.h"
+#include "command_line.h"
 #include "splatshadow.h" /* once more, below its own implementation */
 #include <pthread.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 /* ------------------------------------------------------------------------------------ a scene that uses everything */
@@ -999,71 +999,6 @@ static void test_quick_start(void) {
 
 /* -------------------------------------------------------------------------------------------- the command line */
 
-/* build/render is run in a folder of its own below build/, where it finds these files. */
-static char render_folder[] = "build/command_line.XXXXXX";
-
-typedef struct outcome {
-    int status;
-    char said[2000]; /* on standard error */
-} outcome;
-
-static int read_file(const char *name, char *text, size_t size) {
-    char path[200];
-    FILE *file;
-    size_t got = 0;
-    snprintf(path, sizeof path, "%s/%s", render_folder, name);
-    file = fopen(path, "rb");
-    if (!file) return 0;
-    got = fread(text, 1, size - 1, file);
-    text[got] = 0;
-    fclose(file);
-    return (int)got;
-}
-
-static void write_file(const char *name, const void *data, size_t size) {
-    char path[200];
-    FILE *file;
-    snprintf(path, sizeof path, "%s/%s", render_folder, name);
-    file = fopen(path, "wb");
-    if (CHECK(file && fwrite(data, 1, size, file) == size)) fclose(file);
-}
-
-static outcome run_render(const char *options) {
-    static char command[4000];
-    outcome result;
-    int status;
-    snprintf(command, sizeof command, "cd %s && ../render %s 2>said", render_folder, options);
-    status = system(command);
-    result.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    read_file("said", result.said, sizeof result.said);
-    return result;
-}
-
-/* One line, without what a terminal would take for a command. */
-static int is_one_line(const char *said) {
-    const size_t length = strlen(said);
-    for (size_t i = 0; i + 1 < length; ++i)
-        if ((unsigned char)said[i] < 32 || (unsigned char)said[i] == 127) return 0;
-    return strncmp(said, "render: ", 8) == 0 && length > 10 && said[length - 1] == '\n';
-}
-
-typedef struct complaint {
-    const char *options;
-    int status;
-    const char *words; /* what the line has to hold; NULL: nothing may be said */
-} complaint;
-
-static void check_complaints(const complaint *list, size_t count) {
-    for (size_t i = 0; i < count; ++i) {
-        const outcome got = run_render(list[i].options);
-        const int right = list[i].words ? is_one_line(got.said) && strstr(got.said, list[i].words) : got.said[0] == 0;
-        if (!CHECK(got.status == list[i].status) || !CHECK(right))
-            printf("    render %s\n    gives %d, and says: %s\n", list[i].options, got.status, got.said);
-    }
-}
-
-#define CHECK_COMPLAINTS(list) check_complaints((list), sizeof(list) / sizeof *(list))
-
 #define SMALL  "--width 5 --height 4 "                /* what most of these tests are content with */
 #define VOLUME "--volume two.raw --size 2,2,2 " SMALL /* the same with something to see */
 
@@ -1202,7 +1137,7 @@ static void test_bad_values(void) {
         {"--size 2,2,99999999999999999999", 2, "X,Y,Z must be within 1..65536"},
         {"--size ''", 2, "--size: '' is not X,Y,Z"},
         {"--size \"$(printf '2\\n2')\"", 2, "--size: '2?2' is not X,Y,Z"},
-        {"--type u32", 2, "--type: 'u32' is not u8|u16|f32"},
+        {"--type u64", 2, "--type: 'u64' is not u8|i8|u16|i16|u32|i32|f32|f64"},
         {"--quality default", 2, "--quality: 'default' is not draft|medium|high|ultra"},
         {"--box 0,0,0,1,1,1e17", 2, "must be within -1e+15..1e+15"},
         {"--box 0,0,0,1,1,nan", 2, "--box: '0,0,0,1,1,nan' is not x0,y0,z0,x1,y1,z1"},
@@ -1390,7 +1325,7 @@ static void test_precious_files(void) {
         {"--mesh corner.obj --out corner.obj --plan >plan", 0, NULL}};
     static const char name[] = "/link.txt";
     char path[200];
-    snprintf(path, sizeof path, "%s%s", render_folder, name);
+    snprintf(path, sizeof path, "%s%s", folder, name);
     CHECK(symlink("look.txt", path) == 0);
     write_file("a.pfm", "", 0);
     CHECK_COMPLAINTS(slips);
@@ -1400,7 +1335,8 @@ static void test_precious_files(void) {
 static void test_help(void) {
     static const char *const words[] = {"--volume FILE",
                                         "--size X,Y,Z",
-                                        "--type u8|u16|f32",
+                                        "--type u8|i8|u16|i16|u32|i32|f32|f64",
+                                        "--range LOW,HIGH",
                                         "--box x0,y0,z0,x1,y1,z1",
                                         "--extinction S",
                                         "--albedo r,g,b",
@@ -1462,14 +1398,10 @@ static void test_command_line(void) {
     static const unsigned char two[8] = {0, 50, 100, 150, 200, 250, 30, 90};
     static const char look[] = "# value r g b extinction\n0.1 0.9 0.5 0.2 0\n1 0.9 0.5 0.2 8 # dense\n";
     static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n";
-    char command[200];
-    FILE *program = fopen("build/render", "rb");
-    if (!program || !mkdtemp(render_folder)) {
+    if (!render_is_built() || !folder_begin()) {
         printf("skipped: the command line: run this in the top folder, after make build/render\n");
-        if (program) fclose(program);
         return;
     }
-    fclose(program);
     write_file("two.raw", two, sizeof two);
     write_file("corner.obj", corner, strlen(corner));
     write_file("look.txt", look, strlen(look));
@@ -1485,8 +1417,7 @@ static void test_command_line(void) {
     test_bad_files();
     test_precious_files();
     test_help();
-    snprintf(command, sizeof command, "rm -r %s", render_folder);
-    CHECK(system(command) == 0);
+    folder_end();
 }
 
 static void test_failures(mixed *m) {

@@ -1,0 +1,102 @@
+/* What tests of build/render share: a folder of files of its own, and what it says when it is run there. Include after
+   check.h. */
+
+#ifndef COMMAND_LINE_H
+#define COMMAND_LINE_H
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+
+/* Where these tests read and write files, and where they run build/render. */
+static char folder[] = "build/command_line.XXXXXX";
+
+/* Makes the folder; 0 if that cannot be done here. */
+static inline int folder_begin(void) {
+    mkdir("build", 0777); /* may be there */
+    return mkdtemp(folder) != NULL;
+}
+
+static inline void folder_end(void) {
+    char command[200];
+    snprintf(command, sizeof command, "rm -r %s", folder);
+    CHECK(system(command) == 0);
+}
+
+static inline int render_is_built(void) {
+    FILE *program = fopen("build/render", "rb");
+    if (program) fclose(program);
+    return program != NULL;
+}
+
+/* Returns how many bytes were read. */
+static inline int read_file(const char *name, char *text, size_t size) {
+    char path[200];
+    FILE *file;
+    size_t got = 0;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    file = fopen(path, "rb");
+    if (!file) return 0;
+    got = fread(text, 1, size - 1, file);
+    text[got] = 0;
+    fclose(file);
+    return (int)got;
+}
+
+static inline void write_file(const char *name, const void *data, size_t size) {
+    char path[200];
+    FILE *file;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    file = fopen(path, "wb");
+    if (CHECK(file && fwrite(data, 1, size, file) == size)) fclose(file);
+}
+
+typedef struct outcome {
+    int status;
+    char said[2000]; /* on standard error */
+} outcome;
+
+static inline outcome run_render(const char *options) {
+    static char command[4000];
+    outcome result;
+    int status;
+    snprintf(command, sizeof command, "cd %s && ../render %s 2>said", folder, options);
+    status = system(command);
+    result.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    read_file("said", result.said, sizeof result.said);
+    return result;
+}
+
+/* Nothing that a terminal would take for a command, and no second line. */
+static inline int is_printable(const char *text, size_t length) {
+    for (size_t i = 0; i < length; ++i)
+        if ((unsigned char)text[i] < 32 || (unsigned char)text[i] == 127) return 0;
+    return 1;
+}
+
+static inline int is_one_line(const char *said) {
+    const size_t length = strlen(said);
+    return length > 10 && strncmp(said, "render: ", 8) == 0 && said[length - 1] == '\n' &&
+           is_printable(said, length - 1);
+}
+
+typedef struct complaint {
+    const char *options;
+    int status;
+    const char *words; /* what the line has to hold; NULL: nothing may be said */
+} complaint;
+
+static inline void check_complaints(const complaint *list, size_t count) {
+    for (size_t i = 0; i < count; ++i) {
+        const outcome got = run_render(list[i].options);
+        const int right = list[i].words ? is_one_line(got.said) && strstr(got.said, list[i].words) : got.said[0] == 0;
+        if (!CHECK(got.status == list[i].status) || !CHECK(right))
+            printf("    render %s\n    gives %d, and says: %s\n", list[i].options, got.status, got.said);
+    }
+}
+
+#define CHECK_COMPLAINTS(list) check_complaints((list), sizeof(list) / sizeof *(list))
+
+#endif

@@ -1,0 +1,842 @@
+/* The files of volumes that examples/volume_file.h reads: whatever the format, the type and the byte order, the voxels,
+   their place and their values are those that were written; and no header, however wrong, does more than end in one
+   line that names the file. */
+
+#include "check.h"
+#define EX_NO_PNG
+#include "common.h"
+#include "volume_file.h"
+#include "command_line.h"
+#include <dirent.h>
+
+/* ------------------------------------------------------------------------------------------- writing files */
+
+enum { X = 3, Y = 4, Z = 5, VOXELS = X * Y * Z, FILE_MAX = 4096 };
+
+/* A file while it is put together. */
+typedef struct bytes {
+    unsigned char data[FILE_MAX];
+    size_t count;
+} bytes;
+
+static void put(bytes *file, const void *data, size_t size) {
+    if (!CHECK(file->count + size <= FILE_MAX)) return;
+    memcpy(file->data + file->count, data, size);
+    file->count += size;
+}
+
+static void put_text(bytes *file, const char *text) { put(file, text, strlen(text)); }
+
+/* A number as a type and a byte order have it; by shifting, so that the machine's own order plays no part. */
+static void put_number(bytes *file, double number, ex_type type, int big_endian) {
+    unsigned char out[8];
+    const size_t size = ex_type_size(type);
+    uint64_t bits = ex_type_is_float(type) ? 0 : (uint64_t)(int64_t)number;
+    if (type == EX_F32) {
+        const float narrow = (float)number;
+        uint32_t narrow_bits;
+        memcpy(&narrow_bits, &narrow, sizeof narrow_bits);
+        bits = narrow_bits;
+    } else if (type == EX_F64) {
+        memcpy(&bits, &number, sizeof bits);
+    }
+    for (size_t i = 0; i < size; ++i) out[big_endian ? size - 1 - i : i] = (unsigned char)(bits >> 8 * i & 255);
+    put(file, out, size);
+}
+
+static void put_number_at(bytes *file, size_t at, double number, ex_type type, int big_endian) {
+    const size_t count = file->count;
+    file->count = at;
+    put_number(file, number, type, big_endian);
+    file->count = count;
+}
+
+/* The stored number of each voxel: all over the type, its ends included, and different for each. */
+static double number_of(ex_type type, int x, int y, int z) {
+    const int n = (z * Y + y) * X + x;
+    const double bits = 8 * (double)ex_type_size(type);
+    const double low = type == EX_I8 || type == EX_I16 || type == EX_I32 ? -pow(2, bits - 1) : 0;
+    if (ex_type_is_float(type)) return n * 0.75 - 9;
+    return low + floor((pow(2, bits) - 1) * n / (VOXELS - 1) + 0.5);
+}
+
+static void put_voxels(bytes *file, ex_type type, int big_endian, int x_slowest) {
+    for (int n = 0; n < VOXELS; ++n) {
+        const int x = x_slowest ? n / (Y * Z) : n % X, y = x_slowest ? n / Z % Y : n / X % Y,
+                  z = x_slowest ? n % Z : n / (X * Y);
+        put_number(file, number_of(type, x, y, z), type, big_endian);
+    }
+}
+
+/* A world that is turned, stretched and mirrored: centre of the first voxel, steps along x, y, z. All are powers of two
+   or their sums, so that text and floats have them exactly. */
+static const double world_origin[3] = {-3, 0.5, 7}, world_step[3][3] = {{0, 0.25, 0}, {-0.5, 0, 0}, {0, 0, -2}};
+
+static void write_nrrd(bytes *file, ex_type type, int big_endian, const char *data_file) {
+    static const char *const types[] = {"uchar", "signed char", "ushort", "short", "uint", "int", "float", "double"};
+    char text[600];
+    snprintf(text, sizeof text,
+             "NRRD0004\n# written by a test\ntype: %s\ndimension: 3\nspace: left-posterior-superior\nsizes: 3 4 5\n"
+             "space directions: (0,0.25,0) (-0.5,0,0) (0, 0, -2)\nkinds: domain domain domain\nendian: %s\n"
+             "encoding: raw\nspace origin: (-3,0.5,7)\nkey:=value: of a user\n",
+             types[type], big_endian ? "big" : "little");
+    file->count = 0;
+    put_text(file, text);
+    if (data_file) {
+        snprintf(text, sizeof text, "data file: %s\n", data_file);
+        put_text(file, text);
+        return;
+    }
+    put_text(file, "\n");
+    put_voxels(file, type, big_endian, 0);
+}
+
+static void write_meta(bytes *file, ex_type type, int big_endian, const char *data_file) {
+    static const char *const types[] = {"UCHAR", "CHAR", "USHORT", "SHORT", "UINT", "INT", "FLOAT", "DOUBLE"};
+    char text[600];
+    snprintf(text, sizeof text,
+             "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = %s\nCompressedData = False\n"
+             "TransformMatrix = 0 1 0 -1 0 0 0 0 -1\nOffset = -3 0.5 7\nCenterOfRotation = 0 0 0\n"
+             "AnatomicalOrientation = RAI\nElementSpacing = 0.25 0.5 2\nDimSize = 3 4 5\nElementType = MET_%s\n"
+             "ElementDataFile = %s\n",
+             big_endian ? "True" : "False", types[type], data_file ? data_file : "LOCAL");
+    file->count = 0;
+    put_text(file, text);
+    if (!data_file) put_voxels(file, type, big_endian, 0);
+}
+
+/* 352 bytes, with all of sform; voxels follow. */
+static void write_nifti(bytes *file, ex_type type, int big_endian) {
+    static const double codes[] = {2, 256, 512, 4, 768, 8, 16, 64};
+    const double dim[5] = {3, X, Y, Z, 1};
+    memset(file, 0, sizeof *file);
+    file->count = 352;
+    put_number_at(file, 0, 348, EX_I32, big_endian);
+    for (size_t i = 0; i < 5; ++i) put_number_at(file, 40 + 2 * i, dim[i], EX_I16, big_endian);
+    put_number_at(file, 70, codes[type], EX_I16, big_endian);
+    put_number_at(file, 72, 8 * (double)ex_type_size(type), EX_I16, big_endian);
+    for (size_t i = 0; i < 4; ++i) put_number_at(file, 76 + 4 * i, 1, EX_F32, big_endian);
+    put_number_at(file, 108, 352, EX_F32, big_endian);
+    put_number_at(file, 254, 1, EX_I16, big_endian);
+    for (size_t i = 0; i < 3; ++i) {
+        for (size_t a = 0; a < 3; ++a) put_number_at(file, 280 + 16 * i + 4 * a, world_step[a][i], EX_F32, big_endian);
+        put_number_at(file, 292 + 16 * i, world_origin[i], EX_F32, big_endian);
+    }
+    memcpy(file->data + 344, "n+1", 4);
+    put_voxels(file, type, big_endian, 0);
+}
+
+/* The header is filled up to a multiple of 64 bytes, as NumPy does. */
+static void write_npy(bytes *file, ex_type type, int big_endian, int version, int fortran) {
+    static const char *const types[] = {"u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"};
+    const size_t start = version == 1 ? 10 : 12;
+    char text[200];
+    const int length = snprintf(text, sizeof text, "{'descr': '%c%s', 'fortran_order': %s, 'shape': (5, 4, 3), }",
+                                ex_type_size(type) == 1 ? '|'
+                                : big_endian            ? '>'
+                                                        : '<',
+                                types[type], fortran ? "True" : "False");
+    const size_t filled = (start + (size_t)length + 1 + 63) / 64 * 64 - start;
+    file->count = 0;
+    put(file, "\x93NUMPY", 6);
+    put_number(file, version, EX_U8, 0);
+    put_number(file, 0, EX_U8, 0);
+    put_number(file, (double)filled, version == 1 ? EX_U16 : EX_U32, 0);
+    put_text(file, text);
+    for (size_t i = (size_t)length; i + 1 < filled; ++i) put_text(file, " ");
+    put_text(file, "\n");
+    put_voxels(file, type, big_endian, fortran);
+}
+
+/* What the tests below go through, and the name each is written under. */
+typedef enum format { NRRD, NHDR, MHA, MHD, NIFTI, NPY_1, NPY_2, NPY_3, NPY_FORTRAN, FORMAT_COUNT } format;
+
+static const char *const format_names[] = {"a.nrrd", "a.nhdr", "a.mha", "a.mhd", "a.nii",
+                                           "a.npy",  "b.npy",  "c.npy", "d.npy"};
+
+/* The file itself; what is detached goes to a.raw. */
+static void write_format(bytes *file, format which, ex_type type, int big_endian) {
+    static bytes detached;
+    detached.count = 0;
+    put_voxels(&detached, type, big_endian, 0);
+    if (which == NHDR || which == MHD) write_file("a.raw", detached.data, detached.count);
+    if (which == NRRD || which == NHDR) write_nrrd(file, type, big_endian, which == NHDR ? "a.raw" : NULL);
+    if (which == MHA || which == MHD) write_meta(file, type, big_endian, which == MHD ? "a.raw" : NULL);
+    if (which == NIFTI) write_nifti(file, type, big_endian);
+    if (which >= NPY_1)
+        write_npy(file, type, big_endian, which == NPY_FORTRAN ? 1 : which - NPY_1 + 1, which == NPY_FORTRAN);
+    write_file(format_names[which], file->data, file->count);
+}
+
+/* ------------------------------------------------------------------------------------------- reading files */
+
+/* Reads a header and its voxels from the tests' folder; the caller frees the grid, which is empty after a failure. */
+static int read_volume(const char *name, ex_volume_file *file, ex_grid *grid, ex_error *error) {
+    char path[200];
+    memset(grid, 0, sizeof *grid);
+    error->text[0] = '\0';
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    return ex_volume_file_read(file, path, error) || ex_grid_load(grid, &file->voxels, error);
+}
+
+/* The same; a failure counts. */
+static int must_read(const char *name, ex_volume_file *file, ex_grid *grid) {
+    ex_error error;
+    if (CHECK(read_volume(name, file, grid, &error) == 0)) return 1;
+    printf("    %s\n", error.text);
+    return 0;
+}
+
+static int has_size(const int size[3]) { return size[0] == X && size[1] == Y && size[2] == Z; }
+
+/* The stored numbers, whatever they stand for; a float holds all but those of 32 bits, which are rounded to it. */
+static int has_numbers(const ex_grid *grid, ex_type type) {
+    ex_grid plain = *grid;
+    float row[X];
+    plain.zero = 0, plain.unit = 1, plain.least = -FLT_MAX, plain.most = FLT_MAX;
+    for (int z = 0; z < Z; ++z)
+        for (int y = 0; y < Y; ++y) {
+            ex_grid_row(&plain, 0, y, z, X, row);
+            for (int x = 0; x < X; ++x)
+                if (row[x] != (float)number_of(type, x, y, z)) return 0;
+        }
+    return 1;
+}
+
+static int is_placed(const ex_volume_file *file, const double origin[3], const double step[3][3], double tolerance) {
+    for (int i = 0; i < 3; ++i) {
+        if (!(fabs(file->origin[i] - origin[i]) <= tolerance)) return 0;
+        for (int a = 0; a < 3; ++a)
+            if (!(fabs(file->step[a][i] - step[a][i]) <= tolerance)) return 0;
+    }
+    return 1;
+}
+
+/* Every format, type and byte order: size, type, numbers and place. NPY knows no place. */
+static void test_every_type(void) {
+    static const double nowhere[3] = {0, 0, 0}, unit[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    static bytes file;
+    for (int which = 0; which < FORMAT_COUNT; ++which)
+        for (int type = EX_U8; type <= EX_F64; ++type)
+            for (int big_endian = 0; big_endian < 2; ++big_endian) {
+                const int placed = which < NPY_1;
+                ex_volume_file header;
+                ex_grid grid;
+                write_format(&file, (format)which, (ex_type)type, big_endian);
+                if (must_read(format_names[which], &header, &grid)) {
+                    const int good =
+                        CHECK(has_size(grid.size)) && CHECK((int)grid.type == type) &&
+                        CHECK(has_numbers(&grid, (ex_type)type)) &&
+                        CHECK(is_placed(&header, placed ? world_origin : nowhere, placed ? world_step : unit, 0));
+                    if (!good) printf("    %s of %s\n", format_names[which], ex_type_names[type]);
+                }
+                ex_grid_free(&grid);
+            }
+}
+
+/* Where the box puts the voxels' centres is where the header says they are. */
+static void test_placement_of_box(void) {
+    static bytes file;
+    ex_volume_file header;
+    ex_grid grid;
+    write_format(&file, NRRD, EX_U8, 0);
+    if (!must_read("a.nrrd", &header, &grid)) return;
+    const sps_placement box = ex_volume_file_placement(&header);
+    for (int n = 0; n < VOXELS; ++n) {
+        const int at[3] = {n % X, n / X % Y, n / (X * Y)};
+        for (int i = 0; i < 3; ++i) {
+            double by_box = box.origin[i], by_header = world_origin[i];
+            for (int a = 0; a < 3; ++a) {
+                by_box += box.axis[a][i] * (at[a] + 0.5) / grid.size[a];
+                by_header += world_step[a][i] * at[a];
+            }
+            CHECK_NEAR(by_box, by_header, 1e-14); /* rounding of a few sums below 16 */
+        }
+    }
+    ex_grid_free(&grid);
+}
+
+/* ------------------------------------------------------------------------------------------------- placement */
+
+/* Rotates a vector by a unit quaternion (w, v): v' = x + 2 w (v x x) + 2 v x (v x x). */
+static void rotate(const double q[4], const double x[3], double out[3]) {
+    const double *v = q + 1;
+    const double once[3] = {v[1] * x[2] - v[2] * x[1], v[2] * x[0] - v[0] * x[2], v[0] * x[1] - v[1] * x[0]};
+    const double twice[3] = {v[1] * once[2] - v[2] * once[1], v[2] * once[0] - v[0] * once[2],
+                             v[0] * once[1] - v[1] * once[0]};
+    for (int i = 0; i < 3; ++i) out[i] = x[i] + 2 * q[0] * once[i] + 2 * twice[i];
+}
+
+/* NIfTI's other ways to say where voxels are: a quaternion, whose handedness is in pixdim[0], or spacing alone. */
+static void test_nifti_placement(void) {
+    static const double q[4] = {0.5, 0.7, -0.1, 0.5}, pixdim[3] = {0.25, 0.5, 2}; /* q is of length 1 */
+    static const double zero[3] = {0, 0, 0};
+    static bytes file;
+    for (int kind = 0; kind < 3; ++kind) { /* right-handed, left-handed, no quaternion */
+        double step[3][3];
+        ex_volume_file header;
+        ex_grid grid;
+        write_nifti(&file, EX_U8, 1);
+        put_number_at(&file, 252, kind < 2, EX_I16, 1);
+        put_number_at(&file, 254, 0, EX_I16, 1);
+        put_number_at(&file, 76, kind == 1 ? -1 : 1, EX_F32, 1);
+        for (size_t a = 0; a < 3; ++a) {
+            double along[3] = {0, 0, 0};
+            put_number_at(&file, 80 + 4 * a, pixdim[a], EX_F32, 1);
+            put_number_at(&file, 256 + 4 * a, q[a + 1], EX_F32, 1);
+            put_number_at(&file, 268 + 4 * a, world_origin[a], EX_F32, 1);
+            along[a] = a == 2 && kind == 1 ? -pixdim[a] : pixdim[a];
+            if (kind < 2)
+                rotate(q, along, step[a]);
+            else
+                memcpy(step[a], along, sizeof along);
+        }
+        write_file("q.nii", file.data, file.count);
+        /* The file's floats are off by 3e-8 of 0.7; w = sqrt(1 - v^2) by 5e-8 times v / w; both doubled by a step of 2
+         */
+        if (must_read("q.nii", &header, &grid)) CHECK(is_placed(&header, kind < 2 ? world_origin : zero, step, 1e-6));
+        ex_grid_free(&grid);
+    }
+}
+
+static void write_text(const char *name, const char *text) { write_file(name, text, strlen(text)); }
+
+/* Spacing alone, in the formats that are text; and what MetaImage calls the same thing by other names. */
+static void test_spacing(void) {
+    static const double nowhere[3] = {0, 0, 0}, spacing[3][3] = {{0.25, 0, 0}, {0, 3, 0}, {0, 0, -1}};
+    static const struct {
+        const char *name, *text;
+        int placed; /* at world_origin */
+    } files[] = {
+        {"s.nrrd", "NRRD0001\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nspacings: 0.25 3 -1\nencoding: RAW\n\nab", 0},
+        {"s.mha",
+         "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\nElementSpacing = 0.25 3 -1\n"
+         "ElementDataFile = LOCAL\nab",
+         0},
+        {"t.mha",
+         "NDims = 3\r\nDimSize = 2 1 1\r\nElementType = MET_UCHAR\r\nElementSpacing = 0.25 3 -1\r\n\r\n"
+         "Position = -3 0.5 7\r\nOrientation = 1 0 0 0 1 0 0 0 1\r\nElementDataFile = LOCAL\r\nab",
+         1}};
+    for (size_t i = 0; i < sizeof files / sizeof *files; ++i) {
+        ex_volume_file header;
+        ex_grid grid;
+        write_text(files[i].name, files[i].text);
+        if (must_read(files[i].name, &header, &grid)) {
+            CHECK(is_placed(&header, files[i].placed ? world_origin : nowhere, spacing, 0));
+            CHECK(memcmp(grid.data, "ab", 2) == 0);
+        }
+        ex_grid_free(&grid);
+    }
+}
+
+/* Voxels that are not at the beginning of their file. */
+static void test_skipping(void) {
+    static const char *const headers[] = {
+        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nbyte skip: 3\ndata file: skip.raw\n",
+        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nline skip: 1\ndatafile: ./skip.raw\n\n",
+        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nlineskip: 0\nbyteskip: -1\ndata file: "
+        "end.raw",
+        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nline skip: 1\nbyte skip: 1\n\n12\n3ab",
+        "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\nHeaderSize = 3\nElementDataFile = skip.raw\n",
+        "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\nHeaderSize = -1\nElementDataFile = end.raw\n"};
+    write_text("skip.raw", "12\nab and more");
+    write_text("end.raw", "12\nab");
+    for (size_t i = 0; i < sizeof headers / sizeof *headers; ++i) {
+        const char *name = headers[i][1] == 'R' ? "skip.nhdr" : "skip.mhd";
+        ex_volume_file header;
+        ex_grid grid;
+        write_text(name, headers[i]);
+        if (must_read(name, &header, &grid) && !CHECK(memcmp(grid.data, "ab", 2) == 0)) printf("    %s\n", headers[i]);
+        ex_grid_free(&grid);
+    }
+}
+
+/* ---------------------------------------------------------------------------------------------------- values */
+
+/* Checks the values of two voxels, which are all that the file holds. */
+static void check_values(const ex_volume_file *header, const double range[2], float first, float second) {
+    ex_voxel_file voxels = header->voxels;
+    ex_grid grid;
+    ex_error error;
+    float got[2];
+    memcpy(voxels.range, range, sizeof voxels.range);
+    if (CHECK(ex_grid_load(&grid, &voxels, &error) == 0)) {
+        ex_grid_row(&grid, 0, 0, 0, 2, got);
+        /* A division and, for scaled numbers, the slope's */
+        CHECK_NEAR((double)got[0], (double)first, 2e-7 * fabs((double)first));
+        CHECK_NEAR((double)got[1], (double)second, 2e-7 * fabs((double)second));
+    }
+    ex_grid_free(&grid);
+}
+
+/* Two voxels as a NIfTI file, which is the format that can scale. */
+static void write_two(const char *name, ex_type type, double a, double b, const double scale[2]) {
+    static bytes file;
+    static const double size[3] = {2, 1, 1};
+    write_nifti(&file, type, 0);
+    for (size_t i = 0; i < 3; ++i) put_number_at(&file, 42 + 2 * i, size[i], EX_I16, 0);
+    put_number_at(&file, 112, scale[0], EX_F32, 0);
+    put_number_at(&file, 116, scale[1], EX_F32, 0);
+    file.count = 352;
+    put_number(&file, a, type, 0);
+    put_number(&file, b, type, 0);
+    write_file(name, file.data, file.count);
+}
+
+/* What numbers stand for: by type, by NIfTI's scale, and by a range. */
+static void test_values(void) {
+    static const struct {
+        ex_type type;
+        double stored[2], scale[2], range[2];
+        float values[2];
+    } cases[] = {/* unsigned: all of the type */
+                 {EX_U8, {51, 255}, {0, 0}, {0, 0}, {0.2f, 1}},
+                 {EX_U8, {51, 255}, {1, 0}, {0, 0}, {0.2f, 1}},
+                 {EX_U16, {13107, 0}, {0, 9}, {0, 0}, {0.2f, 0}},
+                 {EX_U32, {4294967295.0, 1 << 20}, {0, 0}, {0, 0}, {1, 1048576 / 4294967295.0f}},
+                 /* signed: what there is */
+                 {EX_I8, {-100, 27}, {0, 0}, {0, 0}, {0, 1}},
+                 {EX_I16, {3000, -1024}, {0, 0}, {0, 0}, {1, 0}},
+                 {EX_I32, {-2147483648.0, 2147483647.0}, {0, 0}, {0, 0}, {0, 1}},
+                 {EX_I16, {7, 7}, {0, 0}, {0, 0}, {0, 0}},
+                 /* scaled: likewise; a falling scale turns them round */
+                 {EX_U8, {10, 110}, {0.5, -1024}, {0, 0}, {0, 1}},
+                 {EX_U8, {10, 110}, {-0.5, 0}, {0, 0}, {1, 0}},
+                 /* floats: as they stand, below 0 nothing */
+                 {EX_F32, {-3, 0.125}, {0, 0}, {0, 0}, {0, 0.125f}},
+                 {EX_F64, {1e300, 70}, {0, 0}, {0, 0}, {FLT_MAX, 70}},
+                 {EX_F32, {2, 10}, {0.5, -3}, {0, 0}, {0, 2}},
+                 /* a range: its ends, after scaling */
+                 {EX_U8, {20, 220}, {0, 0}, {70, 120}, {0, 1}},
+                 {EX_U8, {20, 220}, {0, 0}, {-30, 270}, {1 / 6.0f, 5 / 6.0f}},
+                 {EX_I16, {-1000, 500}, {0, 0}, {-1000, 2000}, {0, 0.5f}},
+                 {EX_I16, {24, 1524}, {1, -1024}, {-1000, 2000}, {0, 0.5f}},
+                 {EX_F32, {-0.5, 0.25}, {0, 0}, {0.5, -0.5}, {1, 0.25f}}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        const int failed = check_failed;
+        ex_volume_file header;
+        ex_grid grid;
+        write_two("two.nii", cases[i].type, cases[i].stored[0], cases[i].stored[1], cases[i].scale);
+        if (must_read("two.nii", &header, &grid))
+            check_values(&header, cases[i].range, cases[i].values[0], cases[i].values[1]);
+        ex_grid_free(&grid);
+        if (check_failed > failed) printf("    case %d: %s\n", (int)i, ex_type_names[cases[i].type]);
+    }
+}
+
+/* The range that skips blocks is that of the values: min and max over the same voxels. NaN is left for the library. */
+static void test_ranges_of_blocks(void) {
+    static const double none[2] = {0, 0};
+    static const int lo[3] = {0, 0, 0}, size[3] = {2, 1, 1};
+    ex_volume_file header;
+    ex_grid grid;
+    float range[2], values[2];
+    write_two("two.nii", EX_I16, -1024, 3071, none);
+    if (must_read("two.nii", &header, &grid)) {
+        ex_grid_range(&grid, lo, size, range);
+        CHECK(range[0] == 0 && range[1] == 1);
+    }
+    ex_grid_free(&grid);
+    write_two("two.nii", EX_F32, sqrt(-1.0), 1, none);
+    if (must_read("two.nii", &header, &grid)) {
+        ex_grid_row(&grid, 0, 0, 0, 2, values);
+        CHECK(values[0] != values[0] && values[1] == 1);
+        ex_grid_range(&grid, lo, size, range);
+        CHECK(range[0] == 0 && range[1] == 1e18f);
+    }
+    ex_grid_free(&grid);
+}
+
+/* ------------------------------------------------------------------------------------------- what is wrong */
+
+/* Whether a failure said one line that begins with the folder of the test, and so with a file. */
+static int is_complaint(const ex_error *error) {
+    const size_t length = strlen(error->text);
+    return length > strlen(folder) && strncmp(error->text, folder, strlen(folder)) == 0 &&
+           is_printable(error->text, length);
+}
+
+/* Reads a header that may be anything. What is read must fit into its file, and what is not must be said. */
+static int survives(const char *name, size_t held) {
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
+    int good;
+    if (read_volume(name, &header, &grid, &error)) {
+        good = CHECK(is_complaint(&error)) && CHECK(!grid.data && !grid.ranges);
+        if (!good) printf("    %s\n", error.text);
+        return 0;
+    }
+    CHECK(ex_grid_bytes(grid.size, grid.type) <= held);
+    ex_grid_free(&grid);
+    return 1;
+}
+
+/* Cut off at any byte. A file that holds its voxels has then too few of them, wherever it ends. */
+static void test_truncated(void) {
+    static bytes file;
+    for (int which = 0; which < FORMAT_COUNT; ++which) {
+        char path[200];
+        write_format(&file, (format)which, EX_U16, 1);
+        snprintf(path, sizeof path, "%s/%s", folder, format_names[which]);
+        for (size_t length = file.count; length-- > 0;) {
+            if (!CHECK(truncate(path, (off_t)length) == 0)) return;
+            if (survives(format_names[which], FILE_MAX) && which != NHDR && which != MHD)
+                if (!CHECK(!"read from a file that is cut off")) printf("    %s, %zu\n", format_names[which], length);
+        }
+    }
+}
+
+/* Changes a byte of a file where it is, which is far quicker than to write the file again. */
+static void patch_file(const char *name, size_t at, unsigned char byte) {
+    char path[200];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *file = fopen(path, "r+b");
+    if (!CHECK(file != NULL)) return;
+    CHECK(fseek(file, (long)at, SEEK_SET) == 0 && fputc(byte, file) == byte);
+    CHECK(fclose(file) == 0);
+}
+
+/* Each bit of the header turned round, and each byte replaced by what may mean something to a reader of text. */
+static void test_flipped(void) {
+    static const unsigned char bytes_of_note[] = {0, '\n', ' ', '-', '9', ':', '=', '(', '\'', 0xff};
+    static bytes file;
+    int readable = 0, broken = 0;
+    for (int which = 0; which < FORMAT_COUNT; ++which) {
+        write_format(&file, (format)which, EX_I16, 0);
+        const size_t voxels = VOXELS * sizeof(int16_t);
+        const size_t header = which == NHDR || which == MHD ? file.count : file.count - voxels;
+        for (size_t at = 0; at < header; ++at) {
+            const unsigned char kept = file.data[at];
+            for (size_t k = 0; k < 8 + sizeof bytes_of_note; ++k) {
+                patch_file(format_names[which], at, k < 8 ? (unsigned char)(kept ^ 1 << k) : bytes_of_note[k - 8]);
+                if (survives(format_names[which], file.count > voxels ? FILE_MAX : voxels))
+                    ++readable;
+                else
+                    ++broken;
+            }
+            patch_file(format_names[which], at, kept);
+        }
+    }
+    CHECK(readable > 1000 && broken > 1000); /* comments, filling; sizes, names */
+}
+
+typedef struct wrong {
+    const char *name, *text, *words;
+} wrong;
+
+#define NRRD_HEAD "NRRD0004\ndimension: 3\n"
+#define NRRD_REST "sizes: 2 1 1\ntype: uint8\nencoding: raw\n"
+#define META_HEAD "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\n"
+#define NPY_HEAD  "\x93NUMPY\1"
+
+static void check_wrong(const wrong *list, size_t count) {
+    for (size_t i = 0; i < count; ++i) {
+        ex_volume_file header;
+        ex_grid grid;
+        ex_error error;
+        write_text(list[i].name, list[i].text);
+        CHECK(read_volume(list[i].name, &header, &grid, &error) != 0);
+        if (!CHECK(is_complaint(&error)) || !CHECK(strstr(error.text, list[i].words) != NULL))
+            printf("    '%s' is not in: %s\n", list[i].words, error.text);
+    }
+}
+
+/* Each line names the field, and says what about it is not right. */
+static void test_wrong_nrrd(void) {
+    static const wrong list[] = {
+        {"w.nrrd", "", "w.nrrd: does not begin with NRRD000"},
+        {"w.nrrd", "P6 2 2 255\n", "w.nrrd: does not begin with NRRD000"},
+        {"w.nrrd", "NRRD0004\n\n", "w.nrrd: dimension: the header has no such field"},
+        {"w.nrrd", "NRRD0004\ndimension: 4\n\n", "w.nrrd: dimension: '4' dimensions are not read"},
+        {"w.nrrd", "NRRD0004\ndimension: 3.5\n\n", "dimension: '3.5' is no whole number"},
+        {"w.nrrd", NRRD_HEAD "dimension: 3\n\n", "dimension: '3' is the field's second value"},
+        {"w.nrrd", NRRD_HEAD "sizes: 2 1\n\n", "sizes: '2 1' has too few numbers"},
+        {"w.nrrd", NRRD_HEAD "sizes: 2 1 1 1\n\n", "sizes: '2 1 1 1' has more to it than numbers, or too many"},
+        {"w.nrrd", NRRD_HEAD "sizes: 2 1 0\n\n", "sizes: '2 1 0' is not three whole numbers within 1..65536"},
+        {"w.nrrd", NRRD_HEAD "sizes: 2 1 65537\n\n", "sizes: '2 1 65537' is not three whole numbers"},
+        {"w.nrrd", NRRD_HEAD "sizes: 2 -1 -1\n\n", "sizes: '2 -1 -1' is not three whole numbers"},
+        {"w.nrrd", NRRD_HEAD "sizes: nan 1 1\n\n", "sizes: 'nan 1 1' has a number out of range"},
+        {"w.nrrd", NRRD_HEAD "type: int64\n\n", "type: 'int64' is no type that is read"},
+        {"w.nrrd", NRRD_HEAD "type: block\n\n", "type: 'block' is no type that is read"},
+        {"w.nrrd", NRRD_HEAD "encoding: gzip\n\n", "encoding: 'gzip' is not read: only raw is"},
+        {"w.nrrd", NRRD_HEAD "encoding: text\n\n", "encoding: 'text' is not read: only raw is"},
+        {"w.nrrd", NRRD_HEAD "endian: middle\n\n", "endian: 'middle' is neither little nor big"},
+        {"w.nrrd", NRRD_HEAD "sizes: 1 1 1\ntype: short\nencoding: raw\n\nab", "endian: the header has no such field"},
+        {"w.nrrd", NRRD_HEAD "bogus: 1\n\n", "w.nrrd: unknown field 'bogus'"},
+        {"w.nrrd", NRRD_HEAD "no field at all\n\n", "w.nrrd: no field: 'no field at all'"},
+        {"w.nrrd", NRRD_HEAD "spacings: 1 0 1\n\n", "spacings: '1 0 1' has a 0"},
+        {"w.nrrd", NRRD_HEAD "spacings: 1 1e16 1\n\n", "spacings: '1 1e16 1' has a number out of range"},
+        {"w.nrrd", NRRD_HEAD "space directions: (1,0,0) (0,1,0)\n\n", "space directions: '(1,0,0) (0,1,0)' is not (x"},
+        {"w.nrrd", NRRD_HEAD "space directions: none (1,0,0) (0,1,0)\n\n", "space directions: 'none (1,0,0) (0,1,0)'"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "space directions: (1,0,0) (0,1,0) (1,1,0)\n\nab",
+         "space directions: the three axes lie in one plane"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "space directions: (1e15,0,0) (0,1,0) (0,0,1)\n\nab",
+         "space directions: the volume's edges are not within 1e15"},
+        {"w.nrrd", NRRD_HEAD "space origin: (1,2,nan)\n\n", "space origin: '(1,2,nan)' has a number out of range"},
+        {"w.nrrd", NRRD_HEAD "space origin: (1,2,3) 4\n\n", "space origin: '(1,2,3) 4' has more to it than vectors"},
+        {"w.nrrd", NRRD_HEAD "axis mins: 0 0 0\n\n", "axis mins: '0 0 0' is not read: only spacings"},
+        {"w.nrrd", NRRD_HEAD "byte skip: -2\n\n", "byte skip: '-2' has a number out of range"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "line skip: 9\n\nab", "w.nrrd: line skip: there are fewer lines than that"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "byte skip: 1000000000000\n\nab", "w.nrrd: the file holds"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST, "w.nrrd: no empty line ends the header, and no data file is named"},
+        {"w.nrrd", NRRD_HEAD NRRD_REST "\na", "size 2,1,1 and type u8 call for 2, behind the first"},
+        {"w.nhdr", NRRD_HEAD "data file: missing.raw\n", "w.nhdr: data file: 'missing.raw' No such file"},
+        {"w.nhdr", NRRD_HEAD "data file: \n", "w.nhdr: data file: '' is no file's name"},
+        {"w.nhdr", NRRD_HEAD "data file: LIST\na\nb\n", "w.nhdr: data file: 'LIST' is more than one file"},
+        {"w.nhdr", NRRD_HEAD "data file: slice%03d.raw 1 9 1\n", "is more than one file"},
+        {"w.nhdr", NRRD_HEAD NRRD_REST "data file: .\n", "not a regular file"},
+        {"w.nhdr", NRRD_HEAD "data \033[31mfile: .\n", "unknown field 'data ?[31mfile'"},
+        {"w.nrrd", NRRD_HEAD "type: uint8\nencoding: raw\nsizes: 65536 65536 65536\n\nab",
+         "size 65536,65536,65536 and type u8 call for 281474976710656"}};
+    check_wrong(list, sizeof list / sizeof *list);
+}
+
+static void test_wrong_meta_and_npy(void) {
+    static const wrong list[] = {
+        {"w.mha", "", "w.mha: NDims: the header has no such field"},
+        {"w.mha", "ObjectType = Mesh\n", "w.mha: ObjectType: 'Mesh' is not read: only Image is"},
+        {"w.mha", "NDims = 2\n", "NDims: '2' dimensions are not read"},
+        {"w.mha", "DimSize = 2 1 x\n", "DimSize: '2 1 x' has too few numbers"},
+        {"w.mha", "ElementType = MET_LONG\n", "ElementType: 'MET_LONG' is no type that is read"},
+        {"w.mha", "CompressedData = True\n", "CompressedData: 'True' is not read"},
+        {"w.mha", "CompressedData = perhaps\n", "CompressedData: 'perhaps' is neither True nor False"},
+        {"w.mha", "BinaryData = False\n", "BinaryData: 'False' is text"},
+        {"w.mha", "ElementByteOrderMSB = 1\n", "ElementByteOrderMSB: '1' is neither True nor False"},
+        {"w.mha", "ElementNumberOfChannels = 3\n", "ElementNumberOfChannels: '3' numbers a voxel are not read"},
+        {"w.mha", "ElementSpacing = 1 1 0\n", "ElementSpacing: '1 1 0' has a 0"},
+        {"w.mha", "TransformMatrix = 1 0 0 0 1 0 0 0\n", "TransformMatrix: '1 0 0 0 1 0 0 0' has too few numbers"},
+        {"w.mha", "Offset = 0 0 1e16\n", "Offset: '0 0 1e16' has a number out of range"},
+        {"w.mha", "what is this\n", "w.mha: no field: 'what is this'"},
+        {"w.mha", META_HEAD, "w.mha: ElementDataFile: the header has no such field"},
+        {"w.mha", META_HEAD "TransformMatrix = 1 0 0 0 1 0 0 1 0\nElementDataFile = LOCAL\nab",
+         "TransformMatrix: the three axes lie in one plane"},
+        {"w.mha", META_HEAD "ElementDataFile = LOCAL\na", "size 2,1,1 and type u8 call for 2"},
+        {"w.mha", META_HEAD "HeaderSize = 0.5\nElementDataFile = LOCAL\nab", "HeaderSize: '0.5' is no whole number"},
+        {"w.mhd", META_HEAD "ElementDataFile = LIST\na.raw\n", "w.mhd: ElementDataFile: 'LIST' is more than one file"},
+        {"w.mhd", META_HEAD "ElementDataFile = missing.raw\n", "w.mhd: ElementDataFile: 'missing.raw' No such file"},
+        {"w.npy", "", "w.npy: does not begin with \\x93NUMPY"},
+        {"w.npy", "\x93NUMPY\4\1aaaaaaa", "w.npy: version 4 is not read"},
+        {"w.npy", NPY_HEAD "\1\377\377{   }", "w.npy: header length: 65535 bytes, but only"},
+        {"w.npy",
+         NPY_HEAD "\1\2\1"
+                  "no dictionary",
+         "w.npy: header length"},
+        {"w.nii", "", "w.nii: 0 bytes are less than a header's 352"},
+        {"w.nii.gz", "\x1f\x8b", "w.nii.gz: compressed files are not read"}};
+    check_wrong(list, sizeof list / sizeof *list);
+}
+
+/* Dictionaries that a NPY file may not have, and one that it may. */
+static void test_wrong_npy_dictionary(void) {
+    static const struct {
+        const char *dictionary, *words; /* NULL: good */
+    } list[] = {{"{\"shape\":(1,1,2),'descr':'|u1', 'fortran_order':False}", NULL},
+                {"(1, 2)", "the header is no dictionary"},
+                {"{}", "descr: the header has no such field"},
+                {"{'descr': '|u1', 'fortran_order': False}", "shape: the header has no such field"},
+                {"{'descr': '|u1', 'descr': '|u1'}", "descr: ''|u1'' is the field's second value"},
+                {"{'descr': '<u8'}", "descr: 'u8' is no type that is read"},
+                {"{'descr': '|b1'}", "descr: 'b1' is no type that is read"},
+                {"{'descr': 'u2'}", "descr: 'u2' does not say which byte order"},
+                {"{'descr': [('r', '|u1')]}", "descr: '[('r', '|u1')]' is no type that is read"},
+                {"{'descr': '|u1}", "descr: ''|u1' is no type that is read"},
+                {"{'descr': '|u1'", "the header's dictionary is cut off or malformed"},
+                {"{'fortran_order': 0}", "fortran_order: '0' is neither True nor False"},
+                {"{'shape': (1, 2)}", "shape: '(1, 2)' is not (z, y, x): only 3 dimensions are read"},
+                {"{'shape': (1, 2, 3, 4)}", "shape: '(1, 2, 3, 4)' is not (z, y, x)"},
+                {"{'shape': (1, 2, 0)}", "shape: '(1, 2, 0)' is not three whole numbers"},
+                {"{'shape': (1, 2, 3}", "the header's dictionary is cut off or malformed"},
+                {"{'color': 1}", "unknown field 'color'"},
+                {"{descr: 1}", "the header's dictionary is cut off or malformed"}};
+    for (size_t i = 0; i < sizeof list / sizeof *list; ++i) {
+        static bytes file;
+        ex_volume_file header;
+        ex_grid grid;
+        ex_error error;
+        file.count = 0;
+        put(&file, NPY_HEAD "\0", 8);
+        put_number(&file, (double)strlen(list[i].dictionary), EX_U16, 0);
+        put_text(&file, list[i].dictionary);
+        put_text(&file, "ab");
+        write_file("w.npy", file.data, file.count);
+        CHECK((read_volume("w.npy", &header, &grid, &error) != 0) == (list[i].words != NULL));
+        if (list[i].words && (!CHECK(is_complaint(&error)) || !CHECK(strstr(error.text, list[i].words) != NULL)))
+            printf("    '%s' is not in: %s\n", list[i].words, error.text);
+        ex_grid_free(&grid);
+    }
+}
+
+/* A number that a NIfTI header may not have, at its place. */
+static void test_wrong_nifti(void) {
+    static const struct {
+        size_t at;
+        double number;
+        ex_type type;
+        const char *words;
+    } list[] = {{0, 540, EX_I32, "sizeof_hdr: not the 348"},
+                {40, 2, EX_I16, "dim[0]: 2 dimensions: 3 are read"},
+                {40, 8, EX_I16, "dim[0]: 8 dimensions: 3 are read"},
+                {42, 0, EX_I16, "dim: '0 4 5' is not three whole numbers"},
+                {46, -5, EX_I16, "dim: '3 4 -5' is not three whole numbers"},
+                {46, 6, EX_I16, "size 3,4,6 and type u8 call for 72, behind the first 352"},
+                {70, 128, EX_I16, "datatype: '128' is no type that is read"},
+                {72, 16, EX_I16, "bitpix: 16 does not go with the datatype"},
+                {108, 348, EX_F32, "vox_offset: 348 is no whole number from 352 on"},
+                {108, 1e30, EX_F32, "vox_offset: 1e+30 is no whole number"},
+                {108, 353, EX_F32, "call for 60, behind the first 353"},
+                {280, 1e18, EX_F32, "srow: the volume's edges are not within 1e15"},
+                {296, 0, EX_F32, "srow: the three axes lie in one plane"},
+                {292, 1e16, EX_F32, "srow: 1e+16 is out of range"},
+                {344, 'x', EX_U8, "magic: 'x+1' is not n+1"}};
+    static const double no_scale[2] = {2, 0};
+    static bytes file;
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
+    for (size_t i = 0; i < sizeof list / sizeof *list; ++i) {
+        write_nifti(&file, EX_U8, 0);
+        put_number_at(&file, list[i].at, list[i].number, list[i].type, 0);
+        write_file("w.nii", file.data, file.count);
+        CHECK(read_volume("w.nii", &header, &grid, &error) != 0);
+        if (!CHECK(is_complaint(&error)) || !CHECK(strstr(error.text, list[i].words) != NULL))
+            printf("    '%s' is not in: %s\n", list[i].words, error.text);
+    }
+    write_nifti(&file, EX_U8, 0);
+    put_number_at(&file, 40, 4, EX_I16, 0);
+    put_number_at(&file, 48, 2, EX_I16, 0); /* a series of two */
+    write_file("w.nii", file.data, file.count);
+    CHECK(read_volume("w.nii", &header, &grid, &error) != 0 && strstr(error.text, "dim: 2 along a fourth axis"));
+    write_two("w.nii", EX_U8, 1, 2, no_scale);
+    if (must_read("w.nii", &header, &grid)) CHECK(header.voxels.slope == 2);
+    ex_grid_free(&grid);
+}
+
+/* ------------------------------------------------------------------------------------------ build/render */
+
+#define LOOK "--extinction 4 --light directional,1,-1,-1,9,9,9 --width 20 --height 15 "
+
+/* One scan, raw with all said by options and with a header that says it: the same bits. */
+static void test_pictures(void) {
+    static const char *const ways[] = {
+        "--volume a.nrrd ", "--volume a.nhdr ", "--volume a.mha ", "--volume a.mhd ",
+        "--volume a.nii ",  "--volume a.npy ",  "--volume d.npy ", "--size 3,4,5 --volume wrong.mhd "};
+    static char raw[FILE_MAX], other[FILE_MAX];
+    static bytes file;
+    char options[500];
+    for (int which = 0; which < FORMAT_COUNT; ++which) write_format(&file, (format)which, EX_U16, 0);
+    write_text("wrong.mhd", "NDims = 3\nDimSize = 9 9 9\nElementType = MET_USHORT\nElementDataFile = a.raw\n");
+    snprintf(options, sizeof options, "--volume a.raw --size 3,4,5 --type u16 --box 0,0,0,2,1,3 " LOOK "--pfm raw.pfm");
+    CHECK(run_render(options).status == 0);
+    CHECK(read_file("raw.pfm", raw, sizeof raw) > 12 * 20 * 15);
+    for (size_t i = 0; i < sizeof ways / sizeof *ways; ++i) {
+        snprintf(options, sizeof options, "%s --box 0,0,0,2,1,3 " LOOK "--pfm other.pfm", ways[i]);
+        const outcome got = run_render(options);
+        memset(other, 0, sizeof other);
+        if (!CHECK(got.status == 0) || !CHECK(read_file("other.pfm", other, sizeof other) > 12 * 20 * 15) ||
+            !CHECK(memcmp(raw, other, sizeof raw) == 0))
+            printf("    render %s\n    %s\n", options, got.said);
+    }
+}
+
+/* Placed by the header: two formats, one picture, and another one than that of a box; a camera that was not given sees
+   all of it. */
+static void test_placed_pictures(void) {
+    static char pictures[3][FILE_MAX];
+    static const char *const ways[3] = {"--volume a.nrrd ", "--volume a.nii ", "--box 0,0,0,1,1,1 --volume a.nii "};
+    char options[500];
+    for (int i = 0; i < 3; ++i) {
+        snprintf(options, sizeof options, "%s" LOOK "--alpha-pfm a.pfm", ways[i]);
+        CHECK(run_render(options).status == 0);
+        CHECK(read_file("a.pfm", pictures[i], sizeof pictures[i]) > 4 * 20 * 15);
+    }
+    CHECK(memcmp(pictures[0], pictures[1], sizeof pictures[0]) == 0);
+    CHECK(memcmp(pictures[0], pictures[2], sizeof pictures[0]) != 0);
+    const char *pixels = strstr(pictures[0], "-1.0\n");
+    double sum = 0, rim = 0;
+    if (!CHECK(pixels != NULL)) return;
+    for (int i = 0; i < 20 * 15; ++i) {
+        float coverage;
+        memcpy(&coverage, pixels + 5 + 4 * i, sizeof coverage);
+        sum += (double)coverage;
+        if (i < 20 || i >= 20 * 14 || i % 20 == 0 || i % 20 == 19) rim += (double)coverage;
+    }
+    CHECK(sum > 10 && rim < 1e-3 * sum); /* of 300 pixels */
+}
+
+static void test_complaints(void) {
+    static const complaint list[] = {
+        {"--volume a.nrrd --plan >plan", 0, NULL},
+        {"--volume a.nrrd --size 3,4,6 --plan", 2, "size 3,4,6 and type u16 call for 144"},
+        {"--volume a.nrrd --type f64 --plan", 2, "size 3,4,5 and type f64 call for 480"},
+        {"--volume a.nrrd --type u8 --range 0,9 --plan >plan", 0, NULL},
+        {"--volume a.nrrd --range 9,9 --plan", 2, "--range: '9,9' will not do: both ends are the same"},
+        {"--volume a.raw --plan", 2, "--volume a.raw has no --size"},
+        {"--volume a.mhd --out a.raw", 2, "--out a.raw is a file that --volume reads"},
+        {"--volume none.nrrd --plan", 2, "none.nrrd: No such file"},
+        {"--volume broken.nrrd --plan", 2, "broken.nrrd: encoding: 'gzip' is not read: only raw is"},
+        {"--volume a.NRRD.gz --plan", 2, "a.NRRD.gz: No such file"},
+        {"--volume a.nrrd --transfer high.txt --plan", 2, "u16 voxels stand for 0..1"},
+        {"--volume f.nrrd --transfer high.txt --plan >plan", 0, NULL},
+        {"--volume f.nrrd --range 0,1 --transfer high.txt --plan", 2, "f32 voxels stand for 0..1"}};
+    static bytes file;
+    write_nrrd(&file, EX_F32, 0, NULL);
+    write_file("f.nrrd", file.data, file.count);
+    write_text("broken.nrrd", NRRD_HEAD "encoding: gzip\n\n");
+    write_text("high.txt", "0 1 1 1 0\n70 1 1 1 0\n90 1 1 1 9\n");
+    CHECK_COMPLAINTS(list);
+}
+
+static void test_render(void) {
+    if (!render_is_built()) {
+        printf("skipped: pictures of files: make build/render\n");
+        return;
+    }
+    test_pictures();
+    test_placed_pictures();
+    test_complaints();
+}
+
+/* Scans with headers, if there are any where SPLATSHADOW_DATA says. */
+static void test_real_scans(void) {
+    const char *data = getenv("SPLATSHADOW_DATA");
+    DIR *list = data ? opendir(data) : NULL;
+    int count = 0;
+    if (!list) return;
+    for (struct dirent *entry; (entry = readdir(list)) != NULL;) {
+        char path[4096];
+        ex_volume_file header;
+        ex_grid grid;
+        ex_error error;
+        if (!ex_volume_format_of(entry->d_name)) continue;
+        snprintf(path, sizeof path, "%.2000s/%.1000s", data, entry->d_name);
+        ++count;
+        if (!CHECK(!ex_volume_file_read(&header, path, &error) && !ex_grid_load(&grid, &header.voxels, &error)))
+            printf("    %s\n", error.text);
+        else
+            ex_grid_free(&grid);
+    }
+    closedir(list);
+    if (count == 0) printf("skipped: real scans: no file in SPLATSHADOW_DATA has a header\n");
+}
+
+int main(void) {
+    if (!CHECK(folder_begin())) return check_report();
+    RUN(test_every_type);
+    RUN(test_placement_of_box);
+    RUN(test_nifti_placement);
+    RUN(test_spacing);
+    RUN(test_skipping);
+    RUN(test_values);
+    RUN(test_ranges_of_blocks);
+    RUN(test_truncated);
+    RUN(test_flipped);
+    RUN(test_wrong_nrrd);
+    RUN(test_wrong_meta_and_npy);
+    RUN(test_wrong_npy_dictionary);
+    RUN(test_wrong_nifti);
+    RUN(test_render);
+    RUN(test_real_scans);
+    folder_end();
+    return check_report();
+}

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.2.0 (2026-11-21): volumes, gases, particles and polygons into correctly shadowed images, and into the
+splatshadow.h 0.3.0 (2026-11-22): volumes, gases, particles and polygons into correctly shadowed images, and into the
 shadow maps that engines look up, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 
@@ -86,8 +86,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 per texel of its depth
     map where polygons stand before gas, 1 per pixel of the image where there are polygons, and its shadow_map; those of
     lights that share a sweep are held at once. sps_plan says how much, before; a memory_limit is never exceeded.
-ERRORS   Every call returns sps_result; sps_error gives one sentence that names the field and its value. After a
-    failure the image is untouched and the context can be used again.
+ERRORS   Every call returns sps_result; sps_error returns one sentence that names the field and its value, sps_get_error
+    the same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
     parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, allocator) run on the
     calling thread, one at a time, and must not call into the same context. Where there are parallel_for_fn and
@@ -126,7 +126,7 @@ PAPERS
 #include <stddef.h>
 #include <stdint.h>
 
-#define SPS_VERSION 200 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
+#define SPS_VERSION 300 /* major*10000 + minor*100 + patch; sps_version() returns the compiled one */
 #ifndef SPS_API
 #define SPS_API extern
 #endif
@@ -146,6 +146,36 @@ typedef enum sps_result {
                               sps_render is given a mesh that lets light pass */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
+
+/* Which struct a failure is about. */
+typedef enum sps_object {
+    SPS_OBJECT_NONE = 0, /* none: memory, being cancelled; or no failure */
+    SPS_OBJECT_CALL,     /* an argument of the call, which `field` names */
+    SPS_OBJECT_CONFIG,
+    SPS_OBJECT_SCENE,
+    SPS_OBJECT_VIEW,
+    SPS_OBJECT_IMAGE,
+    SPS_OBJECT_VOLUME,    /* of the scene's; `index` says which */
+    SPS_OBJECT_MESH,      /* likewise */
+    SPS_OBJECT_LIGHT,     /* likewise; its shadow_map's fields are "shadow_map.components" and so on */
+    SPS_OBJECT_PARTICLES, /* likewise: the set */
+    SPS_OBJECT_TMAP,      /* a transmittance map as it is, and not what it was made from */
+    SPS_OBJECT_TMAP_SETTINGS
+} sps_object;
+
+/* What a failure is about, for programs; `sentence` is the same for people. */
+typedef struct sps_error_info {
+    sps_result result;
+    sps_object object;
+    int index; /* of the volume, mesh, light or set of particles in its scene's array; -1: the object is none of these
+                */
+    /* The member of the object as C writes it ("transfer.points[2].value"; vectors and colors without an index), the
+       callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value", "particle[7].radius"). "": it
+       is the object as a whole. */
+    char field[64];
+    double value;       /* the field's, or what the callback returned; 0 where it is no number */
+    char sentence[256]; /* as sps_error returns it */
+} sps_error_info;
 
 /* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
    threads, and return when all are done and what they wrote is visible to the caller. Tasks that it has left out are
@@ -556,8 +586,13 @@ SPS_API sps_context *sps_create(const sps_config *config);
 /* Frees everything the context holds. Its maps must have been destroyed (SPS_ASSERT). NULL is allowed. */
 SPS_API void sps_destroy(sps_context *context);
 
-/* One sentence about the last call that failed; "" after a call that did not. Valid until the next call. */
+/* One sentence about the last call on the context, if it failed; "" if it did not. Never NULL. Valid until the next
+   call. */
 SPS_API const char *sps_error(const sps_context *context);
+
+/* The same as data. `info` is the caller's, and filled whatever the last call did: after one that did not fail `result`
+   is SPS_OK, `object` SPS_OBJECT_NONE, and strings are empty. Where context is NULL `result` is SPS_ERROR_ARGUMENT. */
+SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
 /* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels, triangles or
    particles. So slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are what
@@ -1166,11 +1201,14 @@ typedef struct spsi_buffer {
     size_t size;
 } spsi_buffer;
 
+#define SPSI_FIELD_SIZE    sizeof(((sps_error_info *)0)->field)
+#define SPSI_SENTENCE_SIZE sizeof(((sps_error_info *)0)->sentence)
+
 struct sps_context {
     sps_config config;
     sps_stats_report stats;
     sps_result result;
-    char error[256];
+    sps_error_info error; /* of that result */
     float progress;
     int tmap_count; /* maps that are not destroyed yet */
     int cancelled;  /* progress_fn wants to stop, which takes effect at the next spsi_progress */
@@ -1186,30 +1224,63 @@ struct sps_context {
     double mesh_low[3], mesh_high[3];
 };
 
-/* The one way to fail: records the sentence, tells message_fn unless the caller has cancelled, and hands the result on.
-   The first failure stands. */
-static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
+/* The member that a phrase begins with: "count" of "count, with those before it,". */
+static void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
+    size_t length = 0;
+    while (length < SPSI_FIELD_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
+    memcpy(member, phrase, length);
+    member[length] = 0;
+}
+
+static void spsi_clear_error(sps_error_info *info) {
+    memset(info, 0, sizeof *info);
+    info->index = -1;
+}
+
+/* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 leaves the brackets out. */
+static void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
+                          const char *rest) {
+    static const char *const names[] = {"",       "",     "config", "scene",     "view", "image",
+                                        "volume", "mesh", "light",  "particles", "tmap", "settings"};
+    char brackets[24] = "";
+    info->object = object;
+    info->index = index;
+    info->value = value;
+    spsi_leading_member(object == SPS_OBJECT_NONE ? "" : phrase, info->field);
+    if (index >= 0) SPS_SNPRINTF(brackets, sizeof brackets, "[%d]", index);
+    SPS_SNPRINTF(info->sentence, sizeof info->sentence, "%s%s%s%s%s%s", names[object], brackets,
+                 *names[object] && *phrase ? "." : "", phrase, *names[object] || *phrase ? " " : "", rest);
+}
+
+/* The one way to fail: records what spsi_describe says, tells message_fn unless the caller has cancelled, and hands the
+   result on. The first failure stands. */
+static sps_result spsi_fail_that(sps_context *context, sps_result result, sps_object object, int index,
+                                 const char *phrase, double value, const char *rest) {
     if (context->result == SPS_OK) {
-        context->result = result;
-        SPS_SNPRINTF(context->error, sizeof context->error, "%s", sentence);
+        context->result = context->error.result = result;
+        spsi_describe(&context->error, object, index, phrase, value, rest);
         if (context->config.message_fn && result != SPS_ERROR_CANCELLED)
-            context->config.message_fn(context->config.message_user, context->error);
+            context->config.message_fn(context->config.message_user, context->error.sentence);
     }
     return context->result;
 }
 
-/* As spsi_fail, for "NAME[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK and which
-   has no rule, "NAME[index].FIELD failed: it returned VALUE". index < 0 leaves the brackets out. */
-static sps_result spsi_fail_field(sps_context *context, sps_result result, const char *name, int index,
+/* As spsi_fail_that, for a failure that no object is to blame for. */
+static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
+    return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
+}
+
+/* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
+   and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
+static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
                                   const char *field, double value, const char *rule) {
-    char sentence[256], brackets[24] = "";
+    char rest[SPSI_SENTENCE_SIZE];
     if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which says nothing */
-    if (index >= 0) SPS_SNPRINTF(brackets, sizeof brackets, "[%d]", index);
     if (result == SPS_ERROR_CALLBACK)
-        SPS_SNPRINTF(sentence, sizeof sentence, "%s%s.%s failed: it returned %g", name, brackets, field, value);
+        SPS_SNPRINTF(rest, sizeof rest, "failed: it returned %g", value);
     else
-        SPS_SNPRINTF(sentence, sizeof sentence, "%s%s.%s is %g; %s", name, brackets, field, value, rule);
-    return spsi_fail(context, result, sentence);
+        SPS_SNPRINTF(rest, sizeof rest, "is %g; %s", value, rule);
+    return spsi_fail_that(context, result, object, index, field, value, rest);
 }
 
 static void spsi_release(sps_context *context, void *data, size_t size) {
@@ -1737,7 +1808,7 @@ static sps_result spsi_transfer_check_point(sps_context *context, int volume, co
         SPS_SNPRINTF(field, sizeof field, "transfer.eval_fn(%g).%s", (double)value, bad ? "color" : "extinction");
     else
         SPS_SNPRINTF(field, sizeof field, "transfer.points[%d].%s", i, bad ? "color" : "extinction");
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, field,
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, field,
                            (double)(bad ? *bad : point->extinction),
                            bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
 }
@@ -1768,7 +1839,8 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
         for (int i = 0; i < count; ++i) values[i] = last * (float)(first + i) / SPSI_TABLE_SIZE;
         returned = transfer->eval_fn(transfer->user, (size_t)count, values, points);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", volume, "transfer.eval_fn", returned, NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, volume, "transfer.eval_fn", returned,
+                                   NULL);
         for (int i = 0; i < count; ++i) {
             if (spsi_transfer_check_point(context, volume, &points[i], -1, values[i])) return context->result;
             memcpy(table->entry[first + i], points[i].color, 3 * sizeof(float));
@@ -1781,25 +1853,25 @@ static sps_result spsi_transfer_from_callback(sps_context *context, const sps_tr
 static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *transfer, int volume) {
     char text[96];
     if (!transfer->points == !transfer->eval_fn) {
-        SPS_SNPRINTF(text, sizeof text, "volume[%d].transfer.points and eval_fn are both %s; exactly one must be set",
-                     volume, transfer->points ? "set" : "NULL");
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, text);
+        SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
+                     transfer->points ? "set" : "NULL");
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, "transfer.points", 0, text);
     }
     if (transfer->points && transfer->point_count < 1)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.point_count",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, "transfer.point_count",
                                transfer->point_count, "it must be at least 1");
     for (int i = 0; i < transfer->point_count && transfer->points; ++i) {
         const float value = transfer->points[i].value;
         if (!(value >= 0 && value <= SPSI_VALUE_MAX) || (i > 0 && !(value > transfer->points[i - 1].value))) {
             SPS_SNPRINTF(text, sizeof text, "transfer.points[%d].value", i);
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, text, (double)value,
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, text, (double)value,
                                    "values must be 0..1e18 and rise from point to point");
         }
         if (spsi_transfer_check_point(context, volume, &transfer->points[i], i, value)) return context->result;
     }
     if (!(transfer->value_max >= 0 && transfer->value_max <= SPSI_VALUE_MAX) ||
         (transfer->value_max > 0 && transfer->value_max < SPSI_VALUE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", volume, "transfer.value_max",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, volume, "transfer.value_max",
                                (double)transfer->value_max, "it must be 0 or 1e-30..1e18");
     return SPS_OK;
 }
@@ -3273,7 +3345,7 @@ static void spsi_placement_resolve(const sps_placement *from, sps_placement *to)
 }
 
 /* Checks a resolved placement: whether it is finite, and not flat. */
-static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, const char *name,
+static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, sps_object object,
                                        int index) {
     const double *bad = spsi_bad_coordinate(placement->origin, 3);
     const double determinant = spsi_determinant(placement->axis[0], placement->axis[1], placement->axis[2]);
@@ -3281,17 +3353,17 @@ static sps_result spsi_check_placement(sps_context *context, const sps_placement
     char field[32];
     if (bad) {
         SPS_SNPRINTF(field, sizeof field, "placement.origin[%d]", (int)(bad - placement->origin));
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, field, *bad, "it must be within 1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
     }
     for (int i = 0; i < 9; ++i) {
         bad = spsi_bad_coordinate(&placement->axis[i / 3][i % 3], 1);
         if (!bad) continue;
         SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, field, *bad, "it must be within 1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
     }
     for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* what rounding leaves of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "placement's determinant", determinant,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "placement's determinant", determinant,
                                "its axes must not lie in a plane");
     return SPS_OK;
 }
@@ -3300,36 +3372,37 @@ static int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
 }
 
-static sps_result spsi_check_canaries(sps_context *context, const char *name, int index, uint32_t start, uint32_t end) {
+static sps_result spsi_check_canaries(sps_context *context, sps_object object, int index, uint32_t start,
+                                      uint32_t end) {
     if (!start && !end) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, start ? "start_canary" : "end_canary",
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, start ? "start_canary" : "end_canary",
                            (double)(start ? start : end), "the struct was not zeroed");
 }
 
-static sps_result spsi_check_lobes(sps_context *context, const char *name, int index, const sps_lobe *lobes,
+static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
                                    int count) {
     if (count < 0 || count > SPSI_LOBES_MAX || (count > 0 && !lobes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "lobe_count", count,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "lobe_count", count,
                                "it must be 0..8, with lobes set");
     for (int k = 0; k < count; ++k) {
         const int bent = !(fabsf(lobes[k].asymmetry) <= 0.99f);
         char field[32];
         if (!bent && lobes[k].weight > 0 && lobes[k].weight <= SPSI_VALUE_MAX) continue;
         SPS_SNPRINTF(field, sizeof field, "lobes[%d].%s", k, bent ? "asymmetry" : "weight");
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, field,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
                                (double)(bent ? lobes[k].asymmetry : lobes[k].weight),
                                bent ? "it must be -0.99..0.99" : "it must be above 0, and 1e18 at most");
     }
     return SPS_OK;
 }
 
-static sps_result spsi_check_gas_colours(sps_context *context, const char *name, int index, const float albedo[3],
+static sps_result spsi_check_gas_colours(sps_context *context, sps_object object, int index, const float albedo[3],
                                          const float emission[3]) {
     if (spsi_bad_colour(albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "albedo", (double)*spsi_bad_colour(albedo, 1),
-                               "red, green and blue must be 0..1");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo",
+                               (double)*spsi_bad_colour(albedo, 1), "red, green and blue must be 0..1");
     if (spsi_bad_colour(emission, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, index, "emission",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "emission",
                                (double)*spsi_bad_colour(emission, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     return SPS_OK;
@@ -3337,78 +3410,82 @@ static sps_result spsi_check_gas_colours(sps_context *context, const char *name,
 
 static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
     if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", i, "extinction", (double)volume->extinction,
-                               "it must be 0..1e18");
-    return spsi_check_gas_colours(context, "volume", i, volume->albedo, volume->emission);
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "extinction",
+                               (double)volume->extinction, "it must be 0..1e18");
+    return spsi_check_gas_colours(context, SPS_OBJECT_VOLUME, i, volume->albedo, volume->emission);
 }
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
-    const char *name = "volume";
     char text[96];
-    if (spsi_check_canaries(context, name, i, volume->start_canary, volume->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, volume->start_canary, volume->end_canary))
+        return context->result;
     for (int k = 0; k < 3; ++k)
         if (volume->size[k] < 0 || volume->size[k] > 65536)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "size", volume->size[k],
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "size", volume->size[k],
                                    "it must be 0..65536");
     if (!spsi_volume_present(volume)) return SPS_OK;
     if (!volume->read_fn == !volume->eval_fn) {
-        SPS_SNPRINTF(text, sizeof text, "volume[%d].read_fn and eval_fn are both %s; exactly one must be set", i,
+        SPS_SNPRINTF(text, sizeof text, "and eval_fn are both %s; exactly one must be set",
                      volume->read_fn ? "set" : "NULL");
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, text);
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "read_fn", 0, text);
     }
-    if (spsi_check_lobes(context, name, i, volume->lobes, volume->lobe_count)) return context->result;
+    if (spsi_check_lobes(context, SPS_OBJECT_VOLUME, i, volume->lobes, volume->lobe_count)) return context->result;
     if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "gradient_full", (double)volume->gradient_full,
-                               "it must be 0 or positive");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "gradient_full",
+                               (double)volume->gradient_full, "it must be 0 or positive");
     if (!(volume->specular >= 0 && volume->specular <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "specular", (double)volume->specular,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "specular", (double)volume->specular,
                                "it must be 0..1");
     if (!(volume->shininess >= 0 && volume->shininess <= 1e4f))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "shininess", (double)volume->shininess,
-                               "it must be 0..10000");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shininess",
+                               (double)volume->shininess, "it must be 0..10000");
     if ((int)volume->shading < 0 || volume->shading > SPS_SHADING_SURFACE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "shading", (double)(int)volume->shading,
-                               "it must be an sps_shading");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shading",
+                               (double)(int)volume->shading, "it must be an sps_shading");
     return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
 }
 
 static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
-    if (spsi_check_canaries(context, "mesh", i, mesh->start_canary, mesh->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "triangle_count", (double)mesh->triangle_count,
-                               "it must be 0..2^29");
-    if (mesh->triangle_count > 0 && !mesh->read_fn) {
-        char sentence[96];
-        SPS_SNPRINTF(sentence, sizeof sentence, "mesh[%d].read_fn is NULL; it must be set where there are triangles",
-                     i);
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, sentence);
-    }
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "triangle_count",
+                               (double)mesh->triangle_count, "it must be 0..2^29");
+    if (mesh->triangle_count > 0 && !mesh->read_fn)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
+                              "is NULL; it must be set where there are triangles");
     if (spsi_bad_colour(mesh->color, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "color",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
                                (double)*spsi_bad_colour(mesh->color, 1), "red, green and blue must be 0..1");
     if (!(mesh->transparency >= 0 && mesh->transparency <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "transparency", (double)mesh->transparency,
-                               "it must be 0..1");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transparency",
+                               (double)mesh->transparency, "it must be 0..1");
     return SPS_OK;
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
-    const char *name = "particles";
-    if (spsi_check_canaries(context, name, i, set->start_canary, set->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_PARTICLES, i, set->start_canary, set->end_canary))
+        return context->result;
     if (set->count > SPSI_PARTICLES_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, i, "count", (double)set->count, "it must be 0..2^29");
-    if (set->count > 0 && !set->read_fn) {
-        char sentence[96];
-        SPS_SNPRINTF(sentence, sizeof sentence, "particles[%d].read_fn is NULL; it must be set where count is not 0",
-                     i);
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, sentence);
-    }
-    if (spsi_check_lobes(context, name, i, set->lobes, set->lobe_count)) return context->result;
-    return spsi_check_gas_colours(context, name, i, set->albedo, set->emission);
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count", (double)set->count,
+                               "it must be 0..2^29");
+    if (set->count > 0 && !set->read_fn)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "read_fn", 0,
+                              "is NULL; it must be set where count is not 0");
+    if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count)) return context->result;
+    return spsi_check_gas_colours(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
+}
+
+/* As spsi_fail_field, for the settings of a light's shadow_map, or, where `light` is below 0, of a map of its own. */
+static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
+                                    const char *rule) {
+    char member[64];
+    SPS_SNPRINTF(member, sizeof member, "%s%s", light < 0 ? "" : "shadow_map.", field);
+    return spsi_fail_field(context, result, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light, member,
+                           value, rule);
 }
 
 /* Checks a technique's number of components, range included, where it is not left to the technique. */
-static sps_result spsi_check_components(sps_context *context, const char *name, const sps_tmap_settings *settings) {
+static sps_result spsi_check_components(sps_context *context, int light, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
     const char *with = technique->range < 0 && settings->texel_range ? " with texel_range" : "";
@@ -3424,96 +3501,98 @@ static sps_result spsi_check_components(sps_context *context, const char *name, 
             SPS_SNPRINTF(rule, sizeof rule, "%s%s has %d, %d .. %d", technique->name, with, least,
                          least + technique->step, technique->most);
     }
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "components", n, rule);
+    return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", n, rule);
 }
 
 /* Checks all settings of a map but the range of its depths. */
-static sps_result spsi_check_settings(sps_context *context, const char *name, const sps_tmap_settings *settings) {
-    if (spsi_check_canaries(context, name, -1, settings->start_canary, settings->end_canary)) return context->result;
+static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
+    if (settings->start_canary || settings->end_canary)
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light,
+                                 settings->start_canary ? "start_canary" : "end_canary",
+                                 (double)(settings->start_canary ? settings->start_canary : settings->end_canary),
+                                 "the struct was not zeroed");
     if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "technique", (double)(int)settings->technique,
-                               "it must be an sps_tmap_technique");
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "technique", (double)(int)settings->technique,
+                                 "it must be an sps_tmap_technique");
     if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "window", (double)(int)settings->window,
-                               "it must be an sps_tmap_window");
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "window", (double)(int)settings->window,
+                                 "it must be an sps_tmap_window");
     if (!(settings->epsilon >= 0 && settings->epsilon <= 0.5f))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "epsilon", (double)settings->epsilon,
-                               "it must be 0..0.5");
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "epsilon", (double)settings->epsilon,
+                                 "it must be 0..0.5");
     if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
-                               "it must be 0..1e15");
-    return spsi_check_components(context, name, settings);
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "surface_bias", settings->surface_bias,
+                                 "it must be 0..1e15");
+    return spsi_check_components(context, light, settings);
 }
-
-/* The name of a light's map in error sentences. */
-static void spsi_shadow_map_name(int light, char name[32]) { SPS_SNPRINTF(name, 32, "light[%d].shadow_map", light); }
 
 /* Checks the map that a light shades gas by. Its range is the gas's own, and surfaces have a map of their own. */
 static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
-    char name[32];
-    spsi_shadow_map_name(i, name);
     if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "shadow_map_size", light->shadow_map_size,
-                               "it must be 0..16384");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_size",
+                               light->shadow_map_size, "it must be 0..16384");
     if (!settings) return SPS_OK;
-    if (spsi_check_settings(context, name, settings)) return context->result;
+    if (spsi_check_settings(context, i, settings)) return context->result;
     if (settings->omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "omnidirectional", settings->omnidirectional,
-                               "a directional light has one direction");
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "omnidirectional", settings->omnidirectional,
+                                 "a directional light has one direction");
     if (!(fabs(settings->near_depth) <= 0 && fabs(settings->far_depth) <= 0))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "far_depth", settings->far_depth,
-                               "it and near_depth must be 0: the range is fitted to the gas");
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "far_depth", settings->far_depth,
+                                 "it and near_depth must be 0: the range is fitted to the gas");
     if (settings->surface_bias > 0)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, name, -1, "surface_bias", settings->surface_bias,
-                               "it must be 0: surfaces shade by rays and a depth map of their own");
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "surface_bias", settings->surface_bias,
+                                 "it must be 0: surfaces shade by rays and a depth map of their own");
     return SPS_OK;
 }
 
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const double *bad;
     double direction[3];
-    if (spsi_check_canaries(context, "light", i, light->start_canary, light->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, light->start_canary, light->end_canary))
+        return context->result;
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "kind", (double)(int)light->kind,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
     if (spsi_bad_colour(light->color, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "color",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
                                (double)*spsi_bad_colour(light->color, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction)) {
         int k = 0; /* the component that is not finite, or any: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "direction", direction[k],
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "direction", direction[k],
                                "it must be finite and have a length");
     }
     bad = spsi_bad_coordinate(light->position, 3);
     if (light->kind == SPS_LIGHT_POINT && bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "light", i, "position", *bad, "it must be within 1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "position", *bad,
+                               "it must be within 1e15");
     return spsi_check_shadow_map(context, light, i);
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
-    if (spsi_check_canaries(context, "scene", -1, scene->start_canary, scene->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, scene->start_canary, scene->end_canary))
+        return context->result;
     if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "volume_count", scene->volume_count,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count", scene->volume_count,
                                "it must be 0 or more, with volumes set");
     if (scene->mesh_count < 0 || (scene->mesh_count > 0 && !scene->meshes))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "mesh_count", scene->mesh_count,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "mesh_count", scene->mesh_count,
                                "it must be 0 or more, with meshes set");
     if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "light_count", scene->light_count,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "light_count", scene->light_count,
                                "it must be 0 or more, with lights set");
     if (scene->particles_count < 0 || (scene->particles_count > 0 && !scene->particles))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "particles_count", scene->particles_count,
-                               "it must be 0 or more, with particles set");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particles_count",
+                               scene->particles_count, "it must be 0 or more, with particles set");
     if (spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "ambient",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "ambient",
                                (double)*spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     if (spsi_bad_colour(scene->background, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "background",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "background",
                                (double)*spsi_bad_colour(scene->background, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     for (int i = 0; i < scene->volume_count; ++i)
@@ -3534,49 +3613,56 @@ static sps_result spsi_check_camera(sps_context *context, const sps_view *view) 
         bad = spsi_bad_coordinate(view->world_to_clip, 16);
         if (!bad) return SPS_OK;
         SPS_SNPRINTF(field, sizeof field, "world_to_clip[%d]", (int)(bad - view->world_to_clip));
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, field, *bad, "it must be within 1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, field, *bad, "it must be within 1e15");
     }
     bad = spsi_bad_coordinate(view->position, 3);
     if (bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "position", *bad, "it must be within 1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position", *bad,
+                               "it must be within 1e15");
     bad = spsi_bad_coordinate(view->target, 3);
-    if (bad) return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "target", *bad, "it must be within 1e15");
+    if (bad)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "target", *bad,
+                               "it must be within 1e15");
     bad = spsi_bad_coordinate(view->up, 3);
-    if (bad) return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "up", *bad, "it must be within 1e15");
+    if (bad)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "up", *bad, "it must be within 1e15");
     if (!(view->field_of_view >= 0 && view->field_of_view <= 3.1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "field_of_view", view->field_of_view,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "field_of_view", view->field_of_view,
                                "it must be 0..3.1 radians");
     if (!(view->ortho_height >= 0 && view->ortho_height <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "ortho_height", view->ortho_height,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "ortho_height", view->ortho_height,
                                "it must be 0 or positive");
     return SPS_OK;
 }
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region;
-    if (spsi_check_canaries(context, "view", -1, view->start_canary, view->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, view->start_canary, view->end_canary)) return context->result;
     if (view->width < 0 || view->width > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "width", view->width, "it must be 0..16384");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "width", view->width,
+                               "it must be 0..16384");
     if (view->height < 0 || view->height > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "height", view->height, "it must be 0..16384");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "height", view->height,
+                               "it must be 0..16384");
     if (view->width == 0 || view->height == 0) return SPS_OK;
     if (r[2] && (r[0] < 0 || r[1] < 0 || r[2] < 0 || r[3] < 1 || r[0] >= view->width || r[1] >= view->height ||
                  r[2] > view->width - r[0] || r[3] > view->height - r[1])) {
-        char sentence[128];
-        SPS_SNPRINTF(sentence, sizeof sentence, "view.region is %d,%d,%d,%d; it must lie inside %d x %d", r[0], r[1],
-                     r[2], r[3], view->width, view->height);
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, sentence);
+        char rest[128];
+        SPS_SNPRINTF(rest, sizeof rest, "is %d,%d,%d,%d; it must lie inside %d x %d", r[0], r[1], r[2], r[3],
+                     view->width, view->height);
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "region", 0, rest);
     }
     if ((int)view->quality < 0 || view->quality > SPS_QUALITY_ULTRA)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "quality", (double)(int)view->quality,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "quality", (double)(int)view->quality,
                                "it must be an sps_quality");
     if (!(view->slab >= 0 && view->slab <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "slab", view->slab, "it must be 0 or positive");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "slab", view->slab,
+                               "it must be 0 or positive");
     if (view->shadow_size < 0 || view->shadow_size > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "shadow_size", view->shadow_size,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "shadow_size", view->shadow_size,
                                "it must be 0..16384");
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "near_distance", view->near_distance,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
     return spsi_check_camera(context, view);
 }
@@ -3602,13 +3688,15 @@ static sps_result spsi_rays_build(sps_context *context, const sps_view *view, sp
     rays->height = view->height;
     if (view->world_to_clip) {
         if (!spsi_rays_from_matrix(rays, view->world_to_clip))
-            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.world_to_clip cannot be inverted");
+            return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "world_to_clip", 0,
+                                  "cannot be inverted");
     } else if (!spsi_rays_from_camera(rays, view)) {
         double forward[3];
         spsi_along(view->target, view->position, -1, forward);
         if (!spsi_normalise(forward))
-            return spsi_fail(context, SPS_ERROR_ARGUMENT, "view.position and view.target are the same point");
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1,
+            return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position", 0,
+                                  "and view.target are the same point");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1,
                                rays->perspective ? "field_of_view" : "ortho_height",
                                rays->perspective ? view->field_of_view : view->ortho_height,
                                "pixels of that size cannot be told apart, or do not fit into the world");
@@ -3698,14 +3786,15 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
 static sps_result spsi_medium_place(sps_context *context, spsi_medium *medium) {
     sps_placement placement;
     spsi_placement_resolve(&medium->volume->placement, &placement);
-    if (spsi_check_placement(context, &placement, "volume", medium->index)) return context->result;
+    if (spsi_check_placement(context, &placement, SPS_OBJECT_VOLUME, medium->index)) return context->result;
     memcpy(medium->corner, placement.origin, sizeof medium->corner);
     for (int axis = 0; axis < 3; ++axis)
         for (int i = 0; i < 3; ++i) medium->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
     medium->voxel_volume = fabs(spsi_determinant(medium->step[0], medium->step[1], medium->step[2]));
     if (medium->voxel_volume > 0) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "volume", medium->index, "placement's volume of a voxel",
-                           medium->voxel_volume, "it is too small for the numbers in use");
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, medium->index,
+                           "placement's volume of a voxel", medium->voxel_volume,
+                           "it is too small for the numbers in use");
 }
 
 static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) {
@@ -3718,8 +3807,8 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
         spsi_medium *medium = &frame->media[frame->medium_count];
         if (!spsi_volume_present(volume) || !visible) continue;
         if (frame->medium_count == SPSI_VOLUMES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "volume_count", scene->volume_count,
-                                   "at most 64 volumes may hold voxels");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
+                                   scene->volume_count, "at most 64 volumes may hold voxels");
         medium->volume = volume;
         medium->index = i;
         if (spsi_medium_place(context, medium)) return context->result;
@@ -3752,12 +3841,12 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         spsi_material material;
         if (particles->count == 0) continue;
         if (frame->set_count == SPSI_SETS_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "scene", -1, "particles_count",
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particles_count",
                                    frame->scene->particles_count, "at most 64 sets may hold particles");
         /* both are at most SPSI_PARTICLES_MAX, so that the sum fits where a size_t has 32 bits */
         frame->particles_asked += particles->count;
         if (frame->particles_asked > SPSI_PARTICLES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "particles", i, "count, with those before it,",
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count, with those before it,",
                                    (double)frame->particles_asked, "all sets together must have 2^29 at most");
         memset(&material, 0, sizeof material);
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
@@ -3775,12 +3864,13 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->scene->mesh_count; ++i) {
         sps_placement placement;
         spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement);
-        if (spsi_check_placement(context, &placement, "mesh", i)) return context->result;
+        if (spsi_check_placement(context, &placement, SPS_OBJECT_MESH, i)) return context->result;
         /* both are at most SPSI_FACES_MAX, so that the sum fits where a size_t has 32 bits */
         frame->triangle_count += frame->scene->meshes[i].triangle_count;
         if (frame->triangle_count > SPSI_FACES_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "mesh", i, "triangle_count, with those before it,",
-                                   (double)frame->triangle_count, "all meshes together must have 2^29 at most");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
+                                   "triangle_count, with those before it,", (double)frame->triangle_count,
+                                   "all meshes together must have 2^29 at most");
     }
     return SPS_OK;
 }
@@ -3958,7 +4048,8 @@ static sps_result spsi_block_range(sps_context *context, const spsi_block *block
     context->stats.range_calls += 1;
     returned = volume->range_fn(volume->user, block->low, block->size, range);
     if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "range_fn", returned, NULL);
+        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "range_fn",
+                               returned, NULL);
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading will tell */
     if (block->material->table)
         *empty = !spsi_transfer_shows(block->material, 0, range[1]);
@@ -3981,8 +4072,8 @@ static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *bl
         context->stats.eval_calls += 1;
         returned = volume->eval_fn(volume->user, layer, block->positions, block->values + layer * (size_t)z);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "eval_fn", returned,
-                                   NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "eval_fn",
+                                   returned, NULL);
     }
     return SPS_OK;
 }
@@ -4002,7 +4093,7 @@ static sps_result spsi_block_validate(sps_context *context, const spsi_block *bl
                 }
                 SPS_SNPRINTF(rule, sizeof rule, "values must be 0..1e18 (voxel %d,%d,%d)", block->low[0] + x,
                              block->low[1] + y, block->low[2] + z);
-                return spsi_fail_field(context, SPS_ERROR_DATA, "volume", block->medium->index, "value",
+                return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_VOLUME, block->medium->index, "value",
                                        (double)block->values[i], rule);
             }
     return SPS_OK;
@@ -4019,8 +4110,8 @@ static sps_result spsi_block_read(sps_context *context, const spsi_block *block,
         context->stats.read_calls += 1;
         returned = volume->read_fn(volume->user, block->low, block->size, block->values);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "volume", block->medium->index, "read_fn", returned,
-                                   NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "read_fn",
+                                   returned, NULL);
     }
     context->stats.voxels_read += count;
     return spsi_block_validate(context, block, replace);
@@ -4289,7 +4380,7 @@ static sps_result spsi_particles_validate(sps_context *context, const spsi_parti
             continue;
         }
         SPS_SNPRINTF(field, sizeof field, "particle[%.0f].%s", (double)(first + i), wrong);
-        return spsi_fail_field(context, SPS_ERROR_DATA, "particles", set->index, field, value, rule);
+        return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_PARTICLES, set->index, field, value, rule);
     }
     return SPS_OK;
 }
@@ -4315,7 +4406,8 @@ static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_
         context->stats.particle_calls += 1;
         returned = particles->read_fn(particles->user, first, count, batch);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, "particles", set->index, "read_fn", returned, NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_PARTICLES, set->index, "read_fn", returned,
+                                   NULL);
         if (spsi_particles_validate(context, set, batch, first, count, frame->scene->replace_invalid))
             return context->result;
         frame->particle_count += spsi_particles_keep(batch, count);
@@ -4679,7 +4771,7 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
     SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
-    return spsi_fail_field(context, SPS_ERROR_DATA, "mesh", index, field, value, rules[wrong]);
+    return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, index, field, value, rules[wrong]);
 }
 
 /* World position of a local one, the same bits for the same corner. */
@@ -4750,7 +4842,8 @@ static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int 
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
         returned = mesh->read_fn(mesh->user, first, count, triangles);
-        if (returned) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "mesh", index, "read_fn", returned, NULL);
+        if (returned)
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, index, "read_fn", returned, NULL);
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
             for (int k = 0; k < 3; ++k) spsi_place(&placement, triangles[i].position[k], world[k]);
@@ -5505,7 +5598,7 @@ static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
-    char name[32];              /* of the settings, in error sentences */
+    int light;                  /* whose shadow_map it is; -1: nobody's */
     sps_tmap_settings settings; /* resolved */
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
     sps_view view;              /* the light's */
@@ -5910,27 +6003,27 @@ static const char *spsi_gases(const spsi_frame *frame) {
 /* Says which light's rays, or that the camera's, meet the slabs too flatly, and what can be done. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                           double cosine) {
-    char sentence[256];
-    SPS_SNPRINTF(
-        sentence, sizeof sentence,
-        "light[%d] is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 "
-        "is needed; move it away, or set shadow_map or no_shadow on it",
-        sweep->light, spsi_gases(frame), cosine);
-    return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
+    char rest[SPSI_SENTENCE_SIZE];
+    SPS_SNPRINTF(rest, sizeof rest,
+                 "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
+                 "needed; move it away, or set shadow_map or no_shadow on it",
+                 spsi_gases(frame), cosine);
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light, "", cosine, rest);
 }
 
 static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            double cosine, int unshadowed_helps) {
-    char sentence[256], camera[64] = "view.world_to_clip is too wide";
+    const int matrix = frame->view.world_to_clip != NULL;
+    char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
-    if (!frame->view.world_to_clip)
-        SPS_SNPRINTF(camera, sizeof camera, "view.field_of_view is %g", frame->view.field_of_view);
+    if (!matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", frame->view.field_of_view);
     if (sweep->light >= 0 && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->light);
-    SPS_SNPRINTF(sentence, sizeof sentence,
+    SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, cosine, frame->view.world_to_clip ? "is it row-major? If it is, " : "", way_out);
-    return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
+                 camera, cosine, matrix ? "is it row-major? If it is, " : "", way_out);
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
+                          matrix ? "world_to_clip" : "field_of_view", matrix ? 0 : frame->view.field_of_view, rest);
 }
 
 /* Chooses s for a light, or for none. */
@@ -6042,7 +6135,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     slabs->thickness = fmin(frame->view.slab * edge, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / slabs->thickness);
     if (!(count <= SPSI_SLABS_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "slab", frame->view.slab,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "slab", frame->view.slab,
                                "it makes more than 2^20 slabs");
     slabs->count = spsi_most(1, (int)count);
     return SPS_OK;
@@ -6125,15 +6218,15 @@ static double spsi_light_texel(const spsi_frame *frame, const sps_light *light) 
 /* Rays for the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const sps_light *light = &frame->scene->lights[sweep->light];
-    char sentence[256];
+    char rest[SPSI_SENTENCE_SIZE];
     if (spsi_rays_fit(light, &frame->volume_bounds, spsi_light_texel(frame, light), frame->view.shadow_size,
                       spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
-    SPS_SNPRINTF(sentence, sizeof sentence,
-                 "light[%d] is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about "
-                 "their middle; move it away, or set shadow_map or no_shadow on it",
-                 sweep->light, spsi_gases(frame));
-    return spsi_fail(context, SPS_ERROR_UNSUPPORTED, sentence);
+    SPS_SNPRINTF(rest, sizeof rest,
+                 "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
+                 "middle; move it away, or set shadow_map or no_shadow on it",
+                 spsi_gases(frame));
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light, "", 0, rest);
 }
 
 /* The number of sweeps in a frame: one for each light that shades by sheets, and one at least. */
@@ -7121,7 +7214,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
 }
 
 static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *medium) {
-    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "volume", medium->index, "voxel edge",
+    return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index, "placement's voxel edge",
                            cbrt(medium->voxel_volume),
                            "it is too large or too small for the world, or for this view's pixels");
 }
@@ -9807,7 +9900,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     }
     filling->starts[texels] = (uint32_t)sum;
     if (sum > INT32_MAX)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in 64 rows", (double)sum,
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
     filling->stretches = (spsi_stretch *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_stretch));
     if (!filling->stretches) return context->result;
@@ -9918,8 +10011,8 @@ static void spsi_fit_task(void *data, int index, int worker) {
 static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
     char rule[96];
     SPS_SNPRINTF(rule, sizeof rule, "the map takes %.0f bytes", bytes);
-    return spsi_fail_field(map->context, SPS_ERROR_MEMORY, map->name, -1, "byte_budget",
-                           (double)map->settings.byte_budget, rule);
+    return spsi_fail_setting(map->context, SPS_ERROR_MEMORY, map->light, "byte_budget",
+                             (double)map->settings.byte_budget, rule);
 }
 
 /* Makes room for the items of a band whose numbers are in `places`, and copies a deep map's. */
@@ -9935,7 +10028,7 @@ static sps_result spsi_append_band(spsi_filling *filling) {
         sum += filling->places[i];
     }
     if (sum > UINT32_MAX)
-        return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, "tmap", -1, "items", (double)sum,
+        return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
                                "2^32 - 1 are held at most");
     starts[texels] = (uint32_t)sum;
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
@@ -9960,11 +10053,11 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     filling->map->inner.epsilon =
         spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "stretches in a texel", (double)filling->most,
-                               "2 million can be fitted");
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in a texel",
+                               (double)filling->most, "2 million can be fitted");
     bytes = spsi_fitting_bytes(filling);
     if (bytes > SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "tmap", -1, "bytes to fit a texel", (double)bytes,
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "bytes to fit a texel", (double)bytes,
                                "they are more than memory can have");
     filling->scratch_size = (size_t)bytes;
     filling->scratch =
@@ -10235,8 +10328,8 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
     spsi_normalise(slabs->normal);
     least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "tmap", -1, "cosine of its outermost rays with the axis",
-                               least,
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_TMAP, -1,
+                               "cosine of its outermost rays with the axis", least,
                                frame->view.world_to_clip
                                    ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
                                    : "volumes need 0.1; narrow the light's view, up and down or sideways");
@@ -10363,23 +10456,23 @@ static int spsi_same_point(const double a[3], const double b[3]) {
 }
 
 static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
-    if (spsi_check_settings(context, "settings", settings)) return context->result;
+    if (spsi_check_settings(context, -1, settings)) return context->result;
     if (!(settings->near_depth >= 0 && settings->near_depth <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "near_depth", settings->near_depth,
-                               "it must be 0..1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "near_depth",
+                               settings->near_depth, "it must be 0..1e15");
     if (!(settings->far_depth > settings->near_depth && settings->far_depth <= SPSI_COORDINATE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "settings", -1, "far_depth", settings->far_depth,
-                               "it must be above near_depth, and within 1e15");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "far_depth",
+                               settings->far_depth, "it must be above near_depth, and within 1e15");
     if (light->width < 1 || light->height < 1)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, light->width < 1 ? "width" : "height",
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, light->width < 1 ? "width" : "height",
                                light->width < 1 ? light->width : light->height, "a map's must be 1..16384");
     if (settings->omnidirectional && light->width != light->height)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "view", -1, "width", light->width,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "width", light->width,
                                "an omnidirectional map's must be its height");
     if (!settings->omnidirectional && !light->world_to_clip && spsi_same_point(light->position, light->target))
-        return spsi_fail(context, SPS_ERROR_ARGUMENT,
-                         "view.position and view.target are the same point; a map looks from one to the other, or, "
-                         "where settings.omnidirectional is 1, all round");
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position", 0,
+                              "and view.target are the same point; a map looks from one to the other, or, where "
+                              "settings.omnidirectional is 1, all round");
     return spsi_check_view(context, light);
 }
 
@@ -10412,8 +10505,8 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
     if (!from || (map->settings.technique != SPS_TMAP_OPACITY && map->settings.technique != SPS_TMAP_DEEP_OPACITY))
         return SPS_OK;
     if (!map->has_components)
-        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, map->name, -1, "components", 0,
-                               "with planes it must say how many, and two more for a deep opacity map");
+        return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, "components", 0,
+                                 "with planes it must say how many, and two more for a deep opacity map");
     planes = (float *)spsi_buffer_reserve(map->context, &map->planes, (size_t)count, sizeof(float));
     if (!planes) return map->context->result;
     for (int i = 0; i < count; ++i) {
@@ -10421,8 +10514,8 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
         if (!(planes[i] > (i > 0 ? planes[i - 1] : 0) && planes[i] <= 1) || (i == count - 1 && planes[i] < 1)) {
             char field[32];
             SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
-            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, map->name, -1, field, (double)planes[i],
-                                   "they must rise from above 0, and the last must be 1");
+            return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, field, (double)planes[i],
+                                     "they must rise from above 0, and the last must be 1");
         }
     }
     map->settings.planes = map->inner.planes = planes;
@@ -10436,8 +10529,8 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
     for (int face = 0; face < map->face_count; ++face) {
         spsi_rays *rays = &map->rays[face];
         if (map->face_count > 1 && !spsi_rays_of_cube_face(map->view.position, face, map->view.width, 0, rays))
-            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "view", -1, "position", map->view.position[0],
-                                   "texels cannot be told apart there");
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position",
+                                   map->view.position[0], "texels cannot be told apart there");
         rays->depth_reference = map->settings.near_depth;
         rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     }
@@ -10455,7 +10548,7 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
 
 /* Fills a map that is zeroed but for its context. */
 static sps_result spsi_tmap_build(sps_tmap *map, const sps_view *light, const sps_tmap_settings *settings) {
-    SPS_SNPRINTF(map->name, sizeof map->name, "settings");
+    map->light = -1;
     map->settings = *settings;
     map->technique = &spsi_techniques[settings->technique];
     map->view = *light;
@@ -10474,7 +10567,7 @@ static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held
     const size_t kept = (size_t)*held, all = kept + (size_t)count;
     if (count == 0) return SPS_OK;
     if (count > INT32_MAX - *held)
-        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, "scene", -1, "number of structs", (double)all,
+        return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "number of structs", (double)all,
                                "2^31 - 1 of a kind can be added");
     if (!spsi_buffer_extend(map->context, buffer, kept, all, size)) return map->context->result;
     memcpy((char *)buffer->data + kept * size, more, (size_t)count * size);
@@ -10634,8 +10727,8 @@ static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, co
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
         if (!spsi_rays_of_cube_face(light->position, face, size, 0, &map->rays[face]))
-            return spsi_fail(map->context, SPS_ERROR_UNSUPPORTED,
-                             "a light's shadow_map cannot tell its texels apart so far from the world's origin");
+            return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
+                                  "cannot tell its texels apart so far from the world's origin");
     return SPS_OK;
 }
 
@@ -10648,7 +10741,8 @@ static sps_result spsi_tmap_aim_light(sps_tmap *map, const spsi_frame *frame, co
     if (!map->settings.omnidirectional && spsi_rays_fit(light, &frame->volume_bounds, texel, size, most, &map->rays[0]))
         return SPS_OK;
     if (light->kind == SPS_LIGHT_POINT) return spsi_tmap_aim_round(map, frame, light, texel, size, most);
-    return spsi_fail(map->context, SPS_ERROR_UNSUPPORTED, "a light's shadow_map cannot tell its texels apart");
+    return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
+                          "cannot tell its texels apart");
 }
 
 /* Fills the map that gas shades by in a light. */
@@ -10658,7 +10752,7 @@ static sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *f
     memset(map, 0, sizeof *map);
     memset(&occluders, 0, sizeof occluders);
     map->context = context;
-    spsi_shadow_map_name((int)(light - frame->scene->lights), map->name);
+    map->light = (int)(light - frame->scene->lights);
     map->settings = *light->shadow_map;
     map->technique = &spsi_techniques[map->settings.technique];
     occluders.frame = frame;
@@ -10718,10 +10812,11 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     if (!frame->scene->background_fn) return SPS_OK;
     context->stats.background_calls += 1;
     returned = frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb);
-    if (returned) return spsi_fail_field(context, SPS_ERROR_CALLBACK, "scene", -1, "background_fn", returned, NULL);
+    if (returned)
+        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_SCENE, -1, "background_fn", returned, NULL);
     for (int i = 0; i < region[2]; ++i)
         if (spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, "scene", -1, "background_fn's colour",
+            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's colour",
                                    (double)*spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX),
                                    "red, green and blue must be 0..1e18");
     return SPS_OK;
@@ -11715,7 +11810,8 @@ static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi
         bricks += b;
     }
     if (voxels + bricks > SIZE_MAX / 8)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, "scene", -1, "volumes' number of voxels", (double)voxels,
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_SCENE, -1, "volumes' number of voxels",
+                               (double)voxels,
                                "sps_reference holds all of them, and they are more than memory can have");
     values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES,
                                    (size_t)voxels + (size_t)bricks / sizeof(float) + 1, sizeof(float));
@@ -11822,9 +11918,25 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
 
 SPS_API int sps_version(void) { return SPS_VERSION; }
 
+#define SPSI_IS_NULL    "is NULL; it must not be"
+#define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
+
 static int spsi_config_valid(const sps_config *config) {
     return !config->start_canary && !config->end_canary && !config->alloc_fn == !config->free_fn &&
            config->worker_count >= 0 && config->worker_count <= SPSI_WORKERS_MAX;
+}
+
+/* What every call begins with: a clean result, and counts from 0 (bytes held go on). */
+static void spsi_begin(sps_context *context) {
+    sps_stats_report fresh;
+    memset(&fresh, 0, sizeof fresh);
+    fresh.bytes = context->stats.bytes;
+    fresh.bytes_peak = context->stats.bytes_peak;
+    context->stats = fresh;
+    context->result = SPS_OK;
+    spsi_clear_error(&context->error);
+    context->progress = 0;
+    context->cancelled = 0;
 }
 
 SPS_API sps_context *sps_create(const sps_config *config) {
@@ -11837,6 +11949,7 @@ SPS_API sps_context *sps_create(const sps_config *config) {
     memset(context, 0, sizeof *context);
     if (config) context->config = *config;
     context->stats.bytes = context->stats.bytes_peak = sizeof *context;
+    spsi_begin(context);
     return context;
 }
 
@@ -11851,29 +11964,29 @@ SPS_API void sps_destroy(sps_context *context) {
 }
 
 SPS_API const char *sps_error(const sps_context *context) {
-    return context ? context->error : "no context: sps_create gave NULL";
+    return context ? context->error.sentence : SPSI_NO_CONTEXT;
 }
 
-/* What every call begins with: a clean result, and counts from 0 (bytes held go on). */
-static void spsi_begin(sps_context *context) {
-    sps_stats_report fresh;
-    memset(&fresh, 0, sizeof fresh);
-    fresh.bytes = context->stats.bytes;
-    fresh.bytes_peak = context->stats.bytes_peak;
-    context->stats = fresh;
-    context->result = SPS_OK;
-    context->error[0] = 0;
-    context->progress = 0;
-    context->cancelled = 0;
+SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
+    if (!info) return;
+    spsi_clear_error(info);
+    if (context) *info = context->error;
+    if (context) return;
+    info->result = SPS_ERROR_ARGUMENT;
+    spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
 /* Images know opaque meshes only. */
 static sps_result spsi_refuse_transparent(sps_context *context, const sps_scene *scene) {
     for (int i = 0; i < scene->mesh_count; ++i)
         if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, "mesh", i, "transparency",
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
                                    (double)scene->meshes[i].transparency, "only transmittance maps know other than 0");
     return SPS_OK;
+}
+
+static sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
+    return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
 }
 
 /* The frame that sps_render and sps_reference begin with; NULL after a failure, or where there is nothing to do. */
@@ -11882,14 +11995,17 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
     spsi_frame *frame;
     if (!context) return NULL;
     spsi_begin(context);
-    if (!scene || !view || !image || (!image->rgba && view->width > 0 && view->height > 0)) {
-        spsi_fail(context, SPS_ERROR_ARGUMENT, "scene, view, image and image.rgba must not be NULL");
+    if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
+        spsi_require(context, image, "image"))
+        return NULL;
+    if (!image->rgba && view->width > 0 && view->height > 0) {
+        spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "rgba", 0, SPSI_IS_NULL);
         return NULL;
     }
     frame = spsi_frame_build(context, scene, view, image->depth != NULL);
     if (!frame || view->width == 0 || view->height == 0 || spsi_refuse_transparent(context, scene)) return NULL;
     if (image->row_pixels && image->row_pixels < (size_t)frame->view.region[2]) {
-        spsi_fail_field(context, SPS_ERROR_ARGUMENT, "image", -1, "row_pixels", (double)image->row_pixels,
+        spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
                         "it must be 0 or at least the region's width");
         return NULL;
     }
@@ -11915,8 +12031,9 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
     if (report) memset(report, 0, sizeof *report);
     if (!context) return SPS_ERROR_ARGUMENT;
     spsi_begin(context);
-    if (!scene || !view || !report)
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, "scene, view and report must not be NULL");
+    if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
+        spsi_require(context, report, "report"))
+        return context->result;
     frame = spsi_frame_build(context, scene, view, 1);
     if (frame && (spsi_refuse_transparent(context, scene) || spsi_plan_frame(context, frame, report)))
         memset(report, 0, sizeof *report);
@@ -11932,7 +12049,7 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (!frame) return context ? context->result : SPS_ERROR_ARGUMENT;
     if (!(step > 0 && step <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, "reference", -1, "step", step, "it must be above 0");
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, "step", step, "it must be above 0");
     return spsi_march_frame(context, frame, step, image);
 }
 
@@ -11949,8 +12066,9 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, 
     if (map) *map = NULL;
     if (!context) return SPS_ERROR_ARGUMENT;
     spsi_begin(context);
-    if (!light || !settings || !map)
-        return spsi_fail(context, SPS_ERROR_ARGUMENT, "light, settings and map must not be NULL");
+    if (spsi_require(context, light, "light") || spsi_require(context, settings, "settings") ||
+        spsi_require(context, map, "map"))
+        return context->result;
     if (spsi_tmap_check(context, light, settings)) return context->result;
     *map = (sps_tmap *)spsi_acquire(context, 1, sizeof **map);
     if (!*map) return context->result;
@@ -11964,21 +12082,24 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, 
     return context->result;
 }
 
+/* Maps take occluders until they are finished, or have failed to. */
+static sps_result spsi_require_unfinished(const sps_tmap *map) {
+    const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
+    if (!map->failed && !map->finished) return SPS_OK;
+    return spsi_fail_that(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP, -1, "", 0, rest);
+}
+
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
-    if (!scene) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "scene must not be NULL");
-    if (map->failed) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap has failed to finish; destroy it");
-    if (map->finished)
-        return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished; nothing can be added to it");
+    if (spsi_require(map->context, scene, "scene") || spsi_require_unfinished(map)) return map->context->result;
     return spsi_tmap_add(map, scene);
 }
 
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
-    if (map->failed) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap has failed to finish; destroy it");
-    if (map->finished) return spsi_fail(map->context, SPS_ERROR_ARGUMENT, "tmap is finished already");
+    if (spsi_require_unfinished(map)) return map->context->result;
     map->failed = spsi_tmap_finish(map) != SPS_OK;
     spsi_tmap_forget(map);
     return map->context->result;

@@ -726,52 +726,57 @@ static void make_view(const arguments *all, sps_view *view) {
 /* clang-format on */
 
 /* The option that a field of the library comes from; NULL where none is. */
-static const char *find_field(const arguments *all, const char *sentence) {
-    static const char *const fields[][2] = {{"view.slab", "--slab"},
-                                            {"view.field_of_view", "--fov"},
-                                            {"view.ortho_height", "--ortho"},
-                                            {"view.position", "--camera"},
-                                            {"scene.volume_count", "--volume"},
-                                            {"scene.mesh_count", "--mesh"},
-                                            {"scene.particles_count", "--particles"}};
+static const char *find_field(const arguments *all, const sps_error_info *why) {
+    static const struct {
+        sps_object object;
+        const char *field, *option;
+    } fields[] = {{SPS_OBJECT_VIEW, "slab", "--slab"},
+                  {SPS_OBJECT_VIEW, "field_of_view", "--fov"},
+                  {SPS_OBJECT_VIEW, "ortho_height", "--ortho"},
+                  {SPS_OBJECT_VIEW, "position", "--camera"},
+                  {SPS_OBJECT_SCENE, "volume_count", "--volume"},
+                  {SPS_OBJECT_SCENE, "mesh_count", "--mesh"},
+                  {SPS_OBJECT_SCENE, "particles_count", "--particles"},
+                  {SPS_OBJECT_LIGHT, "shadow_map.components", "--map-components"}};
     for (size_t i = 0; i < sizeof fields / sizeof *fields; ++i) {
-        if (strncmp(sentence, fields[i][0], strlen(fields[i][0])) != 0) continue;
-        if (strcmp(fields[i][1], "--camera") == 0 && !has(all->given, "--camera"))
+        if (why->object != fields[i].object || strcmp(why->field, fields[i].field) != 0) continue;
+        if (strcmp(fields[i].option, "--camera") == 0 && !has(all->given, "--camera"))
             return "--camera (not given, so that all of the scene is in view)";
-        return fields[i][1];
+        return fields[i].option;
     }
     return NULL;
 }
 
-/* What the user calls that which a sentence of the library begins with: a field, or an element of a list. */
-static void name_subject(const arguments *all, const char *sentence, char *out, size_t size) {
-    int index = -1;
-    const char *option = find_field(all, sentence);
-    snprintf(out, size, "%s%s", option ? option : "", option ? ": " : "");
-    if (sscanf(sentence, "volume[%d]", &index) == 1 && index >= 0 && index < all->volume_count)
-        snprintf(out, size, "%s %s: ",
-                 strstr(sentence, "placement") && has(all->volumes[index].given, "--box") ? "--box of" : "--volume",
-                 all->volumes[index].file);
-    else if (sscanf(sentence, "mesh[%d]", &index) == 1 && index >= 0 && index < all->mesh_count)
-        snprintf(out, size, "--mesh %s: ", all->meshes[index].file);
-    else if (sscanf(sentence, "particles[%d]", &index) == 1 && index >= 0 && index < all->particles_count)
-        snprintf(out, size, "--particles %s: ", all->particles[index].file);
-    else if (sscanf(sentence, "light[%d]", &index) == 1 && index >= 0 && index < all->light_count)
-        snprintf(out, size, "--light %s: ", all->light_texts[index]);
+/* The name that the user knows the subject of a failure by: an option, with what was given to it if there may be
+   several. */
+static void name_subject(const arguments *all, const sps_error_info *why, char *out, size_t size) {
+    const char *option = find_field(all, why), *given = "";
+    const int i = why->index;
+    if (!option && why->object == SPS_OBJECT_VOLUME && i < all->volume_count)
+        option =
+            strncmp(why->field, "placement", 9) == 0 && has(all->volumes[i].given, "--box") ? "--box of" : "--volume",
+        given = all->volumes[i].file;
+    if (!option && why->object == SPS_OBJECT_MESH && i < all->mesh_count)
+        option = "--mesh", given = all->meshes[i].file;
+    if (!option && why->object == SPS_OBJECT_PARTICLES && i < all->particles_count)
+        option = "--particles", given = all->particles[i].file;
+    if (!option && why->object == SPS_OBJECT_LIGHT && i < all->light_count)
+        option = "--light", given = all->light_texts[i];
+    snprintf(out, size, "%s%s%s%s", option ? option : "", *given ? " " : "", given, option ? ": " : "");
 }
 
 /* Hands on what the library says of a failure, with the option's name before it. Returns the exit status: 2 where the
    user can mend an option or a file. */
 static int explain(const arguments *all, const ex_session *session, sps_result result, ex_error *error) {
-    const char *sentence = sps_error(session->context), *way_out = "";
+    const char *way_out = "";
+    sps_error_info why;
     char subject[600];
-    name_subject(all, sentence, subject, sizeof subject);
-    if (strstr(sentence, "shadow_map.components")) snprintf(subject, sizeof subject, "--map-components: ");
-    if (result == SPS_ERROR_UNSUPPORTED && strncmp(sentence, "light", 5) == 0)
+    sps_get_error(session->context, &why);
+    name_subject(all, &why, subject, sizeof subject);
+    if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
         way_out = " (--shadow with a map, --no-shadows and --reference have no such limit)";
-    if (result == SPS_ERROR_UNSUPPORTED && strncmp(sentence, "view", 4) == 0)
-        way_out = " (--reference has no such limit)";
-    ex_fail(error, "%s%s%s", subject, sentence, way_out);
+    if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW) way_out = " (--reference has no such limit)";
+    ex_fail(error, "%s%s%s", subject, why.sentence, way_out);
     return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? 2 : 1;
 }
 

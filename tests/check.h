@@ -65,6 +65,24 @@ static inline int check_result(const sps_context *context, sps_result result, co
     return check_failure();
 }
 
+/* Whether what sps_get_error has of the last call agrees with its sentence: "OBJECT[index].FIELD", with the value in
+   it, if it is a number. */
+static inline int check_error_info(const sps_context *context, sps_result result) {
+    static const char *const names[] = {"",       "",     "config", "scene",     "view", "image",
+                                        "volume", "mesh", "light",  "particles", "tmap", "settings"};
+    char start[128], number[32];
+    sps_error_info info;
+    sps_get_error(context, &info);
+    if (info.result != result || strcmp(info.sentence, sps_error(context)) != 0) return 0;
+    snprintf(start, sizeof start, "%s%s%s", names[info.object],
+             *names[info.object] && *info.field && info.index < 0 ? "." : "", info.index < 0 ? info.field : "");
+    if (info.index >= 0)
+        snprintf(start, sizeof start, "%s[%d]%s%s", names[info.object], info.index, *info.field ? "." : "", info.field);
+    snprintf(number, sizeof number, "%g", info.value);
+    return strncmp(info.sentence, start, strlen(start)) == 0 &&
+           (info.value == 0 || strstr(info.sentence + strlen(start), number));
+}
+
 /* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, to be told how long each takes;
    CHECK_ONLY, the name of the one that runs; and CHECK_STOP, where each is named as it begins, so that a crash has a
    name, too. */

@@ -282,7 +282,8 @@ static void check_refused(mixed *m, const char *text) {
         if (call == 1) results[call] = sps_reference(context, &m->s.scene, &m->s.view, 1, &image);
         if (call == 2) results[call] = sps_plan(context, &m->s.scene, &m->s.view, &report);
         if (!CHECK(results[call] == SPS_ERROR_ARGUMENT) ||
-            (call == 0 && !CHECK(strstr(sps_error(context), text) != NULL)))
+            (call == 0 && !CHECK(strstr(sps_error(context), text) != NULL)) ||
+            !CHECK(check_error_info(context, SPS_ERROR_ARGUMENT)))
             printf("    call %d: wanted \"%s\", got %d: %s\n", call, text, (int)results[call], sps_error(context));
     }
     for (int i = 0; i < 4 * PIXELS; ++i) changed += !(rgba[i] == (float)-i);
@@ -304,6 +305,85 @@ static void test_arguments(void) {
     CHECK(n > 80);
 }
 
+static int triangles_fail(void *user, size_t first, size_t count, sps_triangle *out) {
+    (void)user;
+    (void)first;
+    (void)count;
+    (void)out;
+    return 9;
+}
+
+/* How often a failure is about each of the objects: the data name the one that the sentence does. */
+static void test_error_objects(void) {
+    static const struct {
+        const char *text;
+        sps_object object;
+    } starts[] = {{"volume[0].", SPS_OBJECT_VOLUME}, {"mesh[0].", SPS_OBJECT_MESH}, {"light[0].", SPS_OBJECT_LIGHT},
+                  {"light[1].", SPS_OBJECT_LIGHT},   {"scene.", SPS_OBJECT_SCENE},  {"view.", SPS_OBJECT_VIEW}};
+    int seen[6] = {0};
+    for (int n = 0;; ++n) {
+        sps_context *context = check_context(NULL);
+        sps_error_info info;
+        sps_image image;
+        mixed m;
+        const char *text;
+        memset(&image, 0, sizeof image);
+        image.rgba = rgba;
+        mixed_build(&m);
+        text = spoil(&m, n);
+        if (text) sps_plan(context, &m.s.scene, &m.s.view, NULL);
+        if (text) sps_render(context, &m.s.scene, &m.s.view, &image);
+        sps_get_error(context, &info);
+        for (int i = 0; i < 6 && text; ++i) {
+            if (strncmp(info.sentence, starts[i].text, strlen(starts[i].text)) != 0) continue;
+            seen[i] += CHECK(info.object == starts[i].object && info.result == SPS_ERROR_ARGUMENT);
+            CHECK(info.index == (i < 3 ? 0 : i == 3 ? 1 : -1));
+        }
+        mixed_free(&m);
+        sps_destroy(context);
+        if (!text) break;
+    }
+    for (int i = 0; i < 6; ++i) CHECK(seen[i] > 2);
+}
+
+/* A failure's data, and that they are gone after a call that does not fail. */
+static void test_error_info(void) {
+    sps_context *context = check_context(NULL);
+    sps_error_info info;
+    sps_image image;
+    mixed m;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    mixed_build(&m);
+    m.s.volume[0].transfer = &m.transfer;
+    m.points[1].extinction = -2;
+    CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
+    sps_get_error(context, &info);
+    CHECK(info.object == SPS_OBJECT_VOLUME && info.index == 0 && info.value == -2);
+    CHECK(strcmp(info.field, "transfer.points[1].extinction") == 0);
+    m.points[1].extinction = 2;
+    m.s.mesh[0].read_fn = triangles_fail;
+    CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_CALLBACK);
+    sps_get_error(context, &info);
+    CHECK(info.result == SPS_ERROR_CALLBACK && info.object == SPS_OBJECT_MESH && info.value == 9);
+    CHECK(strcmp(info.field, "read_fn") == 0);
+    m.s.mesh[0].read_fn = check_read_triangles;
+    CHECK_OK(context, sps_render(context, &m.s.scene, &m.s.view, &image));
+    sps_get_error(context, &info);
+    CHECK(info.result == SPS_OK && info.object == SPS_OBJECT_NONE && info.index == -1 && !*info.field);
+    CHECK(info.value == 0 && !*info.sentence);
+    CHECK(sps_render(context, &m.s.scene, NULL, &image) == SPS_ERROR_ARGUMENT);
+    sps_get_error(context, &info);
+    CHECK(info.object == SPS_OBJECT_CALL && info.index == -1 && strcmp(info.field, "view") == 0);
+    CHECK(strcmp(info.sentence, "view is NULL; it must not be") == 0);
+    sps_get_error(NULL, &info);
+    CHECK(info.result == SPS_ERROR_ARGUMENT && info.object == SPS_OBJECT_CALL && strcmp(info.field, "context") == 0);
+    CHECK(strcmp(info.sentence, sps_error(NULL)) == 0);
+    sps_get_error(context, NULL); /* nothing to fill */
+    sps_destroy(context);
+    mixed_free(&m);
+}
+
 static void test_image_argument(void) {
     sps_context *context = check_context(NULL);
     sps_image image;
@@ -314,6 +394,7 @@ static void test_image_argument(void) {
     image.row_pixels = SIDE - 1;
     CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
     CHECK(strstr(sps_error(context), "image.row_pixels is 16;") != NULL);
+    CHECK(check_error_info(context, SPS_ERROR_ARGUMENT));
     image.row_pixels = 0;
     CHECK(sps_reference(context, &m.s.scene, &m.s.view, 0, &image) == SPS_ERROR_ARGUMENT);
     CHECK(strstr(sps_error(context), "step is 0;") != NULL);
@@ -586,14 +667,6 @@ static int eval_fails(void *user, size_t count, const double *positions, float *
     (void)positions;
     (void)out;
     return 8;
-}
-
-static int triangles_fail(void *user, size_t first, size_t count, sps_triangle *out) {
-    (void)user;
-    (void)first;
-    (void)count;
-    (void)out;
-    return 9;
 }
 
 static int background_fails(void *user, size_t count, const float *directions, float *rgb) {
@@ -1382,48 +1455,50 @@ static void test_everything_is_sane(void) {
 }
 
 int main(void) {
-    test_arguments();
-    test_image_argument();
-    test_matrix_arguments();
-    test_flat_placements();
-    test_too_many_volumes();
-    test_largest_volume();
-    test_bad_values();
-    test_bad_range();
-    test_bad_triangles();
-    test_degenerate_triangles();
-    test_bad_callbacks();
-    test_failing_callbacks();
-    test_large_and_small_values();
-    test_optical_depths();
-    test_largest_allowed();
-    test_caps();
-    test_many_thin_slabs();
-    test_empty_scenes();
-    test_no_image();
-    test_one_pixel();
-    test_one_voxel();
-    test_no_lights();
-    test_uneven_voxels();
-    test_scales_and_origins();
-    test_scales_of_near_voxels();
-    test_scales_of_cut_surfaces();
-    test_near_kernels_left_out();
-    test_far_things();
-    test_far_point_lights();
-    test_zoom();
-    test_faint_distance();
-    test_camera_inside();
-    test_wide_camera();
-    test_widest_camera();
-    test_up();
-    test_light_inside();
-    test_light_and_eye();
-    test_square_light();
-    test_slab_counts();
-    test_dense_sheet();
-    test_wire();
-    test_denormal_results();
-    test_everything_is_sane();
+    RUN(test_arguments);
+    RUN(test_error_objects);
+    RUN(test_error_info);
+    RUN(test_image_argument);
+    RUN(test_matrix_arguments);
+    RUN(test_flat_placements);
+    RUN(test_too_many_volumes);
+    RUN(test_largest_volume);
+    RUN(test_bad_values);
+    RUN(test_bad_range);
+    RUN(test_bad_triangles);
+    RUN(test_degenerate_triangles);
+    RUN(test_bad_callbacks);
+    RUN(test_failing_callbacks);
+    RUN(test_large_and_small_values);
+    RUN(test_optical_depths);
+    RUN(test_largest_allowed);
+    RUN(test_caps);
+    RUN(test_many_thin_slabs);
+    RUN(test_empty_scenes);
+    RUN(test_no_image);
+    RUN(test_one_pixel);
+    RUN(test_one_voxel);
+    RUN(test_no_lights);
+    RUN(test_uneven_voxels);
+    RUN(test_scales_and_origins);
+    RUN(test_scales_of_near_voxels);
+    RUN(test_scales_of_cut_surfaces);
+    RUN(test_near_kernels_left_out);
+    RUN(test_far_things);
+    RUN(test_far_point_lights);
+    RUN(test_zoom);
+    RUN(test_faint_distance);
+    RUN(test_camera_inside);
+    RUN(test_wide_camera);
+    RUN(test_widest_camera);
+    RUN(test_up);
+    RUN(test_light_inside);
+    RUN(test_light_and_eye);
+    RUN(test_square_light);
+    RUN(test_slab_counts);
+    RUN(test_dense_sheet);
+    RUN(test_wire);
+    RUN(test_denormal_results);
+    RUN(test_everything_is_sane);
     return check_report();
 }

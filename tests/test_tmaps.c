@@ -3213,6 +3213,7 @@ static void test_picture_refusals(void) {
         image.rgba = image_c;
         image_c[0] = -5;
         CHECK(sps_render(context, &p.s.scene, &p.s.view, &image) == expected);
+        CHECK(check_error_info(context, expected));
         if (!CHECK(strstr(sps_error(context), texts[i]) != NULL)) printf("    %s: %s\n", texts[i], sps_error(context));
         CHECK(image_c[0] <= -5);
         if (i >= 10) {

@@ -24,7 +24,7 @@ QUICK START (examples/hello.c is this text)
         sps_scene scene = {0, &gas, 1, NULL, 0, &sun, 1};
         sps_view view = {0, 256, 256, {0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6};
         sps_image image = {rgba};
-        sps_context *context = sps_create(NULL);
+        sps_context *context = sps_create(NULL, NULL);
         if (sps_render(context, &scene, &view, &image)) return puts(sps_error(context)), 1;
         printf("P3 256 256 255\n");
         for (int i = 0; i < 256 * 256 * 4; ++i)
@@ -579,9 +579,11 @@ typedef struct sps_context sps_context; /* opaque */
 /* The version of the compiled implementation, as SPS_VERSION. */
 SPS_API int sps_version(void);
 
-/* A new context. config may be NULL: all defaults. Gives NULL where a canary of config is not 0, only one of alloc_fn
-   and free_fn is set, worker_count is not 0..1024, or memory is short or limited to less than a context takes. */
-SPS_API sps_context *sps_create(const sps_config *config);
+/* A new context, to be freed by sps_destroy. config may be NULL: all defaults. Returns NULL after a failure, which
+   `why` describes, unless it is NULL itself; after success it says SPS_OK. Errors: ARGUMENT (a canary of config is not
+   0, only one of alloc_fn and free_fn is set, worker_count is not 0..1024), MEMORY (it is short, or memory_limit is
+   less than a context takes). */
+SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why);
 
 /* Frees everything the context holds. Its maps must have been destroyed (SPS_ASSERT). NULL is allowed. */
 SPS_API void sps_destroy(sps_context *context);
@@ -1270,16 +1272,24 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
     return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
 }
 
+#define SPSI_NOT_ZEROED "the struct was not zeroed"
+
+/* The rest of a sentence about a field whose value breaks a rule. Returns the value. */
+static double spsi_say_value(double value, const char *rule, char rest[SPSI_SENTENCE_SIZE]) {
+    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which says nothing */
+    SPS_SNPRINTF(rest, SPSI_SENTENCE_SIZE, "is %g; %s", value, rule);
+    return value;
+}
+
 /* As spsi_fail_that, for "OBJECT[index].FIELD is VALUE; RULE", or for a callback, whose result is SPS_ERROR_CALLBACK
    and which has no rule, "OBJECT[index].FIELD failed: it returned VALUE". */
 static sps_result spsi_fail_field(sps_context *context, sps_result result, sps_object object, int index,
                                   const char *field, double value, const char *rule) {
     char rest[SPSI_SENTENCE_SIZE];
-    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which says nothing */
     if (result == SPS_ERROR_CALLBACK)
         SPS_SNPRINTF(rest, sizeof rest, "failed: it returned %g", value);
     else
-        SPS_SNPRINTF(rest, sizeof rest, "is %g; %s", value, rule);
+        value = spsi_say_value(value, rule, rest);
     return spsi_fail_that(context, result, object, index, field, value, rest);
 }
 
@@ -3376,7 +3386,7 @@ static sps_result spsi_check_canaries(sps_context *context, sps_object object, i
                                       uint32_t end) {
     if (!start && !end) return SPS_OK;
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, start ? "start_canary" : "end_canary",
-                           (double)(start ? start : end), "the struct was not zeroed");
+                           (double)(start ? start : end), SPSI_NOT_ZEROED);
 }
 
 static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
@@ -3507,10 +3517,9 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
 /* Checks all settings of a map but the range of its depths. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
     if (settings->start_canary || settings->end_canary)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light,
-                                 settings->start_canary ? "start_canary" : "end_canary",
-                                 (double)(settings->start_canary ? settings->start_canary : settings->end_canary),
-                                 "the struct was not zeroed");
+        return spsi_fail_setting(
+            context, SPS_ERROR_ARGUMENT, light, settings->start_canary ? "start_canary" : "end_canary",
+            (double)(settings->start_canary ? settings->start_canary : settings->end_canary), SPSI_NOT_ZEROED);
     if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "technique", (double)(int)settings->technique,
                                  "it must be an sps_tmap_technique");
@@ -11921,9 +11930,30 @@ SPS_API int sps_version(void) { return SPS_VERSION; }
 #define SPSI_IS_NULL    "is NULL; it must not be"
 #define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
 
-static int spsi_config_valid(const sps_config *config) {
-    return !config->start_canary && !config->end_canary && !config->alloc_fn == !config->free_fn &&
-           config->worker_count >= 0 && config->worker_count <= SPSI_WORKERS_MAX;
+static void spsi_refuse_config(sps_error_info *why, sps_result result, const char *field, double value,
+                               const char *rule) {
+    char rest[SPSI_SENTENCE_SIZE];
+    why->result = result;
+    value = spsi_say_value(value, rule, rest);
+    spsi_describe(why, SPS_OBJECT_CONFIG, -1, field, value, rest);
+}
+
+/* Describes what is wrong with a config; leaves `why` as it is where nothing is. */
+static void spsi_check_config(const sps_config *config, sps_error_info *why) {
+    const uint32_t start = config->start_canary, end = config->end_canary;
+    if (start || end) {
+        spsi_refuse_config(why, SPS_ERROR_ARGUMENT, start ? "start_canary" : "end_canary",
+                           (double)(start ? start : end), SPSI_NOT_ZEROED);
+    } else if (!config->alloc_fn != !config->free_fn) {
+        why->result = SPS_ERROR_ARGUMENT;
+        spsi_describe(why, SPS_OBJECT_CONFIG, -1, config->alloc_fn ? "free_fn" : "alloc_fn", 0,
+                      "is NULL; alloc_fn and free_fn must both be set, or neither");
+    } else if (config->worker_count < 0 || config->worker_count > SPSI_WORKERS_MAX) {
+        spsi_refuse_config(why, SPS_ERROR_ARGUMENT, "worker_count", config->worker_count, "it must be 0..1024");
+    } else if (config->memory_limit && config->memory_limit < sizeof(sps_context)) {
+        spsi_refuse_config(why, SPS_ERROR_MEMORY, "memory_limit", (double)config->memory_limit,
+                           "a context alone takes more");
+    }
 }
 
 /* What every call begins with: a clean result, and counts from 0 (bytes held go on). */
@@ -11939,12 +11969,21 @@ static void spsi_begin(sps_context *context) {
     context->cancelled = 0;
 }
 
-SPS_API sps_context *sps_create(const sps_config *config) {
-    sps_context *context;
-    if (config && !spsi_config_valid(config)) return NULL;
-    if (config && config->memory_limit && config->memory_limit < sizeof(sps_context)) return NULL;
-    context = (sps_context *)(config && config->alloc_fn ? config->alloc_fn(config->alloc_user, sizeof *context)
-                                                         : SPS_MALLOC(sizeof *context));
+SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
+    sps_error_info error;
+    sps_context *context = NULL;
+    spsi_clear_error(&error);
+    if (config) spsi_check_config(config, &error);
+    if (error.result == SPS_OK) {
+        context = (sps_context *)(config && config->alloc_fn ? config->alloc_fn(config->alloc_user, sizeof *context)
+                                                             : SPS_MALLOC(sizeof *context));
+        if (!context) {
+            error.result = SPS_ERROR_MEMORY;
+            SPS_SNPRINTF(error.sentence, sizeof error.sentence,
+                         "memory: the %.0f bytes of a context were refused by the allocator", (double)sizeof *context);
+        }
+    }
+    if (why) *why = error;
     if (!context) return NULL;
     memset(context, 0, sizeof *context);
     if (config) context->config = *config;

@@ -1238,6 +1238,7 @@ typedef struct ex_session {
 /* threads 0: one for each processor. */
 static inline int ex_session_begin(ex_session *session, int threads, ex_error *error) {
     sps_config config;
+    sps_error_info why;
     memset(&config, 0, sizeof config);
     ex_pool_begin(&session->pool, threads);
     ex_progress_begin(&session->progress);
@@ -1245,10 +1246,10 @@ static inline int ex_session_begin(ex_session *session, int threads, ex_error *e
     config.worker_count = session->pool.worker_count;
     config.progress_fn = ex_progress_show, config.progress_user = &session->progress;
     config.clock_fn = ex_now;
-    session->context = sps_create(&config);
+    session->context = sps_create(&config, &why);
     if (session->context) return 0;
     ex_pool_end(&session->pool);
-    return ex_fail(error, "no context: out of memory");
+    return ex_fail(error, "%s", why.sentence);
 }
 
 static inline void ex_session_end(ex_session *session) {

@@ -16,7 +16,7 @@ int main(void) {
     sps_scene scene = {0, &gas, 1, NULL, 0, &sun, 1};
     sps_view view = {0, 256, 256, {0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6};
     sps_image image = {rgba};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     if (sps_render(context, &scene, &view, &image)) return puts(sps_error(context)), 1;
     printf("P3 256 256 255\n");
     for (int i = 0; i < 256 * 256 * 4; ++i)

@@ -184,9 +184,9 @@ static inline sps_config check_config(check_hooks *hooks) {
 /* hooks may be NULL: a context with all defaults. NULL if sps_create gave NULL. */
 static inline sps_context *check_context(check_hooks *hooks) {
     sps_config config;
-    if (!hooks) return sps_create(NULL);
+    if (!hooks) return sps_create(NULL, NULL);
     config = check_config(hooks);
-    return sps_create(&config);
+    return sps_create(&config, NULL);
 }
 
 /* ------------------------------------------------------------------------------------------ where voxels come from */

@@ -293,7 +293,7 @@ static sps_context *progress_context(check_hooks *hooks, progress *p) {
     config = check_config(hooks);
     config.progress_fn = progress_cancel;
     config.progress_user = p;
-    return sps_create(&config);
+    return sps_create(&config, NULL);
 }
 
 static void test_every_cancellation(mixed *m, kind which, long least) {
@@ -338,7 +338,7 @@ static void test_messages(mixed *m) {
     memset(&config, 0, sizeof config);
     config.message_fn = count_messages;
     config.message_user = &messages;
-    context = sps_create(&config);
+    context = sps_create(&config, NULL);
     for (int i = 1; i <= 4; ++i) {
         m->calls = 0;
         m->fail_at = i;
@@ -547,7 +547,7 @@ static void test_real_threads(const mixed *m) {
         config.parallel_for_fn = thread_parallel_for;
         config.parallel_user = &workers;
         config.worker_count = workers;
-        context = sps_create(&config);
+        context = sps_create(&config, NULL);
         fill(pixels_after);
         CHECK_OK(context, run(context, m, RENDER, pixels_after));
         CHECK(same(pixels_after, pixels_fresh));
@@ -821,10 +821,24 @@ static void test_null_arguments(const mixed *m) {
     sps_destroy(context);
 }
 
+static sps_error_info refusal; /* of the last config that was refused; SPS_OK where none was */
+
 static int refused(const sps_config *config) {
-    sps_context *context = sps_create(config);
+    sps_context *context = sps_create(config, &refusal);
+    sps_context *again = sps_create(config, NULL); /* nobody has to know why */
+    CHECK((context == NULL) == (again == NULL) && (context == NULL) == (refusal.result != SPS_OK));
+    sps_destroy(again);
     sps_destroy(context);
     return context == NULL;
+}
+
+/* Whether the last config was refused for a field of that value. */
+static int refused_for(sps_result result, const char *field, double value) {
+    char start[64];
+    snprintf(start, sizeof start, "config.%s is ", field);
+    return refusal.result == result && refusal.object == SPS_OBJECT_CONFIG && refusal.index == -1 &&
+           strcmp(refusal.field, field) == 0 && refusal.value == value &&
+           strncmp(refusal.sentence, start, strlen(start)) == 0;
 }
 
 static void test_configs(void) {
@@ -833,20 +847,29 @@ static void test_configs(void) {
     memset(&hooks, 0, sizeof hooks);
     memset(&config, 0, sizeof config);
     CHECK(!refused(&config) && !refused(NULL));
+    CHECK(refusal.object == SPS_OBJECT_NONE && refusal.index == -1 && !*refusal.sentence);
     config.start_canary = 1;
-    CHECK(refused(&config));
-    config.start_canary = 0, config.end_canary = 1;
-    CHECK(refused(&config));
+    CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "start_canary", 1));
+    config.start_canary = 0, config.end_canary = 2;
+    CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "end_canary", 2));
     config.end_canary = 0, config.alloc_fn = check_alloc;
-    CHECK(refused(&config));
+    CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "free_fn", 0));
     config.alloc_fn = NULL, config.free_fn = check_free;
-    CHECK(refused(&config));
+    CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "alloc_fn", 0));
     config.free_fn = NULL, config.worker_count = -1;
-    CHECK(refused(&config));
+    CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "worker_count", -1));
     config.worker_count = 1025;
-    CHECK(refused(&config));
+    CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "worker_count", 1025));
     config.worker_count = 1024; /* without parallel_for_fn it means nothing */
     CHECK(!refused(&config));
+    config.memory_limit = sizeof(sps_context) - 1;
+    CHECK(refused(&config) && refused_for(SPS_ERROR_MEMORY, "memory_limit", (double)(sizeof(sps_context) - 1)));
+    config.memory_limit += 1;
+    CHECK(!refused(&config));
+    config.alloc_fn = check_alloc, config.free_fn = check_free, config.alloc_user = &hooks;
+    hooks.fail_at = 1;
+    CHECK(sps_create(&config, &refusal) == NULL && refusal.result == SPS_ERROR_MEMORY);
+    CHECK(refusal.object == SPS_OBJECT_NONE && strncmp(refusal.sentence, "memory: ", 8) == 0);
 }
 
 static void test_version_and_names(void) {
@@ -872,7 +895,7 @@ static void test_clock(const mixed *m) {
     memset(&config, 0, sizeof config);
     config.clock_fn = ticking_clock;
     config.clock_user = &now;
-    context = sps_create(&config);
+    context = sps_create(&config, NULL);
     CHECK_OK(context, run(context, m, RENDER, pixels_after));
     sps_stats(context, &stats);
     CHECK(stats.seconds_total > 0 && stats.seconds_total <= now);
@@ -936,7 +959,7 @@ static void test_rounds_of_tasks(void) {
             if (way < 7) config.progress_fn = count_tick;
             config.parallel_for_fn = lazy ? a_third : backwards, config.worker_count = 4;
             config.clock_user = config.progress_user = &t;
-            context = sps_create(&config);
+            context = sps_create(&config, NULL);
             t.ticks = 0;
             spsi_parallel(context, counts, count_task, &t);
             for (int i = 0; i < 3000; ++i) CHECK(t.ran[i] == (i < counts));
@@ -1031,7 +1054,7 @@ static void test_files_written(void) {
     CHECK(read_file("a.png", text, sizeof text) > 60 && memcmp(text, "\x89PNG\r\n\x1a\n", 8) == 0);
     CHECK(read_file("a.pfm", text, sizeof text) == 12 + 4 * 3 * 20 && memcmp(text, "PF\n5 4\n-1.0\n", 12) == 0);
     CHECK(read_file("b.pfm", text, sizeof text) == 12 + 4 * 20 && memcmp(text, "Pf\n5 4\n-1.0\n", 12) == 0);
-    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 200\n}\n"));
+    CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 300\n}\n"));
 }
 
 /* Renders with the options in turn from `first` on, or backwards (step -1); tells whether that picture comes out. */
@@ -1505,7 +1528,7 @@ static void test_stack(mixed *m) {
     memset(&config, 0, sizeof config);
     config.parallel_for_fn = parallel_on_painted, config.parallel_user = &d, config.worker_count = 2;
     for (int technique = -1; technique <= SPS_TMAP_BEER; ++technique) {
-        sps_context *context = sps_create(&config);
+        sps_context *context = sps_create(&config, NULL);
         memset(&settings, 0, sizeof settings);
         settings.technique = (sps_tmap_technique)(technique < 0 ? 0 : technique);
         settings.cubic = settings.running_maximum = 1;

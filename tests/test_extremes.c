@@ -519,7 +519,7 @@ static void check_replaced(check_scene *s, spoilt *user) {
     memset(&image, 0, sizeof image);
     config.message_fn = count_messages;
     config.message_user = &messages;
-    context = sps_create(&config);
+    context = sps_create(&config, NULL);
     image.rgba = rgba;
     s->scene.replace_invalid = 1;
     user->twice = 1;
@@ -1134,7 +1134,7 @@ static void test_zoom(void) {
 /* A faint box is where a dense one is: its middle is 10 away. */
 static void test_faint_distance(void) {
     static const double extinctions[] = {1e-12, 1e-9, 1e-7, 1e-3};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (size_t i = 0; i < sizeof extinctions / sizeof *extinctions; ++i) {
         check_scene s;
         uniform_build(&s, 16, extinctions[i]);

@@ -876,7 +876,7 @@ static void test_progress_steps(void) {
     config.progress_fn = progress_step;
     config.progress_user = &c;
     image.rgba = image_a;
-    own = sps_create(&config);
+    own = sps_create(&config, NULL);
     s.view.slab = 0.02;
     CHECK(sps_plan(own, &s.scene, &s.view, &plan) == SPS_OK && plan.slab_count > 160);
     memset(&c, 0, sizeof c);
@@ -902,7 +902,7 @@ static void test_progress_of_calls(void) {
     config.progress_fn = progress;
     config.message_fn = message;
     config.progress_user = config.message_user = &c;
-    own = sps_create(&config);
+    own = sps_create(&config, NULL);
     if (!CHECK(own)) return;
     for (int call = 0; call < 6; ++call) {
         sps_image image;
@@ -939,7 +939,7 @@ static void test_first_failure(void) {
     memset(&c, 0, sizeof c);
     config.message_fn = message;
     config.message_user = &c;
-    own = sps_create(&config);
+    own = sps_create(&config, NULL);
     if (!CHECK(own)) return;
     CHECK(spsi_fail(own, SPS_ERROR_DATA, "the cause") == SPS_ERROR_DATA && c.messages == 1);
     CHECK(spsi_fail(own, SPS_ERROR_MEMORY, "what follows from it") == SPS_ERROR_DATA && c.messages == 1);
@@ -1027,7 +1027,7 @@ static void test_unwritten_voxels(void) {
 }
 
 int main(void) {
-    context = sps_create(NULL);
+    context = sps_create(NULL, NULL);
     RUN(test_table_entries);
     RUN(test_what_shows);
     RUN(test_held_voxels);

@@ -873,7 +873,7 @@ static void test_failing(void) {
     memset(&config, 0, sizeof config);
     config.progress_fn = stop_at;
     config.progress_user = &left;
-    own = sps_create(&config);
+    own = sps_create(&config, NULL);
     for (int n = 1; n < 1000; ++n) {
         sps_image image;
         sps_result result;

@@ -406,7 +406,7 @@ static void fixture_begin(fixture *f, const variant *v, light_kind kind) {
 
 static void test_techniques(void) {
     static fixture f;
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int kind = 0; kind < KINDS; ++kind)
         for (size_t i = 0; i < sizeof variants / sizeof *variants; ++i) {
             /* what a matrix says is the same for all: two will do */
@@ -422,7 +422,7 @@ static void test_techniques(void) {
 /* Nothing opaque: no surfaces are handed over. */
 static void test_gas_alone(void) {
     static fixture f;
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     fixture_begin(&f, &variants[3], SPOT);
     f.scene.mesh_count = 0;
     sps_tmap *map = fixture_build(&f, context);
@@ -470,7 +470,7 @@ static double filtered_fourier(tmap_place p) {
 static void test_shortcuts(void) {
     static fixture f;
     for (int fourier = 0; fourier < 2; ++fourier) {
-        sps_context *context = sps_create(NULL);
+        sps_context *context = sps_create(NULL, NULL);
         check_random random = {21};
         int uncut = 0;
         fixture_begin(&f, &variants[fourier ? 11 : 3], SUN);
@@ -524,7 +524,7 @@ static void test_insertion(void) {
     static const int which[] = {3, 11, 19, 23}; /* opacity, Fourier, 4 moments, Beer */
     static fixture f;
     sps_particle ball;
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int i = 0; i < 8; ++i) {
         const int soft = i >= 4;
         if (soft && which[i % 4] == 19) continue; /* the page has moments of even stretches */
@@ -579,7 +579,7 @@ static void test_half(void) {
                 {"6 moments", 0.02, 1},        {"8 moments", 0.02, 1}};
     static fixture f;
     static float rounded[WIDTH * HEIGHT * 17];
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (size_t row = 0; row < sizeof rows / sizeof *rows; ++row) {
         const variant *v = variants;
         check_random random = {9};

@@ -250,7 +250,7 @@ static double normal_share(double x) { return 0.5 * erfc(-x / sqrt(2.0)); }
 
 /* Chords from every side: particles cross near_depth and far_depth and the light's plane, and one holds the light. */
 static void test_particles(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4 * WAYS; ++n) {
         const int way = n / 4, soft = n % 2;
         fixture f;
@@ -281,7 +281,7 @@ static void test_particles(void) {
 
 /* The same in plain numbers, where nothing but the answer itself is computed: halves, wholes, nothing. */
 static void test_plain_numbers(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     fixture f;
     sps_tmap *map;
     begin(&f, SPS_TMAP_DEEP);
@@ -318,7 +318,7 @@ static void test_plain_numbers(void) {
 /* Between texels the answer is bilinear in those of four texels at the point's own depth; beyond the outermost texels'
    centres the last of them goes on for half a texel, and there is nothing outside of that. */
 static void test_between_texels(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     check_random random = {3};
     fixture f;
     sps_tmap *map;
@@ -350,7 +350,7 @@ static void test_between_texels(void) {
    are what they are (test_particles). */
 static void test_small_particles(void) {
     static const double radii[4] = {0.01, 0.5, 0.9, 1};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 8; ++n) {
         const int soft = n % 2;
         const double r = radii[n / 2], whole = 0.1 / (r * r) * r * r * PI * (soft ? 2.0 / 5 : 2.0 / 3);
@@ -383,7 +383,7 @@ static void test_small_particles(void) {
    it in either face. What is weighed and what is measured is the same sum. */
 static void test_small_particles_around(void) {
     enum { FACE = 33 };
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     check_random random = {61};
     for (int n = 0; n < 240; ++n) {
         const int axis = n % 3, soft = n / 3 % 2, near_edge = n % 5 > 0, near_corner = n % 5 > 2;
@@ -528,7 +528,7 @@ static void test_boxes(void) {
         {SPOT_TURNED, 0.5, 0, 0, 0}, {ORTHO_MATRIX, 1, 0, 0, 0},  {SPOT_MATRIX, 1, 0, 0, 0},
         {ORTHO, 0.5, 0.3, 0, 1},     {SPOT_TURNED, 0.5, 0, 0, 1}, {ORTHO, 0.4, 0, 1, 0},
         {SPOT, 0.4, 0.3, 1, 0},      {ORTHO, 0.4, 0, 1, 1}};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (size_t n = 0; n < sizeof cases / sizeof *cases; ++n) {
         const box_case *c = &cases[n];
         const double edge = 0.25, slab = fmin(c->slab * edge, 12), steepest = 2 / (sqrt(2 * PI) * 0.65 * edge);
@@ -560,7 +560,7 @@ static void test_boxes(void) {
 
 /* A box of voxels that are about as fine as texels, and fill the map: every texel holds what its ray meets. */
 static void test_fine_voxels(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int spot = 0; spot < 2; ++spot) {
         enum { MANY = 80 };
         fixture f;
@@ -629,7 +629,7 @@ static void test_cut_kernels(void) {
     enum { VOXELS = 12 };
     static const double cuts[5] = {3.3, 2.8, 3.3, 2.5 / 0.65, 2.5 / 0.65};
     static float values[VOXELS * VOXELS * VOXELS];
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 8; ++n) {
         const int quality = 1 + n % 4;
         const double raised = expm1(0.5 * cuts[quality] * cuts[quality]), beyond = beyond_cut(cuts[quality]);
@@ -667,7 +667,7 @@ static void test_classified_kernels(void) {
     const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
     const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     static float values[10 * 10 * 10];
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_MEDIUM; ++quality) {
         check_array array = {values, {10, 10, 10}, 0, 0};
         fixture f;
@@ -684,7 +684,7 @@ static void test_classified_kernels(void) {
 }
 
 static void test_blob(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int way = 0; way < ROUND; ++way) {
         const double variance = 1 + 0.65 * 0.65 / 16, deviation = sqrt(variance), slab = 0.125;
         check_random random = {8};
@@ -721,7 +721,7 @@ static void test_blob(void) {
 /* What is opaque is so in every technique: nothing before, all behind, from the bias on, which is two texels' width
    unless it is given; a share where only some of the four texels are covered. */
 static void test_opaque(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
         const int given = n % 2, spot = n / 2 % 2;
         const double bias = given ? 0.01 : spot ? 2.5 : 2; /* t - 10 = 2 t / 10 at 12.5 */
@@ -755,7 +755,7 @@ static void test_opaque(void) {
 
 /* Where texels are not square, the bias is that of their longer side. */
 static void test_bias_of_oblong_texels(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
         const int spot = n / 2;
         const double bias = spot ? 15 : 6; /* two texels of 3; of a spot 0.3 t: t - 10 = 2 * 0.3 t */
@@ -778,7 +778,7 @@ static void test_bias_of_oblong_texels(void) {
 /* What is behind a light that sees by perspective shades nothing before it, and what reaches from there to before it
    does so as far as it is before it. */
 static void test_behind_the_light(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
         const double across[3] = {0, 60, 0}, along[3] = {0, 0, 40}, corner[3] = {-2.5, -30, -5};
         const int opaque = n % 2;
@@ -811,7 +811,7 @@ static void test_behind_the_light(void) {
 /* Surfaces before near_depth stand at it, and those close before far_depth shade what is behind that; so do what they
    let through. */
 static void test_surfaces_at_the_ends(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     { /* and where there is none, nothing shades however far behind */
         fixture f;
         sps_tmap *map;
@@ -855,7 +855,7 @@ static void test_surfaces_at_the_ends(void) {
 /* A sheet that lets half through casts T = 1/2, two of a quarter a sixteenth, one of all nothing: exactly where lists
    or planes are asked, and behind everything for all techniques that are exact there. -log T is a float. */
 static void test_translucent(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique)
         for (int n = 0; n < 3; ++n) {
             static const double transparency[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
@@ -890,7 +890,7 @@ static void test_translucent(void) {
 /* A sheet in the plane t = 2 + 2 x, which crosses the light's own: the ray whose x is X t meets it at t = 2 / (1 - 2
    X). Corners lie on both sides of the light, one far behind it. */
 static void test_across_the_light(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
         const double corner[3] = {-20, -25, 10 + 38}, u[3] = {40, 0, -80}, v[3] = {0, 50, 0}; /* z = 8 - 2 x */
         const int opaque = n % 2, round = n / 2;
@@ -948,7 +948,7 @@ static void add_net(fixture *f, const double origin[3], const double u[3], const
 /* Every ray meets a closed net once, also those exactly through edges and corners; triangles of no area do nothing. */
 static void test_watertight(void) {
     static const double nowhere[2][3] = {{-1, -1, 1}, {3, 2, 1}};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int way = 0; way < WAYS; ++way)
         for (int jitter = 0; jitter < 2; ++jitter) {
             fixture f;
@@ -1034,7 +1034,7 @@ static void check_technique(const sps_tmap *map, const sps_tmap *deep, float eps
 
 static void test_techniques(void) {
     static const float epsilons[3] = {0.1f, 0, 0.0005f};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int way = ORTHO; way <= SPOT; ++way)
         for (int n = 0; n < TECHNIQUES + 5; ++n) {
             const int technique = n < TECHNIQUES ? n : n < TECHNIQUES + 2 ? SPS_TMAP_COMPRESSED : n - TECHNIQUES + 1;
@@ -1063,7 +1063,7 @@ static void test_techniques(void) {
 static void test_soft_compressed(void) {
     static const double depths[5] = {0.05, 0.8, 6, 50, 3000};
     static const float epsilons[4] = {0.2f, 0, 0.001f, 1e-8f};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 40; ++n) {
         const double epsilon = n / 5 % 4 == 1 ? 0.01 : fmax((double)epsilons[n / 5 % 4], 0.001);
         fixture f;
@@ -1112,7 +1112,7 @@ static void test_cut_particles(void) {
                                       SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT};
     static const int components[7] = {0, 0, 16, 16, 5, 7, 9};
     static const int ways[3] = {ORTHO, SPOT, ROUND};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 3 * 3 * 7; ++n) {
         const double depth = n % 3 == 0 ? 0.3 : n % 3 == 1 ? 3 : 40;
         const int way = ways[n / 3 % 3], which = n / 9;
@@ -1149,7 +1149,7 @@ static void test_cut_particles(void) {
    lies before u = 0 or behind u = 1 is there. */
 static void test_cut_sums(void) {
     enum { STEPS = 4000, HARMONICS = 12 };
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 6; ++n) {
         const int way = n % 2 ? SPOT : ORTHO, moments = n / 2 == 1;
         fixture f;
@@ -1191,7 +1191,7 @@ static void test_cut_sums(void) {
 
 /* Texels are where an engine looks for them: rows from the top, faces in order, lists by their starts. */
 static void test_texels(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     fixture f;
     sps_tmap *map;
     begin(&f, SPS_TMAP_BEER);
@@ -1290,7 +1290,7 @@ static void test_same_bits(void) {
 
 /* Shuffled particles: the same bits from lists, which are sorted, and the same to the rounding of sums of 25 floats. */
 static void test_shuffled(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique) {
         check_random random = {17};
         fixture f;
@@ -1349,7 +1349,7 @@ static void check_seams(const fixture *f, const sps_tmap *map, double slack, int
 
 /* Particles finer than texels are spread over one alike, whichever face sees them. */
 static void test_seams_of_fine_particles(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     fixture f;
     sps_tmap *map;
     begin(&f, SPS_TMAP_DEEP);
@@ -1364,7 +1364,7 @@ static void test_seams_of_fine_particles(void) {
 
 static void test_seams(void) {
     static const double slack[TECHNIQUES] = {1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-3, 1e-2, 1e-3, 1e-3};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique) {
         fixture f;
         sps_tmap *map;
@@ -1384,7 +1384,7 @@ static void test_seams(void) {
 /* A light in the middle of even gas, and off it: in every direction, what the ray has gone through, as for other boxes;
    where the light stands, the slab that holds it is counted from its own place, a quarter of a slab off at most. */
 static void test_gas_around(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 2; ++n) {
         const double slab = n % 2 ? 0.25 : 0.125, slope = 0.8 * 2 / (sqrt(2 * PI) * 0.65 * 0.25);
         check_random random = {61};
@@ -1510,7 +1510,7 @@ static void test_bytes_of_half_empty_maps(void) {
 static void test_budget_of_components(void) {
     static const int least[TECHNIQUES] = {0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
                      step[TECHNIQUES] = {0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEPTH; technique < TECHNIQUES; ++technique)
         for (int ranged = 0; ranged < (technique == SPS_TMAP_FOURIER ? 2 : 1); ++ranged) {
             const int fewest = least[technique] + 2 * ranged;
@@ -1552,7 +1552,7 @@ static void test_budget_of_components(void) {
 /* What only the occluders tell, lists and surfaces, is refused when it is known, with the number of bytes that it
  * takes. */
 static void test_budget_of_lists(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique) {
         size_t bytes;
         fixture f;
@@ -1670,7 +1670,7 @@ static void test_memory_limit(void) {
 /* -------------------------------------------------------------------------------------------- states and refusals */
 
 static void check_refused(fixture *f, const char *text) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     sps_tmap *map = build(f, context);
     if (!CHECK(map == NULL && strstr(sps_error(context), text) != NULL))
         printf("    wanted \"%s\", got \"%s\"\n", text, sps_error(context));
@@ -1844,7 +1844,7 @@ static void test_scenes(void) {
 
 /* replace_invalid makes the same of particles that are no numbers as leaving them out. */
 static void test_replaced(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     fixture f, whole;
     sps_tmap *maps[2];
     sps_stats_report stats;
@@ -1867,7 +1867,7 @@ static void test_replaced(void) {
    a time, which very large maps' are not: the same bits. */
 /* What one of several scenes asks for holds for the map, whichever comes first; and what none asks for is refused. */
 static void test_replaced_of_several(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) { /* bit 0: the scene without a flaw asks, bit 1: it comes first */
         fixture f, bad;
         sps_stats_report stats;
@@ -1894,7 +1894,7 @@ static void test_replaced_of_several(void) {
 /* So many particles across all tiles that none are listed by tile: the same answers as of each chord. 5 x 4 tiles of 60
    particles, 1200, are more than 8 (60 + 20). */
 static void test_crowded_tiles(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < 2; ++technique) {
         check_random random = {15};
         fixture f;
@@ -1926,7 +1926,7 @@ static void test_company(void) {
         float together[2][POINTS], apart[2][POINTS], alone[2];
         double points[3 * POINTS];
         check_random random = {(uint64_t)n + 5};
-        sps_context *context = sps_create(NULL);
+        sps_context *context = sps_create(NULL, NULL);
         sps_tmap *map;
         fixture f;
         begin_mixed(&f, technique);
@@ -1998,7 +1998,7 @@ static void test_lookups(void) {
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
         const int way = ways[n % 4];
         check_random random = {(uint64_t)n + 77};
-        sps_context *context = sps_create(NULL);
+        sps_context *context = sps_create(NULL, NULL);
         sps_tmap *map;
         fixture f;
         begin(&f, n / 4);
@@ -2032,7 +2032,7 @@ static void test_no_numbers(void) {
     const double infinite = HUGE_VAL, bad[] = {infinite, -infinite, infinite - infinite};
     for (int way = 0; way < WAYS; ++way)
         for (int technique = 0; technique < TECHNIQUES; ++technique) {
-            sps_context *context = sps_create(NULL);
+            sps_context *context = sps_create(NULL, NULL);
             sps_tmap *map;
             fixture f;
             begin_little(&f, technique);
@@ -2064,7 +2064,7 @@ static void project(const double m[16], const double point[3], double out[4]) {
 /* Texels of size 1 at z = 0, ten from the light, whose middle is texel (4, 4); rounding alone is allowed for. */
 static void test_projection(void) {
     const double at[2][3] = {{2.5, -1, 0}, {2.5, -1, 5}}, rounding = 1e-12;
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     sps_tmap *map;
     fixture f;
     double m[16], bias[2] = {7, 7}, q[4];
@@ -2114,7 +2114,7 @@ static void test_outside(void) {
     sps_context *context;
     memset(&config, 0, sizeof config);
     config.message_fn = take_message;
-    context = sps_create(&config);
+    context = sps_create(&config, NULL);
     for (int n = 0; n < 20; ++n) {
         const int way = n / 5 % 2 ? SPOT : ORTHO, voxels = n / 10;
         fixture f;
@@ -2146,7 +2146,7 @@ static void test_outside_around(void) {
     sps_context *context;
     memset(&config, 0, sizeof config);
     config.message_fn = take_message;
-    context = sps_create(&config);
+    context = sps_create(&config, NULL);
     for (int n = 0; n < 10; ++n) { /* far from the light and about it; voxels alone */
         fixture f;
         sps_stats_report stats;
@@ -2180,7 +2180,7 @@ static void test_light_amid(void) {
     sps_context *context;
     memset(&config, 0, sizeof config);
     config.message_fn = take_message;
-    context = sps_create(&config);
+    context = sps_create(&config, NULL);
     for (int way = 0; way < WAYS; ++way)
         for (int inside = 0; inside < 2; ++inside) {
             const int one_view = way != ROUND && way != ORTHO && way != ORTHO_MATRIX && way != ORTHO_TURNED;
@@ -2200,7 +2200,7 @@ static void test_light_amid(void) {
 
 /* A surface before near_depth shades all that is behind it and behind near_depth. */
 static void test_surface_before_near(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int spot = 0; spot < 2; ++spot)
         for (int glass = 0; glass < 2; ++glass) {
             fixture f;
@@ -2222,7 +2222,7 @@ static void test_surface_before_near(void) {
 }
 
 static void test_projection_round(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     sps_tmap *map;
     fixture f;
     double m[16], bias[2], q[4];
@@ -2271,7 +2271,7 @@ static void spot_matrix(const double from[3], int by_columns, double matrix[16])
    narrowed, and not asked about a matrix that it does not have. */
 static void test_untransposed(void) {
     static const double from[3][3] = {{7, -3, 1}, {1, 7, 2}, {4, 6, -1}};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 9; ++n) { /* row-major, by columns, none but a wide angle */
         double matrix[16];
         fixture f;
@@ -2296,7 +2296,7 @@ static void test_untransposed(void) {
 /* A light that is told to look at where it is wants a map all round: the sentence says which setting makes one. With
    that, or with a matrix, the target does not count. */
 static void test_looks_nowhere(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) { /* as a spot; parallel; all round; by a matrix */
         fixture f;
         sps_tmap *map;
@@ -2325,7 +2325,7 @@ static void leave(int number) {
 /* A context that is destroyed before its maps is an error that SPS_ASSERT tells of; here in a process of its own. */
 static void test_context_before_maps(void) {
     for (int kept = 0; kept < 2; ++kept) {
-        sps_context *context = sps_create(NULL);
+        sps_context *context = sps_create(NULL, NULL);
         fixture f;
         sps_tmap *map;
         int status = -1;
@@ -2352,7 +2352,7 @@ static void test_context_before_maps(void) {
 static void test_states(void) {
     const double points[6] = {0, 0, -5, 1, 1, -5};
     float depths[2] = {7, 7}, passes[2] = {7, 7}, least[2] = {7, 7}, most[2] = {7, 7};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     sps_tmap_settings resolved;
     sps_tmap *map = (sps_tmap *)(void *)&resolved;
     fixture f;
@@ -2449,7 +2449,7 @@ static void test_progress(void) {
             memset(&config, 0, sizeof config);
             config.progress_fn = rising_progress;
             config.progress_user = seen;
-            context = sps_create(&config);
+            context = sps_create(&config, NULL);
             begin_little(&f, technique);
             if (round) see(&f, ROUND, 5);
             if (!round) f.light.width = 3, f.light.height = 200;
@@ -2474,7 +2474,7 @@ static void test_callbacks(void) {
                 memset(&config, 0, sizeof config);
                 memset(&provider, 0, sizeof provider);
                 config.progress_fn = failing_progress;
-                context = sps_create(&config);
+                context = sps_create(&config, NULL);
                 begin_little(&f, technique);
                 f.sets[0].read_fn = f.sets[1].read_fn = failing_particles;
                 f.s.mesh[0].read_fn = f.s.mesh[1].read_fn = failing_triangles;
@@ -2529,7 +2529,7 @@ static void check_sane(const sps_tmap *map, uint64_t seed) {
 /* Faintest and thickest gas: what is behind all of it is right to the rounding of a chord and a sum of two. */
 static void test_depths(void) {
     static const double depths[5] = {1e-8, 1e-3, 1e8, 1e18, 0};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 5 * TECHNIQUES; ++n) {
         const int technique = n / 5;
         const double exact = fmin(depths[n % 5], 1e15);
@@ -2554,7 +2554,7 @@ static void test_depths(void) {
 /* Sizes that are no multiple of a tile, or of a vector, or of anything. */
 static void test_sizes(void) {
     static const int sizes[6][2] = {{1, 1}, {67, 65}, {130, 3}, {3, 130}, {64, 64}, {65, 1}};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 7 * 6; ++n) {
         static const int techniques[6] = {SPS_TMAP_DEEP,   SPS_TMAP_DEEP_OPACITY, SPS_TMAP_FOURIER,
                                           SPS_TMAP_MOMENT, SPS_TMAP_ADAPTIVE,     SPS_TMAP_BEER};
@@ -2590,7 +2590,7 @@ static void test_sizes(void) {
 
 /* Ranges of no width to speak of, or far from all gas: it is before or behind as a whole. */
 static void test_ranges(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique)
         for (int n = 0; n < 5; ++n) {
             static const double ranges[5][2] = {
@@ -2624,7 +2624,7 @@ static void test_ranges(void) {
 }
 
 static void test_nothing(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique)
         for (int n = 0; n < 4; ++n) {
             fixture f;
@@ -2649,7 +2649,7 @@ static void test_nothing(void) {
 /* Scaled worlds, and ones far from the origin: the same answers. Particles' own places are floats, so far away they are
    rounded to 1/16; the exact answer takes them where they are. */
 static void test_worlds(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 8; ++n) {
         const double scale = n % 4 == 1 ? 1e-3 : n % 4 == 2 ? 1e3 : 1, shift = n % 4 == 3 ? 1e6 : 0;
         check_random random = {33};
@@ -2702,7 +2702,7 @@ static void test_worlds(void) {
 
 /* Particles far from the world's origin, against chords. */
 static void test_far_away(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int way = ORTHO; way <= SPOT; ++way) {
         check_random random = {37};
         fixture f;
@@ -2731,7 +2731,7 @@ static void test_far_away(void) {
 
 /* The longest map there is, and the widest spot: all right for particles; volumes are refused with a cosine. */
 static void test_wide(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     fixture f;
     sps_tmap *map;
     size_t empty;
@@ -2776,7 +2776,7 @@ static void test_wide(void) {
 
 /* Slabs are for volumes: no particle far off, nor a crowd of ones much smaller than voxels, makes them others. */
 static void test_stray(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     sps_tmap *maps[3];
     for (int n = 0; n < 3; ++n) {
         fixture f;
@@ -2867,7 +2867,7 @@ static double brightest(const float *image, int pixels) {
    left: 2e-5 of the brightest radiance in the mean was measured, and 5e-5 is asked for. Balls have rims, where slopes
    are not bounded: a slab's thickness to the power of 1.5 of what is even, and the less the thinner. */
 static void test_map_against_sheets(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
         double difference[2], most = 0;
         for (int fine = 0; fine < 2; ++fine) {
@@ -2898,7 +2898,7 @@ static void test_map_against_sheets(void) {
    to 0 or 1, which is 12^-1/2 rms where all T are alike many. */
 static void test_pictures(void) {
     static const double error[TECHNIQUES] = {0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 1e-2, 2e-2, 4e-3, 5e-2};
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < TECHNIQUES; ++technique) {
         picture p;
         sps_plan_report plan;
@@ -2931,7 +2931,7 @@ static void test_pictures(void) {
 /* A light's own map lies about the gas, and leaves a Fourier series a twentieth of that free at either end, but where
    each texel has a range of its own. */
 static void test_fitted_range(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     double depths[4][2];
     for (int n = 0; n < 4; ++n) {
         picture p;
@@ -2960,7 +2960,7 @@ static void test_fitted_range(void) {
 /* Six faces whose size is left to the library show what large ones do: texels are as wide as voxels where gas is
    farthest, of which an opacity map of 64 planes sees a blob of that width to the percent. */
 static void test_default_size(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 2; ++n) {
         picture p;
         sps_light *light;
@@ -2987,7 +2987,7 @@ static void test_default_size(void) {
 }
 
 static void test_light_inside(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     picture p;
     sps_light *light;
     sps_image image;
@@ -3043,7 +3043,7 @@ static void off_sum(const float *whole, const float *a, const float *b, double o
    the eye: each is off by 1 % of the light at most, and a fiftieth of that in the mean (as in test_map_against_sheets,
    in slabs twice as thick). */
 static void test_lights_together(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     picture p;
     double off[2];
     begin_picture(&p, WIDE, HIGH, 16);
@@ -3078,7 +3078,7 @@ static void test_lights_together(void) {
 
 /* Polygons alone take one sweep, however many lights shine on them, and no maps, nor are any planned. */
 static void test_lights_on_polygons(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     sps_plan_report plan[2];
     picture p;
     double off[2];
@@ -3102,7 +3102,7 @@ static void test_lights_on_polygons(void) {
 
 /* Lights that are black, or shine through everything, need no map. */
 static void test_needless_maps(void) {
-    sps_context *context = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL);
     picture p;
     begin_picture(&p, WIDE, HIGH, 16);
     check_add_directional(&p.s, -1, -2, -0.5, 2);
@@ -3146,7 +3146,7 @@ static void test_picture_bits(void) {
 }
 
 static void test_held_voxels(void) {
-    sps_context *context = sps_create(NULL), *fresh = sps_create(NULL);
+    sps_context *context = sps_create(NULL, NULL), *fresh = sps_create(NULL, NULL);
     picture p;
     fixture f;
     sps_tmap *maps[2];
@@ -3192,7 +3192,7 @@ static void test_picture_refusals(void) {
     for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
         const sps_result expected = i == 7 ? SPS_ERROR_MEMORY : i == 10 ? SPS_ERROR_UNSUPPORTED : SPS_ERROR_ARGUMENT;
         static const float planes[9] = {0};
-        sps_context *context = sps_create(NULL);
+        sps_context *context = sps_create(NULL, NULL);
         sps_image image;
         sps_plan_report plan;
         picture p;

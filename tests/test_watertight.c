@@ -350,7 +350,7 @@ static void test_closed_body(void) {
 }
 
 int main(void) {
-    context = sps_create(NULL);
+    context = sps_create(NULL, NULL);
     RUN(test_signs);
     RUN(test_fans);
     RUN(test_ground_of_whole_numbers);

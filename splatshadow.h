@@ -1154,6 +1154,7 @@ static int spsi_most(int a, int b) { return a > b ? a : b; }
 typedef enum spsi_buffer_id {
     SPSI_BUFFER_FRAME,  /* the checked scene, >>scene */
     SPSI_BUFFER_TABLES, /* transfer functions */
+    SPSI_BUFFER_LAMPS,  /* lights, as resolved */
     SPSI_BUFFER_BLOCK,  /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_SEGMENTS,   /* the list of voxel segments */
@@ -3252,6 +3253,19 @@ typedef struct spsi_particle_set { /* a set of particles that is not empty */
     int end;     /* of its particles in the list of those that are kept, in which it begins where the last set ends */
 } spsi_particle_set;
 
+typedef struct spsi_lamp { /* a light that is not black */
+    int index;             /* in the scene's array, for error sentences */
+    int is_point;
+    double position[3];  /* of a point */
+    double direction[3]; /* the way a directional light travels, of unit length */
+    float color[3];
+    int shadows;           /* 1: it casts some; */
+    int sliced;            /* on gas by sheets, which take slabs that suit it; maps, and polygons alone, take none */
+    int has_map;           /* on gas by a map, */
+    int map_size;          /* texels on its longer side; 0: as quality says, */
+    sps_tmap_settings map; /* as the caller has them */
+} spsi_lamp;
+
 typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
 } spsi_bounds;
@@ -3278,9 +3292,11 @@ typedef struct spsi_frame {
     double particle_radius;        /* the geometric mean */
     double particle_spread;        /* root of the mean square of their distance from their mean */
     int channels;                  /* of radiance: 1 where all is grey */
-    int lit_count;                 /* lights that are not black */
-    int shadow_count;              /* of these, lights that cast shadows */
-    int sliced_count;              /* of these, lights that shade gas by sheets: each takes a sweep of its own */
+    float ambient[3];
+    spsi_lamp *lamps; /* lamp_count */
+    int lamp_count;
+    int shadow_count; /* of these, lamps that cast shadows */
+    int sliced_count; /* of these, lamps that shade gas by sheets: each takes a sweep of its own */
     int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
     int gradient_reach; /* pixels to either side that gradients take: 1, or 2 where voxels are up to 4 pixels wide */
     int splats_slopes;  /* 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
@@ -3884,29 +3900,43 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
-static int spsi_light_shadows(const spsi_frame *frame, const sps_light *light) {
-    return !spsi_black(light->color) && !light->no_shadow && !frame->view.no_shadows;
+static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp) {
+    const sps_light *light = &frame->scene->lights[index];
+    memset(lamp, 0, sizeof *lamp);
+    lamp->index = index;
+    lamp->is_point = light->kind == SPS_LIGHT_POINT;
+    memcpy(lamp->position, light->position, sizeof lamp->position);
+    memcpy(lamp->direction, light->direction, sizeof lamp->direction);
+    spsi_normalise(lamp->direction);
+    memcpy(lamp->color, light->color, sizeof lamp->color);
+    lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
+    lamp->has_map = lamp->shadows && light->shadow_map;
+    lamp->sliced = lamp->shadows && !lamp->has_map && frame->extinguishes;
+    if (!lamp->has_map) return;
+    lamp->map = *light->shadow_map;
+    lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
 
-/* Whether a light's shadows lie in sheets, which take slabs that suit it. Those of maps do not, nor do those of
-   polygons alone. */
-static int spsi_light_sliced(const spsi_frame *frame, const sps_light *light) {
-    return frame->extinguishes && spsi_light_shadows(frame, light) && !light->shadow_map;
-}
-
-/* Counts lights, none where nothing could answer to them. */
-static void spsi_resolve_lights(spsi_frame *frame) {
+/* Lists the lights that are not black; none where nothing could answer to them. */
+static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame) {
+    const int count = frame->scatters || frame->triangle_count > 0 ? frame->scene->light_count : 0;
     for (int i = 0; i < frame->material_count; ++i) {
         const spsi_material *material = &frame->materials[i];
         frame->extinguishes |= material->extinguishes;
         frame->has_gradient |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
-    for (int i = 0; i < frame->scene->light_count && (frame->scatters || frame->triangle_count > 0); ++i) {
-        frame->lit_count += !spsi_black(frame->scene->lights[i].color);
-        frame->shadow_count += spsi_light_shadows(frame, &frame->scene->lights[i]);
-        frame->sliced_count += spsi_light_sliced(frame, &frame->scene->lights[i]);
+    frame->lamps = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, (size_t)count, sizeof(spsi_lamp));
+    if (!frame->lamps) return context->result;
+    for (int i = 0; i < count; ++i) {
+        spsi_lamp *lamp = &frame->lamps[frame->lamp_count];
+        if (spsi_black(frame->scene->lights[i].color)) continue;
+        spsi_lamp_build(frame, i, lamp);
+        frame->lamp_count += 1;
+        frame->shadow_count += lamp->shadows;
+        frame->sliced_count += lamp->sliced;
     }
-    if (frame->lit_count == 0) frame->has_gradient = 0;
+    if (frame->lamp_count == 0) frame->has_gradient = 0;
+    return SPS_OK;
 }
 
 /* The breadth of a voxel's kernel in pixels in the middle of the volumes' depths; `near_by`: whether the eye is so near
@@ -3979,8 +4009,9 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
         spsi_resolve_meshes(context, frame))
         return NULL;
     if (view->width > 0 && view->height > 0 && spsi_resolve_view(context, frame)) return NULL;
-    spsi_resolve_lights(frame);
+    if (spsi_resolve_lamps(context, frame)) return NULL;
     if (view->width > 0 && view->height > 0) spsi_resolve_gradients(frame);
+    memcpy(frame->ambient, scene->ambient, sizeof frame->ambient);
     frame->has_ambient = !spsi_black(scene->ambient);
     frame->channels = spsi_count_channels(frame);
     return frame;
@@ -5934,7 +5965,7 @@ static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
 static int spsi_chunk_count(const spsi_slabs *slabs) { return (slabs->count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
 
 typedef struct spsi_sweep {
-    int light; /* index of the light whose sheets this sweep has; -1: none */
+    const spsi_lamp *lamp; /* whose sheets this sweep has; NULL: none */
     int first; /* 1: this sweep also carries coverage, ambient light, emission, and all lights that have no sheets */
     int back_to_front;
     spsi_slabs slabs;
@@ -5942,11 +5973,11 @@ typedef struct spsi_sweep {
 } spsi_sweep;
 
 /* The way light travels at a point. */
-static void spsi_light_direction(const sps_light *light, const double point[3], double direction[3]) {
-    if (light->kind == SPS_LIGHT_DIRECTIONAL)
-        memcpy(direction, light->direction, sizeof light->direction);
+static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], double direction[3]) {
+    if (!lamp->is_point)
+        memcpy(direction, lamp->direction, sizeof lamp->direction);
     else
-        spsi_along(point, light->position, -1, direction);
+        spsi_along(point, lamp->position, -1, direction);
     spsi_normalise(direction);
 }
 
@@ -6017,7 +6048,7 @@ static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame
                  "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
                  "needed; move it away, or set shadow_map or no_shadow on it",
                  spsi_gases(frame), cosine);
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light, "", cosine, rest);
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
 static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
@@ -6026,8 +6057,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", frame->view.field_of_view);
-    if (sweep->light >= 0 && unshadowed_helps)
-        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->light);
+    if (sweep->lamp && unshadowed_helps)
+        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
                  camera, cosine, matrix ? "is it row-major? If it is, " : "", way_out);
@@ -6041,16 +6072,15 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
     spsi_eye_direction(frame, eye);
     memcpy(sweep->slabs.normal, eye, sizeof eye);
     sweep->back_to_front = 0;
-    if (sweep->light >= 0) {
-        const sps_light *light = &frame->scene->lights[sweep->light];
+    if (sweep->lamp) {
+        const spsi_lamp *lamp = sweep->lamp;
         spsi_bounds_centre(&frame->volume_bounds, centre);
-        spsi_light_direction(light, centre, toward);
+        spsi_lamp_direction(lamp, centre, toward);
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
-        least = light->kind == SPS_LIGHT_DIRECTIONAL
-                    ? spsi_dot(sweep->slabs.normal, toward)
-                    : spsi_cosine_to_bounds(sweep->slabs.normal, light->position, &frame->volume_bounds);
+        least = !lamp->is_point ? spsi_dot(sweep->slabs.normal, toward)
+                                : spsi_cosine_to_bounds(sweep->slabs.normal, lamp->position, &frame->volume_bounds);
         if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep, least);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
@@ -6112,16 +6142,16 @@ static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *med
    any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along
    s; a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
 static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
-                              const sps_light *light, const double s[3]) {
+                              const spsi_lamp *lamp, const double s[3]) {
     const double extent = spsi_voxel_extent(medium, s), flattest = 1.0 / 16;
     double chord, travel[3];
     if (!frame->materials[medium->channel].table) return extent;
     chord = spsi_chord_of_rays(frame, medium, s, rays);
-    if (light && light->kind == SPS_LIGHT_DIRECTIONAL) {
-        spsi_light_direction(light, light->position, travel);
+    if (lamp && !lamp->is_point) {
+        spsi_lamp_direction(lamp, lamp->position, travel);
         chord = fmin(chord, spsi_slab_chord(medium, s, travel));
-    } else if (light) {
-        chord = fmin(chord, spsi_chord_to_bounds(medium, s, light->position, &frame->volume_bounds));
+    } else if (lamp) {
+        chord = fmin(chord, spsi_chord_to_bounds(medium, s, lamp->position, &frame->volume_bounds));
     }
     return fmin(extent, fmax(chord, flattest * extent));
 }
@@ -6129,7 +6159,7 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium
 /* Cuts the bounds of volumes and particles, along the slabs' normal, into slabs that serve the rays of a target and
    those of a light (NULL: none). `edge` is what stands for a voxel's edge where there are particles, or infinite. */
 static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                 const sps_light *light, double edge, spsi_slabs *slabs) {
+                                 const spsi_lamp *lamp, double edge, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, count;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
@@ -6139,7 +6169,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     }
     edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* a stray particle must not take more than there can be */
     for (int i = 0; i < frame->medium_count; ++i)
-        edge = fmin(edge, spsi_slab_voxel(frame, &frame->media[i], rays, light, slabs->normal));
+        edge = fmin(edge, spsi_slab_voxel(frame, &frame->media[i], rays, lamp, slabs->normal));
     slabs->start = low;
     slabs->thickness = fmin(frame->view.slab * edge, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / slabs->thickness);
@@ -6163,16 +6193,16 @@ static double spsi_voxel_across(const spsi_frame *frame, const double right[3], 
    Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
    come and go in pairs at the borders: errors that jump would be seen. Returns 0 if a point light does not
    see the bounds within a cone. */
-static int spsi_rays_fit(const sps_light *light, const spsi_bounds *bounds, double texel, int size, int most,
+static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     double eye[3], pitch, extent, distance;
     int columns, rows;
     spsi_bounds_centre(bounds, centre);
-    spsi_light_direction(light, centre, forward);
+    spsi_lamp_direction(lamp, centre, forward);
     spsi_basis(forward, right, down);
-    rays->perspective = light->kind == SPS_LIGHT_POINT;
-    memcpy(eye, rays->perspective ? light->position : centre, sizeof eye);
+    rays->perspective = lamp->is_point;
+    memcpy(eye, rays->perspective ? lamp->position : centre, sizeof eye);
     for (int corner = 0; corner < 8; ++corner) {
         double offset[3], depth, at[2];
         spsi_bounds_corner(bounds, corner, offset);
@@ -6212,10 +6242,10 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 
 /* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
    divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
-static double spsi_light_texel(const spsi_frame *frame, const sps_light *light) {
+static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     double centre[3], forward[3], right[3], down[3], across[3], size, own;
     spsi_bounds_centre(&frame->volume_bounds, centre);
-    spsi_light_direction(light, centre, forward);
+    spsi_lamp_direction(lamp, centre, forward);
     spsi_basis(forward, right, down);
     size = spsi_voxel_across(frame, right, down) / frame->shadow_texels;
     if (frame->particle_count == 0) return size;
@@ -6226,34 +6256,32 @@ static double spsi_light_texel(const spsi_frame *frame, const sps_light *light) 
 
 /* Rays for the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
-    const sps_light *light = &frame->scene->lights[sweep->light];
+    const spsi_lamp *lamp = sweep->lamp;
     char rest[SPSI_SENTENCE_SIZE];
-    if (spsi_rays_fit(light, &frame->volume_bounds, spsi_light_texel(frame, light), frame->view.shadow_size,
+    if (spsi_rays_fit(lamp, &frame->volume_bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
                       spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
     SPS_SNPRINTF(rest, sizeof rest,
                  "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
                  "middle; move it away, or set shadow_map or no_shadow on it",
                  spsi_gases(frame));
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->light, "", 0, rest);
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
 /* The number of sweeps in a frame: one for each light that shades by sheets, and one at least. */
 static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->sliced_count); }
 
-/* The index of the n-th light that shades by sheets; -1 if there is none. */
-static int spsi_sliced_light(const spsi_frame *frame, int n) {
-    if (n >= frame->sliced_count) return -1;
-    for (int i = 0; i < frame->scene->light_count; ++i)
-        if (spsi_light_sliced(frame, &frame->scene->lights[i]) && n-- == 0) return i;
-    return -1;
+/* The n-th lamp that shades by sheets; NULL if there is none. */
+static const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
+    for (int i = 0; i < frame->lamp_count; ++i)
+        if (frame->lamps[i].sliced && n-- == 0) return &frame->lamps[i];
+    return NULL;
 }
 
-/* Whether a sweep carries the shadows of a light that casts some: its own light's, and in the first sweep those of all
-   lights that take no slabs of their own. */
-static int spsi_sweep_carries(const spsi_frame *frame, const spsi_sweep *sweep, const sps_light *light) {
-    if (spsi_light_sliced(frame, light)) return sweep->light >= 0 && light == &frame->scene->lights[sweep->light];
-    return sweep->first && spsi_light_shadows(frame, light);
+/* Whether a sweep carries the shadows of a lamp that casts some: its own lamp's, and in the first sweep those of all
+   lamps that take no slabs of their own. */
+static int spsi_sweep_carries(const spsi_sweep *sweep, const spsi_lamp *lamp) {
+    return lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows;
 }
 
 /* The number of lights whose shadows the n-th sweep carries: of no sweep more than of the first. */
@@ -6264,16 +6292,14 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
 /* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = frame->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
-    const sps_light *light = NULL;
     memset(sweep, 0, sizeof *sweep);
-    sweep->light = spsi_sliced_light(frame, n);
+    sweep->lamp = spsi_sliced_lamp(frame, n);
     sweep->first = n == 0;
     sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
     if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
     if (spsi_sweep_direction(context, frame, sweep)) return context->result;
-    if (sweep->light >= 0) light = &frame->scene->lights[sweep->light];
-    if (spsi_slabs_cut(context, frame, &frame->eye, light, edge, &sweep->slabs)) return context->result;
-    return light ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
+    if (spsi_slabs_cut(context, frame, &frame->eye, sweep->lamp, edge, &sweep->slabs)) return context->result;
+    return sweep->lamp ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
 }
 
 /* ================================================================================================ >>splat
@@ -7891,7 +7917,7 @@ typedef struct spsi_depth_map {
 /* What keeps one light's rays from gas and surfaces: gas by the sweep's planes or by a map, polygons by a depth map for
    gas and by rays for polygons. */
 typedef struct spsi_shadow {
-    const sps_light *light;
+    const spsi_lamp *lamp;
     const sps_tmap *tmap;     /* NULL: the sweep's planes, if there are any */
     const unsigned char *lit; /* whole image: spsi_surface_sight */
     spsi_linear along[3];     /* coordinates on the planes, or in the map for spsi_tmap_lookup, along the eye's rays */
@@ -8425,19 +8451,19 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
 
 /* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
    the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
-static void spsi_light_at(const spsi_shader *shader, const sps_light *light, const spsi_pixels *p,
-                          const spsi_part *part, spsi_v travel[3], spsi_v *irradiance) {
+static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
+                         spsi_v travel[3], spsi_v *irradiance) {
     double direction[3];
     spsi_v foot[3], ends[2][3], s, q, half, square;
     *irradiance = spsi_set(1);
-    if (light->kind == SPS_LIGHT_DIRECTIONAL) {
-        spsi_light_direction(light, shader->position_origin, direction);
+    if (!lamp->is_point) {
+        spsi_lamp_direction(lamp, shader->position_origin, direction);
         for (int i = 0; i < 3; ++i) travel[i] = spsi_set((float)direction[i]);
         return;
     }
     spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, travel);
     for (int i = 0; i < 3; ++i)
-        travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - light->position[i])));
+        travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
     half = spsi_mul(part->half, p->length);
     s = spsi_dot_v(travel, p->toward);
     for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(travel[i], spsi_mul(s, p->toward[i]));
@@ -8456,10 +8482,10 @@ static void spsi_light_at(const spsi_shader *shader, const sps_light *light, con
 }
 
 /* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
-static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
-                           const sps_light *light, spsi_v carried, spsi_v radiance[3]) {
+static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
+                          spsi_v carried, spsi_v radiance[3]) {
     spsi_v travel[3], irradiance;
-    spsi_light_at(shader, light, p, part, travel, &irradiance);
+    spsi_lamp_at(shader, lamp, p, part, travel, &irradiance);
     irradiance = spsi_mul(irradiance, carried);
     for (int m = 0; m < shader->frame->material_count; ++m) {
         const spsi_material *material = &shader->frame->materials[m];
@@ -8469,7 +8495,7 @@ static void spsi_add_light(const spsi_shader *shader, const spsi_pixels *p, cons
         spsi_sample_response(material, &part->samples[m], p->toward, travel, response);
         for (int c = 0; c < shader->frame->channels; ++c)
             radiance[c] =
-                spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(light->color[c])),
+                spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(lamp->color[c])),
                                                spsi_set(SPSI_RADIANCE_MAX)));
     }
 }
@@ -8518,13 +8544,12 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
     start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
     end = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
-    spsi_add_light(shader, p, part, shadow->light, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
+    spsi_add_lamp(shader, p, part, shadow->lamp, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
 }
 
 /* Ambient light, emission, and lights without shadow. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 spsi_v radiance[3]) {
-    const sps_scene *scene = shader->frame->scene;
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
     for (int m = 0; m < shader->frame->material_count; ++m) {
         const spsi_material *material = &shader->frame->materials[m];
@@ -8532,14 +8557,13 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
             if (material->scatters && shader->frame->has_ambient)
-                sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(scene->ambient[c]));
+                sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(shader->frame->ambient[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
             radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
         }
     }
-    for (int i = 0; i < scene->light_count && shader->frame->lit_count > shader->frame->shadow_count; ++i)
-        if (!spsi_black(scene->lights[i].color) && !spsi_light_shadows(shader->frame, &scene->lights[i]))
-            spsi_add_light(shader, p, part, &scene->lights[i], mean, radiance);
+    for (int i = 0; i < shader->frame->lamp_count; ++i)
+        if (!shader->frame->lamps[i].shadows) spsi_add_lamp(shader, p, part, &shader->frame->lamps[i], mean, radiance);
 }
 
 /* --- polygons: one pixel at a time, in double precision --- */
@@ -8576,25 +8600,25 @@ static double spsi_light_depth(const spsi_shader *shader, const spsi_shadow *sha
 }
 
 /* The way from a point to a light, in lengths that a packet's reach counts in. */
-static void spsi_toward_light(const sps_light *light, const double point[3], double toward[3]) {
-    if (light->kind == SPS_LIGHT_POINT) {
-        spsi_along(light->position, point, -1, toward);
+static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
+    if (lamp->is_point) {
+        spsi_along(lamp->position, point, -1, toward);
         return;
     }
-    spsi_light_direction(light, point, toward);
+    spsi_lamp_direction(lamp, point, toward);
     for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
 }
 
 /* Irradiance per unit of a light's colour on a surface, before any shadow. The shading normal alone decides which side
    is lit; asking the facet too would draw its outline where light grazes a curved mesh. */
-static double spsi_surface_irradiance(const sps_light *light, const spsi_surface *surface) {
+static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
     double toward[3], square, cosine;
-    spsi_toward_light(light, surface->point, toward);
+    spsi_toward_lamp(lamp, surface->point, toward);
     cosine = spsi_dot(surface->normal, toward);
     if (!(cosine > 0)) return 0;
     square = fmax(spsi_dot(toward, toward), DBL_MIN);
     cosine /= sqrt(square) * spsi_length(surface->normal);
-    return light->kind == SPS_LIGHT_POINT ? cosine / square : cosine;
+    return lamp->is_point ? cosine / square : cosine;
 }
 
 /* Reflectance where a pixel meets a face. */
@@ -8621,14 +8645,14 @@ typedef struct spsi_sight_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_hit *hits;
-    const sps_light *light;
+    const spsi_lamp *lamp;
     double toward[3]; /* a direction's way to the light */
     unsigned char *lit;
 } spsi_sight_job;
 
 /* Traces the rays of those pixels of a block that are in the region. */
 static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
-    const int width = job->frame->eye.width, is_direction = job->light->kind == SPS_LIGHT_DIRECTIONAL;
+    const int width = job->frame->eye.width, is_direction = !job->lamp->is_point;
     const int *region = job->frame->view.region;
     const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
     const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
@@ -8642,9 +8666,9 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
             double toward[3];
             if (hit->face < 0) continue;
             spsi_surface_at(&job->frame->eye, job->faces, hit, x, y, &surface);
-            if (!(spsi_surface_irradiance(job->light, &surface) > 0)) continue;
+            if (!(spsi_surface_irradiance(job->lamp, &surface) > 0)) continue;
             memcpy(toward, job->toward, sizeof toward);
-            if (!is_direction) spsi_along(job->light->position, surface.start, -1, toward);
+            if (!is_direction) spsi_along(job->lamp->position, surface.start, -1, toward);
             spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start, toward,
                             &packet);
         }
@@ -8677,17 +8701,17 @@ static void spsi_sight_task(void *data, int index, int worker) {
 
 /* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. */
 static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
-                       const sps_light *light, unsigned char *lit) {
+                       const spsi_lamp *lamp, unsigned char *lit) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job;
     job.frame = frame;
     job.faces = faces;
     job.hits = hits;
-    job.light = light;
+    job.lamp = lamp;
     job.lit = lit;
     memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
-    spsi_toward_light(light, frame->mesh_bounds.low, job.toward);
+    spsi_toward_lamp(lamp, frame->mesh_bounds.low, job.toward);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
                   spsi_sight_task, &job);
     for (int y = region[1]; y < region[1] + region[3]; ++y)
@@ -8698,31 +8722,29 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
 }
 
 /* The sweep's shadow of a light; NULL: another sweep's, or it casts none. */
-static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const sps_light *light) {
+static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_lamp *lamp) {
     for (int i = 0; i < shader->shadow_count; ++i)
-        if (shader->shadows[i].light == light) return &shader->shadows[i];
+        if (shader->shadows[i].lamp == lamp) return &shader->shadows[i];
     return NULL;
 }
 
 static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
-    const sps_scene *scene = shader->frame->scene;
-    const size_t at = (size_t)y * (size_t)shader->frame->eye.width + (size_t)x;
+    const spsi_frame *frame = shader->frame;
+    const size_t at = (size_t)y * (size_t)frame->eye.width + (size_t)x;
     double colour[3];
     spsi_surface surface;
-    spsi_surface_at(&shader->frame->eye, shader->faces, &shader->hits[at], x, y, &surface);
+    spsi_surface_at(&frame->eye, shader->faces, &shader->hits[at], x, y, &surface);
     spsi_surface_colour(shader->faces, &shader->hits[at], colour);
-    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * scene->ambient[c] : 0;
-    for (int i = 0; i < scene->light_count; ++i) {
-        const sps_light *light = &scene->lights[i];
-        const spsi_shadow *shadow = spsi_shadow_of(shader, light);
+    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * frame->ambient[c] : 0;
+    for (int i = 0; i < frame->lamp_count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps[i];
+        const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
         double arrives;
-        if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT
-                   : !shader->sweep->first || spsi_light_shadows(shader->frame, light))
-            continue;
-        arrives = spsi_surface_irradiance(light, &surface) / SPSI_PI;
+        if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT : !shader->sweep->first || lamp->shadows) continue;
+        arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
         if (shadow && arrives > 0) arrives *= exp(-spsi_light_depth(shader, shadow, surface.point));
         for (int c = 0; c < 3; ++c)
-            radiance[c] += (float)fmin(colour[c] * arrives * (double)light->color[c], (double)SPSI_RADIANCE_MAX);
+            radiance[c] += (float)fmin(colour[c] * arrives * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
     }
 }
 
@@ -9062,7 +9084,7 @@ static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
     float *memory;
     size_t tiles;
     planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
-    if (sweep->light < 0 || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
+    if (!sweep->lamp || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
     planes->tiles_x = spsi_tile_columns(&sweep->rays);
     planes->tiles_y = spsi_tile_rows(&sweep->rays);
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
@@ -9186,7 +9208,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->planes = &run->planes;
     shader->shadows = run->shadows;
     shader->hits = faces->count > 0 ? hits : NULL;
-    shader->unshadowed = sweep->first && (frame->has_ambient || frame->emits || frame->lit_count > frame->shadow_count);
+    shader->unshadowed =
+        sweep->first && (frame->has_ambient || frame->emits || frame->lamp_count > frame->shadow_count);
     shader->end_depth = (float)-log(frame->threshold);
     if (spsi_run_planes(context, run) || spsi_run_targets(context, run)) return context->result;
     spsi_run_linears(run);
@@ -9387,13 +9410,13 @@ static void spsi_planes_task(void *data, int index, int worker) {
 
 /* Aims a light's depth map: one that is fitted to the gas, however far the polygons reach, or six where gas lies all
    round a point light. */
-static void spsi_depth_map_aim(const spsi_frame *frame, const sps_light *light, spsi_depth_map *map) {
+static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_depth_map_size(frame));
     map->face_count = 1;
-    if (spsi_rays_fit(light, &frame->volume_bounds, 1, size, size, &map->rays[0])) return;
+    if (spsi_rays_fit(lamp, &frame->volume_bounds, 1, size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
-        spsi_rays_of_cube_face(light->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
+        spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
 }
 
 /* Rasterises the polygons into a depth map, as a light sees them in front of the gas. */
@@ -9417,7 +9440,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     float *memory;
     if (faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
-        spsi_depth_map_aim(frame, shadows[i].light, &shadows[i].depth_map);
+        spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
         more = spsi_depth_map_floats(&shadows[i].depth_map);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* which cannot be reserved */
     }
@@ -10725,48 +10748,48 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
 }
 
 /* Six grids of rays about a point light, whose texels are as large as wished where the gas is farthest. */
-static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, const sps_light *light, double texel,
+static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, const spsi_lamp *lamp, double texel,
                                       int size, int most) {
     double farthest = 0;
     for (int i = 0; i < 3; ++i)
-        farthest = fmax(farthest, fmax(frame->volume_bounds.high[i] - light->position[i],
-                                       light->position[i] - frame->volume_bounds.low[i]));
+        farthest = fmax(farthest, fmax(frame->volume_bounds.high[i] - lamp->position[i],
+                                       lamp->position[i] - frame->volume_bounds.low[i]));
     if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
     map->settings.omnidirectional = 1;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
-        if (!spsi_rays_of_cube_face(light->position, face, size, 0, &map->rays[face]))
+        if (!spsi_rays_of_cube_face(lamp->position, face, size, 0, &map->rays[face]))
             return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                                   "cannot tell its texels apart so far from the world's origin");
     return SPS_OK;
 }
 
 /* Aims a light's map at the gas: one grid of rays if the light sees all of it within a cone, six if not. */
-static sps_result spsi_tmap_aim_light(sps_tmap *map, const spsi_frame *frame, const sps_light *light) {
-    const int size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
+static sps_result spsi_tmap_aim_lamp(sps_tmap *map, const spsi_frame *frame, const spsi_lamp *lamp) {
+    const int size = lamp->map_size;
     const int most = spsi_light_texels_most(frame);
-    const double texel = spsi_light_texel(frame, light);
+    const double texel = spsi_lamp_texel(frame, lamp);
     map->face_count = 1;
-    if (!map->settings.omnidirectional && spsi_rays_fit(light, &frame->volume_bounds, texel, size, most, &map->rays[0]))
+    if (!map->settings.omnidirectional && spsi_rays_fit(lamp, &frame->volume_bounds, texel, size, most, &map->rays[0]))
         return SPS_OK;
-    if (light->kind == SPS_LIGHT_POINT) return spsi_tmap_aim_round(map, frame, light, texel, size, most);
+    if (lamp->is_point) return spsi_tmap_aim_round(map, frame, lamp, texel, size, most);
     return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                           "cannot tell its texels apart");
 }
 
 /* Fills the map that gas shades by in a light. */
-static sps_result spsi_light_tmap_fill(sps_context *context, const spsi_frame *frame, const sps_light *light,
-                                       const spsi_part_of_call *part, sps_tmap *map) {
+static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                      const spsi_part_of_call *part, sps_tmap *map) {
     spsi_occluders occluders;
     memset(map, 0, sizeof *map);
     memset(&occluders, 0, sizeof occluders);
     map->context = context;
-    map->light = (int)(light - frame->scene->lights);
-    map->settings = *light->shadow_map;
+    map->light = lamp->index;
+    map->settings = lamp->map;
     map->technique = &spsi_techniques[map->settings.technique];
     occluders.frame = frame;
     occluders.part = *part;
-    if (spsi_tmap_aim_light(map, frame, light) || spsi_tmap_resolve(map)) return context->result;
+    if (spsi_tmap_aim_lamp(map, frame, lamp) || spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->volume_bounds);
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
@@ -10778,7 +10801,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
     sps_tmap *maps;
-    for (int i = 0; i < count; ++i) mapped += shadows[i].light->shadow_map != NULL;
+    for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
@@ -10786,9 +10809,9 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     if (!maps) return context->result;
     part.share /= mapped;
     for (int i = 0; i < count; ++i) {
-        if (!shadows[i].light->shadow_map) continue;
+        if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = maps;
-        if (spsi_light_tmap_fill(context, frame, shadows[i].light, &part, maps++)) return context->result;
+        if (spsi_lamp_tmap_fill(context, frame, shadows[i].lamp, &part, maps++)) return context->result;
         part.progress += part.share;
     }
     return SPS_OK;
@@ -10928,14 +10951,14 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
     if (!run->shadows) return context->result;
     memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
-    for (int i = 0; i < frame->scene->light_count && run->shader.shadow_count < count; ++i)
-        if (spsi_sweep_carries(frame, sweep, &frame->scene->lights[i]))
-            run->shadows[run->shader.shadow_count++].light = &frame->scene->lights[i];
+    for (int i = 0; i < frame->lamp_count; ++i)
+        if (spsi_sweep_carries(sweep, &frame->lamps[i]))
+            run->shadows[run->shader.shadow_count++].lamp = &frame->lamps[i];
     if (!picture->hits || count == 0) return SPS_OK;
     lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, pixels, (size_t)count);
     if (!lit) return context->result;
     for (int i = 0; i < count; ++i, lit += pixels) {
-        spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].light, lit);
+        spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].lamp, lit);
         run->shadows[i].lit = lit;
     }
     return SPS_OK;
@@ -11104,14 +11127,14 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
     eye += spsi_plan_lists_bytes(frame, frame->eye.width, frame->eye.height);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->light >= 0 && spsi_has_gas(frame) && frame->extinguishes) {
+    if (sweep->lamp && spsi_has_gas(frame) && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
                              spsi_plan_lists_bytes(frame, (int)side, (int)side);
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     }
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
-    if (sweep->light < 0) return;
+    if (!sweep->lamp) return;
     report->shadow_width = spsi_most(report->shadow_width, frame->set_count ? (int)side : sweep->rays.width);
     report->shadow_height = spsi_most(report->shadow_height, frame->set_count ? (int)side : sweep->rays.height);
 }
@@ -11136,8 +11159,7 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
     const int shadows = frame->shadow_count, shade = gases && frame->extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
-    for (int i = 0; i < frame->scene->light_count && shadows > 0; ++i)
-        maps += spsi_light_shadows(frame, &frame->scene->lights[i]) && frame->scene->lights[i].shadow_map;
+    for (int i = 0; i < frame->lamp_count; ++i) maps += frame->lamps[i].has_map;
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, shade ? shadows - maps : 0, "volumes or particles cast shadows",
                    !shade    ? nothing
                    : shadows ? "every light that casts shadows has a shadow_map"
@@ -11161,7 +11183,7 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
     const int gases = spsi_has_gas(frame), polygons = frame->triangle_count > 0;
-    const int sweeps = spsi_sweep_count(frame), lit = frame->lit_count > 0;
+    const int sweeps = spsi_sweep_count(frame), lit = frame->lamp_count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_polygon_passes(frame, gases, held, report);
@@ -11210,17 +11232,16 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
 
 /* Bytes of a light's transmittance map, and those that filling it takes, but for lists of stretches and what is fitted
    to them, of which nobody knows the length. */
-static void spsi_plan_tmap_bytes(const spsi_frame *frame, const sps_light *light, size_t *held, size_t *filling) {
-    const int asked = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
-    const size_t side = (size_t)(asked > 0 ? asked : spsi_light_texels_most(frame));
-    const size_t faces = light->kind == SPS_LIGHT_POINT ? SPSI_CUBE_FACES : 1;
+static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
+    const size_t side = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_light_texels_most(frame));
+    const size_t faces = lamp->is_point ? SPSI_CUBE_FACES : 1;
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t components = (size_t)spsi_components_of(light->shadow_map);
+    const size_t components = (size_t)spsi_components_of(&lamp->map);
     *held = sizeof(sps_tmap) + side * side * faces * (components + 1) * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (!spsi_techniques[light->shadow_map->technique].sums) *filling += spsi_balls_order_bytes(frame->particles_asked);
+    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles_asked);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 
@@ -11229,11 +11250,10 @@ static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
     const int seen = frame->view.width > 0 && frame->view.height > 0;
     const int some = seen && frame->shadow_count > 0 && spsi_has_gas(frame);
     size_t most = 0;
-    for (int i = 0; i < frame->scene->light_count && some; ++i) {
-        const sps_light *light = &frame->scene->lights[i];
+    for (int i = 0; i < frame->lamp_count && some; ++i) {
         size_t held, filling;
-        if (!spsi_light_shadows(frame, light) || !light->shadow_map) continue;
-        spsi_plan_tmap_bytes(frame, light, &held, &filling);
+        if (!frame->lamps[i].has_map) continue;
+        spsi_plan_tmap_bytes(frame, &frame->lamps[i], &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
         if (filling > most) most = filling;
     }
@@ -11467,12 +11487,12 @@ static int spsi_trace(const spsi_faces *faces, spsi_ray *ray) {
 }
 
 /* Whether no face is between a point, on face `own` or on none (-1), and a light. */
-static int spsi_sees_light(const spsi_faces *faces, const sps_light *light, const double point[3], int own) {
+static int spsi_sees_lamp(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own) {
     spsi_packet packet;
     double toward[3];
     if (faces->count == 0) return 1;
-    spsi_packet_begin(faces, light->kind == SPS_LIGHT_DIRECTIONAL, own >= 0, &packet);
-    spsi_toward_light(light, point, toward);
+    spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
+    spsi_toward_lamp(lamp, point, toward);
     spsi_packet_add(&faces->tree, 0, own, point, toward, &packet);
     spsi_packet_trace(faces, &packet);
     return packet.open != 0;
@@ -11515,15 +11535,15 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
 }
 
 /* Transmittance of all gases between a point and a light. */
-static double spsi_march_light(const spsi_marcher *marcher, const sps_light *light, const double point[3]) {
+static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
     double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
     int count;
     spsi_ray ray;
-    spsi_light_direction(light, point, toward);
+    spsi_lamp_direction(lamp, point, toward);
     for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
-    if (light->kind == SPS_LIGHT_POINT) {
+    if (lamp->is_point) {
         double offset[3];
-        spsi_along(light->position, point, -1, offset);
+        spsi_along(lamp->position, point, -1, offset);
         beyond = spsi_length(offset);
     }
     memcpy(ray.origin, point, sizeof ray.origin);
@@ -11626,15 +11646,15 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
 }
 
 /* Adds, per unit of length, what all gases at a point answer to one light. */
-static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *point, const sps_light *light,
-                                 double source[3]) {
+static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
+                                double source[3]) {
     double travel[3], irradiance = 1;
     spsi_v toward_v[3], travel_v[3], response[3];
-    spsi_light_direction(light, point->position, travel);
-    if (light->kind == SPS_LIGHT_POINT) irradiance = spsi_point_inverse_square(point, light->position);
-    if (spsi_light_shadows(marcher->frame, light)) {
-        if (!spsi_sees_light(marcher->faces, light, point->position, -1)) return;
-        irradiance *= spsi_march_light(marcher, light, point->position);
+    spsi_lamp_direction(lamp, point->position, travel);
+    if (lamp->is_point) irradiance = spsi_point_inverse_square(point, lamp->position);
+    if (lamp->shadows) {
+        if (!spsi_sees_lamp(marcher->faces, lamp, point->position, -1)) return;
+        irradiance *= spsi_march_lamp(marcher, lamp, point->position);
     }
     spsi_set3(point->direction, toward_v);
     spsi_set3(travel, travel_v);
@@ -11645,46 +11665,45 @@ static void spsi_point_add_light(const spsi_marcher *marcher, const spsi_point *
         spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, response[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * irradiance * (double)light->color[c];
+            source[c] += point->extinction[m] * (double)lanes[0] * irradiance * (double)lamp->color[c];
         }
     }
 }
 
 /* Radiance per unit of length that all gases at a point send along the ray, before any of it is absorbed. */
 static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
-    const sps_scene *scene = marcher->frame->scene;
+    const spsi_frame *frame = marcher->frame;
     source[0] = source[1] = source[2] = 0;
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, point->samples[m].colour[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * (double)scene->ambient[c];
+            source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient[c];
             source[c] += point->value[m] * (double)material->emission[c];
         }
     }
-    for (int i = 0; i < scene->light_count; ++i)
-        if (!spsi_black(scene->lights[i].color) && point->extinction_sum > 0)
-            spsi_point_add_light(marcher, point, &scene->lights[i], source);
+    for (int i = 0; i < frame->lamp_count && point->extinction_sum > 0; ++i)
+        spsi_point_add_lamp(marcher, point, &frame->lamps[i], source);
 }
 
 /* Radiance from the polygon that a ray meets: all lights and the ambient light. */
 static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
-    const sps_scene *scene = marcher->frame->scene;
+    const spsi_frame *frame = marcher->frame;
     double colour[3];
     spsi_surface surface;
-    spsi_surface_at(&marcher->frame->eye, marcher->faces, hit, x, y, &surface);
+    spsi_surface_at(&frame->eye, marcher->faces, hit, x, y, &surface);
     spsi_surface_colour(marcher->faces, hit, colour);
-    for (int c = 0; c < 3; ++c) radiance[c] = colour[c] * (double)scene->ambient[c];
-    for (int i = 0; i < scene->light_count; ++i) {
-        const sps_light *light = &scene->lights[i];
-        double arrives = spsi_surface_irradiance(light, &surface) / SPSI_PI;
-        if (spsi_black(light->color) || !(arrives > 0)) continue;
-        if (spsi_light_shadows(marcher->frame, light)) {
-            if (!spsi_sees_light(marcher->faces, light, surface.start, hit->face)) continue;
-            arrives *= spsi_march_light(marcher, light, surface.point);
+    for (int c = 0; c < 3; ++c) radiance[c] = colour[c] * (double)frame->ambient[c];
+    for (int i = 0; i < frame->lamp_count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps[i];
+        double arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
+        if (!(arrives > 0)) continue;
+        if (lamp->shadows) {
+            if (!spsi_sees_lamp(marcher->faces, lamp, surface.start, hit->face)) continue;
+            arrives *= spsi_march_lamp(marcher, lamp, surface.point);
         }
-        for (int c = 0; c < 3; ++c) radiance[c] += colour[c] * arrives * (double)light->color[c];
+        for (int c = 0; c < 3; ++c) radiance[c] += colour[c] * arrives * (double)lamp->color[c];
     }
 }
 

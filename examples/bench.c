@@ -8,8 +8,10 @@
    bench accuracy   these tables only */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#define EX_NO_PNG
-#include "common.h"
+#include "measuring.h"
+#include "particles.h"
+#include "vectors.h"
+#include "volume.h"
 
 static const char program[] = "bench";
 

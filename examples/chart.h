@@ -1,5 +1,5 @@
 /* chart.h: curves on logarithmic axes and labelled rows of small pictures, drawn into floats and written as PNG.
-   Include after common.h, with PNG. Capital letters only: small texts are legible so, and the font stays short. */
+   Include after picture.h. Capital letters only: small texts are legible so, and the font stays short. */
 
 #ifndef EX_CHART_H
 #define EX_CHART_H

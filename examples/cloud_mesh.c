@@ -3,8 +3,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/cloud_mesh.c -o cloud_mesh -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "metaballs.h"
+#include "scene.h"
+#include "scene_program.h"
 
 static const ex_metaball heaps[] = {
     {{0.10, 2.55, 0.00}, 1.15, 1.0},  {{-0.85, 2.30, 0.15}, 0.95, 1.0}, {{0.95, 2.35, -0.10}, 1.00, 1.0},
@@ -63,13 +64,18 @@ static void build_country(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float sky[2][3] = {{0.60f, 0.72f, 0.84f}, {0.16f, 0.34f, 0.64f}};
-    ex_stage stage;
-    ex_stage_begin(&stage, 0, 2);
-    build_cloud(&stage.shapes[0]);
-    build_country(&stage.shapes[1]);
-    ex_sun(&stage.sun, ex_vec_of(0.55, -1.0, -0.35), 2.9);
-    ex_color(stage.scene.ambient, 0.22, 0.27, 0.35);
-    stage.scene.background_user = sky;
-    ex_view_set(&stage.view, ex_vec_of(0.6, 1.9, 8.2), ex_vec_of(0.1, 1.55, 0), 33);
-    return ex_stage_show(argc, argv, "cloud_mesh", &stage);
+    const sps_light sun = ex_sun(ex_vec_of(0.55, -1.0, -0.35), 2.9);
+    const sps_view view = ex_view(ex_vec_of(0.6, 1.9, 8.2), ex_vec_of(0.1, 1.55, 0), 33);
+    sps_scene scene = ex_scene(&sun);
+    ex_mesh cloud = {0}, country = {0};
+    build_cloud(&cloud);
+    build_country(&country);
+    const sps_mesh meshes[2] = {ex_shape_mesh(&cloud), ex_shape_mesh(&country)};
+    scene.meshes = meshes, scene.mesh_count = 2;
+    ex_color(scene.ambient, 0.22, 0.27, 0.35);
+    scene.background_user = sky;
+    const int status = ex_scene_program(argc, argv, "cloud_mesh.png", &scene, &view, NULL);
+    ex_mesh_free(&cloud);
+    ex_mesh_free(&country);
+    return status;
 }

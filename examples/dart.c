@@ -3,8 +3,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/dart.c -o dart -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "shapes.h"
 
 /* A ring in front of the plate, held by four pegs. Each is a volume of its own, so each has its own colour. */
 typedef struct ring {
@@ -91,15 +92,22 @@ static void build_dart(ex_mesh *mesh, ex_vec tip, ex_vec axis) {
 
 int main(int argc, char **argv) {
     static const float red[3] = {0.66f, 0.06f, 0.04f}, cream[3] = {0.74f, 0.66f, 0.50f};
+    const sps_light sun = ex_sun(ex_vec_of(-0.75, -0.62, -1.0), 2.8);
+    const sps_view view = ex_view(ex_vec_of(-3.9, 1.4, 6.0), ex_vec_of(0.28, 0.0, 0.5), 35);
+    sps_scene scene = ex_scene(&sun);
     ring rings[3];
-    ex_stage stage;
-    ex_stage_begin(&stage, 4, 1);
+    sps_volume volumes[4];
+    ex_mesh dart = {0};
     memset(rings, 0, sizeof rings);
+    memset(volumes, 0, sizeof volumes);
     for (int i = 0; i < 3; ++i)
-        set_ring(&stage.volumes[i], &rings[i], 1.25 - 0.42 * i, 0.40 + 0.28 * i, i == 1 ? cream : red);
-    set_plate(&stage.volumes[3]);
-    build_dart(&stage.shapes[0], ex_vec_of(0.10, 0.05, 0.85), ex_vec_unit(ex_vec_of(0.40, 0.25, 1)));
-    ex_sun(&stage.sun, ex_vec_of(-0.75, -0.62, -1.0), 2.8);
-    ex_view_set(&stage.view, ex_vec_of(-3.9, 1.4, 6.0), ex_vec_of(0.28, 0.0, 0.5), 35);
-    return ex_stage_show(argc, argv, "dart", &stage);
+        set_ring(&volumes[i], &rings[i], 1.25 - 0.42 * i, 0.40 + 0.28 * i, i == 1 ? cream : red);
+    set_plate(&volumes[3]);
+    build_dart(&dart, ex_vec_of(0.10, 0.05, 0.85), ex_vec_unit(ex_vec_of(0.40, 0.25, 1)));
+    const sps_mesh mesh = ex_shape_mesh(&dart);
+    scene.volumes = volumes, scene.volume_count = 4;
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    const int status = ex_scene_program(argc, argv, "dart.png", &scene, &view, NULL);
+    ex_mesh_free(&dart);
+    return status;
 }

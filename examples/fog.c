@@ -4,8 +4,10 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/fog.c -o fog -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "metaballs.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "thickness.h"
 
 enum { STONES = 11 };
 
@@ -91,22 +93,22 @@ static void build_stones(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float dawn[2][3] = {{0.95f, 0.62f, 0.40f}, {0.30f, 0.42f, 0.58f}};
-    static fog ground_fog;
+    const sps_light sun = ex_sun(ex_vec_of(1.0, -0.72, -0.85), 4.6);
+    sps_view view = ex_view(ex_vec_of(1.2, 1.75, 7.0), ex_vec_of(0, 0.62, 0), 31);
+    sps_scene scene = ex_scene(&sun);
+    ex_mesh stone_circle = {0};
+    fog ground_fog = {{NULL, 0, {0, 0, 0}, {0, 0, 0}}, 1.0, {0.66f, 0.62f, 0.57f}};
     const ex_finish finish = {lay_fog, &ground_fog};
-    ex_stage stage;
-    ex_stage_begin(&stage, 0, 1);
-    build_stones(&stage.shapes[0]);
+    build_stones(&stone_circle);
     ex_shape_field(&ground_fog.mesh, fog_field, NULL, 0, ex_vec_of(-5, -0.9, -6), ex_vec_of(5, 1.2, 4), 130,
                    ground_fog.glow);
-    ground_fog.extinction = 1.0;
-    ex_color(ground_fog.glow, 0.66, 0.62, 0.57);
-    stage.finish = &finish;
-    ex_sun(&stage.sun, ex_vec_of(1.0, -0.72, -0.85), 4.6);
-    ex_color(stage.scene.ambient, 0.14, 0.17, 0.22);
-    stage.scene.background_user = dawn;
-    ex_view_set(&stage.view, ex_vec_of(1.2, 1.75, 7.0), ex_vec_of(0, 0.62, 0), 31);
-    stage.view.shadow_size = 4096; /* the depth map spans all of the ground */
-    const int status = ex_stage_show(argc, argv, "fog", &stage);
+    const sps_mesh mesh = ex_shape_mesh(&stone_circle);
+    view.shadow_size = 4096; /* the depth map spans all of the ground */
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    ex_color(scene.ambient, 0.14, 0.17, 0.22);
+    scene.background_user = dawn;
+    const int status = ex_scene_program(argc, argv, "fog.png", &scene, &view, &finish);
+    ex_mesh_free(&stone_circle);
     ex_mesh_free(&ground_fog.mesh);
     return status;
 }

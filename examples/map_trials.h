@@ -1,5 +1,5 @@
-/* map_trials.h: what maps.c measures: transmittance maps of every technique, on six scenes. Include after modelling.h
-   and chart.h. */
+/* map_trials.h: what maps.c measures: transmittance maps of every technique, on six scenes. Include after measuring.h,
+   puff.h, shapes.h and scene.h. */
 
 #ifndef MAP_TRIALS_H
 #define MAP_TRIALS_H
@@ -226,7 +226,7 @@ static void make_ball(set_up *s) {
         profile[2 * i] = 0.3 * sin(i * EX_PI / 8), profile[2 * i + 1] = -0.3 * cos(i * EX_PI / 8);
     const ex_lathe lathe = {profile, 9, middle, {0, 1, 0}};
     ex_shape_lathe(&s->core, &lathe, 48, grey, NULL);
-    ex_shape_use(&s->core, &s->meshes[1]);
+    s->meshes[1] = ex_shape_mesh(&s->core);
 }
 
 static void make_clumps(set_up *s) {
@@ -259,7 +259,7 @@ static void aim_light(set_up *s) {
         widest = fmax(widest, atan2(across, along) + asin(radius / ex_vec_length(away)));
         depth[0] = fmin(depth[0], along - radius), depth[1] = fmax(depth[1], along + radius);
     }
-    ex_view_set(&s->light_view, lamp, middle, 2 * widest * 1.02 * 180 / EX_PI);
+    s->light_view = ex_view(lamp, middle, 2 * widest * 1.02 * 180 / EX_PI);
     s->light_view.width = s->light_view.height = s->map_size;
     s->range.near_depth = depth[0] - 0.02 * (depth[1] - depth[0]);
     s->range.far_depth = depth[1] + 0.02 * (depth[1] - depth[0]);
@@ -272,7 +272,7 @@ static void set_up_begin(set_up *s, void (*make)(set_up *)) {
     s->gas.count = PARTICLES, s->gas.read_fn = ex_particles_read, s->gas.user = s->list;
     ex_color(s->gas.albedo, 0.8, 0.8, 0.8);
     ex_shape_quad(&s->ground, ex_vec_of(-9, 0, 9), ex_vec_of(9, 0, 9), ex_vec_of(9, 0, -9), ex_vec_of(-9, 0, -9), grey);
-    ex_shape_use(&s->ground, &s->meshes[0]);
+    s->meshes[0] = ex_shape_mesh(&s->ground);
     s->light.kind = SPS_LIGHT_POINT;
     s->light.position[0] = lamp.x, s->light.position[1] = lamp.y, s->light.position[2] = lamp.z;
     ex_color(s->light.color, 300, 300, 300);
@@ -281,7 +281,7 @@ static void set_up_begin(set_up *s, void (*make)(set_up *)) {
     s->scene.meshes = s->meshes, s->scene.mesh_count = 2;
     s->occluders.meshes = s->meshes + 1, s->occluders.mesh_count = 1;
     s->scene.lights = &s->light, s->scene.light_count = 1;
-    ex_view_set(&s->view, ex_vec_of(-0.9, 2.2, 7.2), ex_vec_of(-0.3, 0.95, 0), 27);
+    s->view = ex_view(ex_vec_of(-0.9, 2.2, 7.2), ex_vec_of(-0.3, 0.95, 0), 27);
     s->view.width = WIDTH, s->view.height = HEIGHT, s->view.quality = SPS_QUALITY_MEDIUM;
     s->scene.background[0] = s->scene.background[1] = s->scene.background[2] = 0.05f;
     s->scene.ambient[0] = s->scene.ambient[1] = s->scene.ambient[2] = 0.02f;

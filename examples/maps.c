@@ -6,8 +6,11 @@
                             into the folder PICTURES; both folders must be there */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "measuring.h"
+#include "picture.h"
+#include "puff.h"
+#include "scene.h"
+#include "shapes.h"
 #include "chart.h"
 #include "map_trials.h"
 

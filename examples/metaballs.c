@@ -2,8 +2,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/metaballs.c -o metaballs -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "metaballs.h"
+#include "scene.h"
+#include "scene_program.h"
 
 /* The pool, three necks that rise from it, and drops above. */
 static const ex_metaball drops[] = {
@@ -22,7 +23,6 @@ static int gas_value(void *user, size_t count, const double *positions, float *o
 
 static void set_gas(sps_volume *gas, ex_metaballs *balls) {
     static const sps_lobe lobes[2] = {{0.5f, 0.6f}, {-0.2f, 0.4f}};
-    balls->balls = drops, balls->count = sizeof drops / sizeof *drops;
     ex_volume_box(gas, ex_vec_of(-2.1, 0, -1.7), ex_vec_of(2.1, 2.75, 1.4), 144);
     gas->eval_fn = gas_value, gas->user = balls;
     gas->extinction = 9;
@@ -40,12 +40,18 @@ static void build_floor(ex_mesh *mesh) {
 }
 
 int main(int argc, char **argv) {
-    ex_metaballs balls;
-    ex_stage stage;
-    ex_stage_begin(&stage, 1, 1);
-    set_gas(&stage.volumes[0], &balls);
-    build_floor(&stage.shapes[0]);
-    ex_sun(&stage.sun, ex_vec_of(1.0, -1.05, 0.3), 24);
-    ex_view_set(&stage.view, ex_vec_of(0.7, 3.3, 7.2), ex_vec_of(0.35, 0.92, 0), 30);
-    return ex_stage_show(argc, argv, "metaballs", &stage);
+    const sps_light sun = ex_sun(ex_vec_of(1.0, -1.05, 0.3), 24);
+    const sps_view view = ex_view(ex_vec_of(0.7, 3.3, 7.2), ex_vec_of(0.35, 0.92, 0), 30);
+    sps_scene scene = ex_scene(&sun);
+    ex_metaballs balls = {drops, sizeof drops / sizeof *drops};
+    sps_volume gas = {0};
+    ex_mesh floor_tiles = {0};
+    set_gas(&gas, &balls);
+    build_floor(&floor_tiles);
+    const sps_mesh mesh = ex_shape_mesh(&floor_tiles);
+    scene.volumes = &gas, scene.volume_count = 1;
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    const int status = ex_scene_program(argc, argv, "metaballs.png", &scene, &view, NULL);
+    ex_mesh_free(&floor_tiles);
+    return status;
 }

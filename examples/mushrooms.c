@@ -2,8 +2,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/mushrooms.c -o mushrooms -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "shapes.h"
 
 /* A round plate with a raised rim, of stone: the grain goes into the value, and from there into the colour; the relief
  * is real. */
@@ -41,11 +42,17 @@ static void build_mushrooms(ex_mesh *mesh) {
 }
 
 int main(int argc, char **argv) {
-    ex_stage stage;
-    ex_stage_begin(&stage, 1, 1);
-    set_plate(&stage.volumes[0]);
-    build_mushrooms(&stage.shapes[0]);
-    ex_sun(&stage.sun, ex_vec_of(1.0, -1.15, -0.35), 3.2);
-    ex_view_set(&stage.view, ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
-    return ex_stage_show(argc, argv, "mushrooms", &stage);
+    const sps_light sun = ex_sun(ex_vec_of(1.0, -1.15, -0.35), 3.2);
+    const sps_view view = ex_view(ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
+    sps_scene scene = ex_scene(&sun);
+    sps_volume plate = {0};
+    ex_mesh mushrooms = {0};
+    set_plate(&plate);
+    build_mushrooms(&mushrooms);
+    const sps_mesh mesh = ex_shape_mesh(&mushrooms);
+    scene.volumes = &plate, scene.volume_count = 1;
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    const int status = ex_scene_program(argc, argv, "mushrooms.png", &scene, &view, NULL);
+    ex_mesh_free(&mushrooms);
+    return status;
 }

@@ -3,8 +3,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/pot.c -o pot -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "shapes.h"
 
 /* Even haze, a little denser in veils. */
 static int haze_value(void *user, size_t count, const double *positions, float *out) {
@@ -51,16 +52,23 @@ static void build_table(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float dusk[2][3] = {{0.05f, 0.06f, 0.08f}, {0.01f, 0.015f, 0.03f}};
-    ex_stage stage;
-    ex_stage_begin(&stage, 1, 2);
-    set_haze(&stage.volumes[0]);
-    build_pot(&stage.shapes[0]);
-    build_table(&stage.shapes[1]);
-    stage.meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
-    ex_sun(&stage.sun, ex_vec_of(1.0, -0.85, 0.25), 12);
-    ex_color(stage.scene.ambient, 0.06, 0.07, 0.09);
-    stage.scene.background_user = dusk;
-    ex_view_set(&stage.view, ex_vec_of(2.6, 1.9, 5.8), ex_vec_of(0.1, 0.80, 0), 31);
-    stage.view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
-    return ex_stage_show(argc, argv, "pot", &stage);
+    const sps_light sun = ex_sun(ex_vec_of(1.0, -0.85, 0.25), 12);
+    sps_view view = ex_view(ex_vec_of(2.6, 1.9, 5.8), ex_vec_of(0.1, 0.80, 0), 31);
+    sps_scene scene = ex_scene(&sun);
+    sps_volume haze = {0};
+    ex_mesh pot = {0}, table = {0};
+    set_haze(&haze);
+    build_pot(&pot);
+    build_table(&table);
+    sps_mesh meshes[2] = {ex_shape_mesh(&pot), ex_shape_mesh(&table)};
+    meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
+    view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
+    scene.volumes = &haze, scene.volume_count = 1;
+    scene.meshes = meshes, scene.mesh_count = 2;
+    ex_color(scene.ambient, 0.06, 0.07, 0.09);
+    scene.background_user = dusk;
+    const int status = ex_scene_program(argc, argv, "pot.png", &scene, &view, NULL);
+    ex_mesh_free(&pot);
+    ex_mesh_free(&table);
+    return status;
 }

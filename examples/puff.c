@@ -3,8 +3,10 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/puff.c -o puff -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "puff.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "shapes.h"
 
 enum { PARTICLES = 2 * EX_PUFF_PARTICLES };
 
@@ -28,20 +30,24 @@ static void set_smoke(sps_particles *smoke, sps_particle *particles) {
 
 int main(int argc, char **argv) {
     static sps_particle particles[PARTICLES];
-    const float color[3] = {0.115f, 0.105f, 0.08f};
+    static const float earth[3] = {0.115f, 0.105f, 0.08f};
+    const sps_view view = ex_view(ex_vec_of(0.6, 2.6, 7.8), ex_vec_of(0.3, 0.75, 0), 29);
+    sps_light sun = ex_sun(ex_vec_of(0.9, -1.3, -0.35), 13);
+    sps_scene scene = ex_scene(&sun);
     sps_tmap_settings map = {0};
     sps_particles smoke = {0};
-    ex_stage stage;
-    ex_stage_begin(&stage, 0, 1);
+    ex_mesh ground = {0};
     fill_puffs(particles);
     set_smoke(&smoke, particles);
-    stage.scene.particles = &smoke, stage.scene.particles_count = 1;
-    ex_shape_quad(&stage.shapes[0], ex_vec_of(-30, 0, -30), ex_vec_of(-30, 0, 10), ex_vec_of(30, 0, 10),
-                  ex_vec_of(30, 0, -30), color);
-    ex_sun(&stage.sun, ex_vec_of(0.9, -1.3, -0.35), 13);
+    ex_shape_quad(&ground, ex_vec_of(-30, 0, -30), ex_vec_of(-30, 0, 10), ex_vec_of(30, 0, 10), ex_vec_of(30, 0, -30),
+                  earth);
+    const sps_mesh mesh = ex_shape_mesh(&ground);
     map.technique = SPS_TMAP_FOURIER, map.components = 15;
-    stage.sun.shadow_map = &map, stage.sun.shadow_map_size = 512;
-    ex_color(stage.scene.ambient, 0.16, 0.20, 0.27);
-    ex_view_set(&stage.view, ex_vec_of(0.6, 2.6, 7.8), ex_vec_of(0.3, 0.75, 0), 29);
-    return ex_stage_show(argc, argv, "puff", &stage);
+    sun.shadow_map = &map, sun.shadow_map_size = 512;
+    scene.particles = &smoke, scene.particles_count = 1;
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    ex_color(scene.ambient, 0.16, 0.20, 0.27);
+    const int status = ex_scene_program(argc, argv, "puff.png", &scene, &view, NULL);
+    ex_mesh_free(&ground);
+    return status;
 }

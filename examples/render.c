@@ -4,7 +4,12 @@
    Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. Either with one line on stderr. */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
+#include "arguments.h"
+#include "mesh.h"
+#include "particles.h"
+#include "picture.h"
+#include "session.h"
+#include "transfer.h"
 #include "volume_file.h"
 
 #include <inttypes.h>

@@ -3,8 +3,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/smoke_room.c -o smoke_room -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "shapes.h"
 
 /* The room: x -2..2, y 0..2.6, z -2 (window) .. 2 (open, where the viewer stands). */
 static int smoke_value(void *user, size_t count, const double *positions, float *out) {
@@ -68,15 +69,21 @@ static void build_desk(ex_mesh *mesh) {
 
 int main(int argc, char **argv) {
     static float dusk[2][3] = {{0.45f, 0.50f, 0.55f}, {0.62f, 0.74f, 0.86f}};
-    ex_stage stage;
-    ex_stage_begin(&stage, 1, 1);
-    set_smoke(&stage.volumes[0]);
-    build_room(&stage.shapes[0]);
-    build_desk(&stage.shapes[0]);
-    ex_sun(&stage.sun, ex_vec_of(-0.35, -0.62, 1.0), 18.5);
-    ex_color(stage.scene.ambient, 0.09, 0.10, 0.12);
-    stage.scene.background_user = dusk;
-    ex_view_set(&stage.view, ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
-    stage.view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
-    return ex_stage_show(argc, argv, "smoke_room", &stage);
+    const sps_light sun = ex_sun(ex_vec_of(-0.35, -0.62, 1.0), 18.5);
+    sps_view view = ex_view(ex_vec_of(0.5, 1.5, 5.2), ex_vec_of(0.0, 1.12, 0), 36);
+    sps_scene scene = ex_scene(&sun);
+    sps_volume smoke = {0};
+    ex_mesh room = {0};
+    set_smoke(&smoke);
+    build_room(&room);
+    build_desk(&room);
+    const sps_mesh mesh = ex_shape_mesh(&room);
+    view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
+    scene.volumes = &smoke, scene.volume_count = 1;
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    ex_color(scene.ambient, 0.09, 0.10, 0.12);
+    scene.background_user = dusk;
+    const int status = ex_scene_program(argc, argv, "smoke_room.png", &scene, &view, NULL);
+    ex_mesh_free(&room);
+    return status;
 }

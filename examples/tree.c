@@ -3,8 +3,10 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/tree.c -o tree -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "scene.h"
+#include "scene_program.h"
+#include "shapes.h"
+#include "tree.h"
 
 /* A low mound of mossy earth. */
 static int earth_value(void *user, size_t count, const double *positions, float *out) {
@@ -82,15 +84,21 @@ static void build_mushrooms(ex_mesh *mesh) {
 }
 
 int main(int argc, char **argv) {
+    const sps_light sun = ex_sun(ex_vec_of(0.55, -1.3, -0.12), 3.3);
+    const sps_view view = ex_view(ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.86, 0), 29);
+    sps_scene scene = ex_scene(&sun);
+    sps_volume volumes[3];
     ex_grid grid = {0};
-    ex_stage stage;
-    ex_stage_begin(&stage, 3, 1);
-    set_tree(&stage.volumes[0], &grid);
-    set_plate(&stage.volumes[1]);
-    build_mushrooms(&stage.shapes[0]);
-    ex_sun(&stage.sun, ex_vec_of(0.55, -1.3, -0.12), 3.3);
-    ex_view_set(&stage.view, ex_vec_of(0.6, 2.5, 6.9), ex_vec_of(0.0, 0.86, 0), 29);
-    const int status = ex_stage_show(argc, argv, "tree", &stage);
+    ex_mesh mushrooms = {0};
+    memset(volumes, 0, sizeof volumes);
+    set_tree(&volumes[0], &grid);
+    set_plate(&volumes[1]);
+    build_mushrooms(&mushrooms);
+    const sps_mesh mesh = ex_shape_mesh(&mushrooms);
+    scene.volumes = volumes, scene.volume_count = 3;
+    scene.meshes = &mesh, scene.mesh_count = 1;
+    const int status = ex_scene_program(argc, argv, "tree.png", &scene, &view, NULL);
     ex_grid_free(&grid);
+    ex_mesh_free(&mushrooms);
     return status;
 }

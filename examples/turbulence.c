@@ -2,8 +2,9 @@
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/turbulence.c -o turbulence -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
-#include "common.h"
-#include "modelling.h"
+#include "densities.h"
+#include "scene.h"
+#include "scene_program.h"
 
 /* Five merged puffs, flat underneath; the turbulence eats into their edge, where little is to be eaten. */
 static int cloud_value(void *user, size_t count, const double *positions, float *out) {
@@ -39,12 +40,13 @@ static void set_cloud(sps_volume *cloud) {
 
 int main(int argc, char **argv) {
     static float sky[2][3] = {{0.36f, 0.47f, 0.60f}, {0.08f, 0.17f, 0.36f}};
-    ex_stage stage;
-    ex_stage_begin(&stage, 1, 0);
-    set_cloud(&stage.volumes[0]);
-    ex_sun(&stage.sun, ex_vec_of(0.7, -1.0, -0.55), 20);
-    ex_color(stage.scene.ambient, 0.15, 0.18, 0.24);
-    stage.scene.background_user = sky;
-    ex_view_set(&stage.view, ex_vec_of(0.3, -0.5, 6.5), ex_vec_of(0, 0, 0), 28);
-    return ex_stage_show(argc, argv, "turbulence", &stage);
+    const sps_light sun = ex_sun(ex_vec_of(0.7, -1.0, -0.55), 20);
+    const sps_view view = ex_view(ex_vec_of(0.3, -0.5, 6.5), ex_vec_of(0, 0, 0), 28);
+    sps_scene scene = ex_scene(&sun);
+    sps_volume cloud = {0};
+    set_cloud(&cloud);
+    scene.volumes = &cloud, scene.volume_count = 1;
+    ex_color(scene.ambient, 0.15, 0.18, 0.24);
+    scene.background_user = sky;
+    return ex_scene_program(argc, argv, "turbulence.png", &scene, &view, NULL);
 }

@@ -1,5 +1,5 @@
 /* volume_file.h: reads the headers of NRRD, MetaImage, NIfTI-1 and NPY files: how many voxels there are, of which type,
-   where in which file, and where in the world. Include after common.h, whose ex_grid_load then reads the voxels.
+   where in which file, and where in the world. ex_grid_load of volume.h then reads the voxels.
 
    Only voxels as they are in memory are read: nothing compressed, no text, one number a voxel, three dimensions. World
    coordinates are those of the file; those of patients (left or right, front or back) are not converted.

@@ -3,6 +3,8 @@
 #ifndef EX_VOLUME_HEADER_H
 #define EX_VOLUME_HEADER_H
 
+#include "volume.h"
+
 #include <ctype.h>
 #include <strings.h>
 

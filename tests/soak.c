@@ -6,8 +6,7 @@
 
 #include "random_scene.h"
 
-#define EX_NO_PNG
-#include "common.h"
+#include "measuring.h"
 
 /* Scenes that may fail, and why: thirteen of a thousand. The mean squares of a shadow's edge fall with a texel, not
    with its square, so that errors halve in two qualities instead of one. */

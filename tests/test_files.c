@@ -3,8 +3,6 @@
    line that names the file. */
 
 #include "check.h"
-#define EX_NO_PNG
-#include "common.h"
 #include "volume_file.h"
 #include "command_line.h"
 #include <dirent.h>

@@ -2,9 +2,9 @@
 
 #include "check.h"
 
-#define EX_NO_PNG
-#include "common.h"
-#include "modelling.h"
+#include "metaballs.h"
+#include "puff.h"
+#include "thickness.h"
 
 static const float white[3] = {1, 1, 1};
 
@@ -380,7 +380,7 @@ static void test_library_rays(void) {
     memset(&mesh, 0, sizeof mesh);
     add_ball(&mesh, 0.2, 0.1, -0.3, 0.5, 20);
     check_clear(&s, WIDE, HIGH);
-    ex_shape_use(&mesh, &s.mesh[0]);
+    s.mesh[0] = ex_shape_mesh(&mesh);
     s.scene.mesh_count = 1;
     check_set3(s.view.position, 2, 1.5, 2.5);
     check_set3(s.view.target, 0.1, 0.2, 0);

@@ -1,0 +1,155 @@
+/* files.h: reading files whole or in part, lines of text, byte order; writing, so that a full disk does not go
+   unnoticed. */
+
+#ifndef EX_FILES_H
+#define EX_FILES_H
+
+#include "basics.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* -------------------------------------------------------------------------------------------------------- reading */
+
+/* Opens a regular file for reading and says how long it is; NULL on failure. */
+static inline FILE *ex_open(const char *path, uint64_t *size, ex_error *error) {
+    struct stat info;
+    FILE *file = fopen(path, "rb");
+    if (!file) {
+        ex_fail(error, "%s: %s", path, strerror(errno));
+        return NULL;
+    }
+    if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode)) {
+        ex_fail(error, "%s: not a regular file", path);
+        fclose(file);
+        return NULL;
+    }
+    *size = (uint64_t)info.st_size;
+    return file;
+}
+
+/* Whether a file of this name could be written: told before a long render, not after it. */
+static inline int ex_check_writable(const char *path, ex_error *error) {
+    char folder[4096];
+    struct stat info;
+    const char *slash = strrchr(path, '/');
+    if (stat(path, &info) == 0) {
+        if (S_ISDIR(info.st_mode)) return ex_fail(error, "%s: cannot be written: it is a directory", path);
+        if (access(path, W_OK) != 0) return ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
+        return 0;
+    }
+    if (errno != ENOENT) return ex_fail(error, "%.300s: cannot be written: %s", path, strerror(errno));
+    const size_t length = slash ? (size_t)(slash - path) + 1 : 1;
+    if (length >= sizeof folder) return ex_fail(error, "%.64s...: the name is too long", path);
+    memcpy(folder, slash ? path : ".", length);
+    folder[length] = '\0';
+    if (!*path || access(folder, W_OK) != 0)
+        return ex_fail(error, "%s: cannot be written: %s", path, *path ? strerror(errno) : "the name is empty");
+    return 0;
+}
+
+/* Whether two names are of one regular file, or would be; what is no file (a terminal, a pipe) may well serve twice. */
+static inline int ex_same_file(const char *left, const char *right) {
+    struct stat a, b;
+    const int there = stat(left, &a) == 0;
+    if (there != (stat(right, &b) == 0)) return 0;
+    return there ? S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino : strcmp(left, right) == 0;
+}
+
+/* Reads at most `most` bytes from the start of a file, puts a 0 byte behind them, and says how many bytes the file
+   holds. The caller frees the text. */
+static inline int ex_read_start(const char *path, size_t most, char **text, size_t *length, uint64_t *held,
+                                ex_error *error) {
+    FILE *file = ex_open(path, held, error);
+    if (!file) return 1;
+    *length = *held < most ? (size_t)*held : most;
+    *text = (char *)ex_allocate(*length + 1, 1);
+    const size_t got = fread(*text, 1, *length, file);
+    fclose(file);
+    if (got == *length) return 0;
+    free(*text);
+    *text = NULL;
+    return ex_fail(error, "%s: reading failed after %zu of %zu bytes", path, got, *length);
+}
+
+/* The whole file with a 0 byte behind it; freed by the caller. Blanks stand for the mark of UTF-8 that some editors
+   put before the first line. */
+static inline int ex_read_text(const char *path, char **text, size_t *length, ex_error *error) {
+    uint64_t held = 0;
+    if (ex_read_start(path, SIZE_MAX / 2, text, length, &held, error)) return 1;
+    if (*length >= 3 && memcmp(*text, "\xef\xbb\xbf", 3) == 0) memset(*text, ' ', 3);
+    if (*length == held) return 0;
+    free(*text);
+    *text = NULL;
+    return ex_fail(error, "%s: too large", path);
+}
+
+/* Cuts the next line off: returns its start with a 0 for its newline, NULL after the last one. */
+static inline char *ex_next_line(char **rest, const char *end) {
+    char *line = *rest;
+    if (line >= end) return NULL;
+    char *newline = (char *)memchr(line, '\n', (size_t)(end - line));
+    if (newline) *newline = '\0';
+    *rest = newline ? newline + 1 : line + (end - line);
+    return line;
+}
+
+static inline char *ex_skip_blanks(char *text) {
+    while (*text == ' ' || *text == '\t' || *text == '\r') ++text;
+    return text;
+}
+
+/* Turns items from a file's byte order into the machine's, or back, in place. */
+static inline void ex_byte_order(void *data, size_t count, size_t item_size, int big_endian) {
+    const uint16_t one = 1;
+    unsigned char first_byte;
+    memcpy(&first_byte, &one, 1);
+    if ((first_byte == 0) == (big_endian != 0)) return;
+    unsigned char *item = (unsigned char *)data;
+    for (size_t i = 0; i < count; ++i, item += item_size) {
+        for (size_t a = 0, b = item_size - 1; a < b; ++a, --b) {
+            const unsigned char swapped = item[a];
+            item[a] = item[b], item[b] = swapped;
+        }
+    }
+}
+
+/* Raw and PFM files are little endian. */
+static inline void ex_little_endian(void *data, size_t count, size_t item_size) {
+    ex_byte_order(data, count, item_size, 0);
+}
+
+/* -------------------------------------------------------------------------------------------------------- writing */
+
+/* A file that is being written. The first failure stands; closing belongs to it, since a full disk may show only
+   when the last buffer goes out. */
+typedef struct ex_output {
+    FILE *file;
+    const char *path;
+    int failure; /* errno of the first failure, 0 without one */
+} ex_output;
+
+static inline int ex_output_begin(ex_output *output, const char *path, ex_error *error) {
+    output->path = path;
+    output->failure = 0;
+    output->file = fopen(path, "wb");
+    return output->file ? 0 : ex_fail(error, "%s: cannot be written: %s", path, strerror(errno));
+}
+
+static inline void ex_output_note(ex_output *output, int failed) {
+    if (failed && !output->failure) output->failure = errno ? errno : EIO;
+}
+
+static inline void ex_output_bytes(ex_output *output, const void *data, size_t size) {
+    errno = 0;
+    ex_output_note(output, fwrite(data, 1, size, output->file) != size);
+}
+
+static inline int ex_output_end(ex_output *output, ex_error *error) {
+    errno = 0;
+    ex_output_note(output, fclose(output->file) != 0);
+    if (!output->failure) return 0;
+    return ex_fail(error, "%s: writing failed: %s", output->path, strerror(output->failure));
+}
+
+#endif /* EX_FILES_H */

@@ -1,0 +1,86 @@
+/* measuring.h: what programs share that print figures. */
+
+#ifndef EX_MEASURING_H
+#define EX_MEASURING_H
+
+#include "session.h"
+
+/* The value below which a share of all lie. Reorders them, as far as it takes to find it [Hoare 1961]. */
+static inline double ex_percentile(double *values, size_t count, double share) {
+    const size_t wanted = (size_t)(share * (double)(count - 1) + 0.5);
+    size_t low = 0, high = count - 1;
+    while (low < high) {
+        const double pivot = values[low + (high - low) / 2];
+        size_t i = low, j = high;
+        for (;;) {
+            while (values[i] < pivot) ++i;
+            while (pivot < values[j]) --j;
+            if (i >= j) break;
+            const double swapped = values[i];
+            values[i++] = values[j], values[j--] = swapped;
+        }
+        if (wanted <= j)
+            high = j;
+        else
+            low = j + 1;
+    }
+    return values[wanted];
+}
+
+/* What programs that measure share. They have nothing to save: a failure ends them, with one line on stderr. */
+
+static inline void ex_stop_if(int failed, const char *program, const ex_error *error) {
+    if (!failed) return;
+    fprintf(stderr, "%s: %s\n", program, error->text);
+    exit(1);
+}
+
+/* The same for what the library returns. */
+static inline void ex_stop_unless_ok(sps_result result, const char *program, const ex_session *session) {
+    ex_error error;
+    if (result != SPS_OK) ex_stop_if(ex_fail(&error, "%s", sps_error(session->context)), program, &error);
+}
+
+/* A session without a progress line, which figures would run into. */
+static inline void ex_session_measure(ex_session *session, const char *program, int threads) {
+    ex_error error;
+    ex_stop_if(ex_session_begin(session, threads, &error), program, &error);
+    session->progress.terminal = 0;
+}
+
+/* A finished transmittance map of what the light sees. */
+static inline sps_tmap *ex_tmap_build(const ex_session *session, const char *program, const sps_view *light,
+                                      const sps_tmap_settings *settings, const sps_scene *occluders) {
+    sps_tmap *map;
+    ex_stop_unless_ok(sps_tmap_create(session->context, light, settings, &map), program, session);
+    ex_stop_unless_ok(sps_tmap_add(map, occluders), program, session);
+    ex_stop_unless_ok(sps_tmap_finish(map), program, session);
+    return map;
+}
+
+enum { EX_QUERY_BLOCK = 4096 }; /* points of one task */
+
+typedef struct ex_query {
+    const sps_tmap *map;
+    size_t count;
+    const double *positions;
+    float *optical_depths, *transmittances;
+} ex_query;
+
+static inline void ex_query_block(void *data, int index, int worker) {
+    const ex_query *query = (const ex_query *)data;
+    const size_t first = (size_t)index * EX_QUERY_BLOCK, left = query->count - first;
+    (void)worker;
+    sps_tmap_query(query->map, left < EX_QUERY_BLOCK ? left : EX_QUERY_BLOCK, query->positions + 3 * first,
+                   query->optical_depths ? query->optical_depths + first : NULL,
+                   query->transmittances ? query->transmittances + first : NULL);
+}
+
+/* sps_tmap_query with all of the session's threads. */
+static inline void ex_tmap_query(ex_session *session, const sps_tmap *map, size_t count, const double *positions,
+                                 float *optical_depths, float *transmittances) {
+    ex_query query = {map, count, positions, optical_depths, transmittances};
+    ex_parallel_for(&session->pool, (int)((count + EX_QUERY_BLOCK - 1) / EX_QUERY_BLOCK), ex_query_block, &query);
+}
+
+#endif /* EX_MEASURING_H */

@@ -1,0 +1,321 @@
+/* mesh.h: triangles, put together corner by corner or read from a Wavefront OBJ file, and their normals. */
+
+#ifndef EX_MESH_H
+#define EX_MESH_H
+
+#include "files.h"
+#include "vectors.h"
+
+/* ---------------------------------------------------------------------------------------- putting a mesh together */
+
+/* Triangles with a normal at each corner. */
+typedef struct ex_mesh {
+    sps_triangle *triangles;
+    size_t triangle_count;
+    double lo[3], hi[3]; /* bounds; lo > hi without triangles */
+} ex_mesh;
+
+typedef struct ex_corner {
+    size_t position; /* index */
+    size_t normal;   /* index, or EX_NO_NORMAL: to be computed */
+} ex_corner;
+#define EX_NO_NORMAL ((size_t)-1)
+
+/* A mesh while it is being put together. All zero is an empty one. */
+typedef struct ex_builder {
+    float *positions, *normals; /* packed triples */
+    ex_corner *corners;         /* three a triangle */
+    size_t position_count, position_capacity, normal_count, normal_capacity, corner_count, corner_capacity;
+} ex_builder;
+
+static inline size_t ex_add_position(ex_builder *builder, double x, double y, double z) {
+    builder->positions =
+        (float *)ex_grow(builder->positions, builder->position_count, &builder->position_capacity, 3 * sizeof(float));
+    float *position = builder->positions + 3 * builder->position_count;
+    position[0] = (float)x, position[1] = (float)y, position[2] = (float)z;
+    return builder->position_count++;
+}
+
+static inline size_t ex_add_normal(ex_builder *builder, double x, double y, double z) {
+    builder->normals =
+        (float *)ex_grow(builder->normals, builder->normal_count, &builder->normal_capacity, 3 * sizeof(float));
+    float *normal = builder->normals + 3 * builder->normal_count;
+    normal[0] = (float)x, normal[1] = (float)y, normal[2] = (float)z;
+    return builder->normal_count++;
+}
+
+static inline void ex_add_corner(ex_builder *builder, size_t position, size_t normal) {
+    builder->corners =
+        (ex_corner *)ex_grow(builder->corners, builder->corner_count, &builder->corner_capacity, sizeof(ex_corner));
+    builder->corners[builder->corner_count].position = position;
+    builder->corners[builder->corner_count].normal = normal;
+    ++builder->corner_count;
+}
+
+static inline void ex_add_triangle(ex_builder *builder, size_t a, size_t b, size_t c) {
+    ex_add_corner(builder, a, EX_NO_NORMAL);
+    ex_add_corner(builder, b, EX_NO_NORMAL);
+    ex_add_corner(builder, c, EX_NO_NORMAL);
+}
+
+static inline void ex_add_quad(ex_builder *builder, size_t a, size_t b, size_t c, size_t d) {
+    ex_add_triangle(builder, a, b, c);
+    ex_add_triangle(builder, a, c, d);
+}
+
+static inline void ex_builder_free(ex_builder *builder) {
+    free(builder->positions);
+    free(builder->normals);
+    free(builder->corners);
+    memset(builder, 0, sizeof *builder);
+}
+
+typedef struct ex_weld_item {
+    float position[3];
+    size_t index;
+} ex_weld_item;
+
+static inline int ex_weld_compare(const void *left, const void *right) {
+    const ex_weld_item *a = (const ex_weld_item *)left, *b = (const ex_weld_item *)right;
+    for (int i = 0; i < 3; ++i)
+        if (a->position[i] != b->position[i]) return a->position[i] < b->position[i] ? -1 : 1;
+    return 0;
+}
+
+/* The number of the point in space that each position stands for: files often repeat positions along seams. */
+static inline size_t *ex_weld(const ex_builder *builder, size_t *point_count) {
+    const size_t count = builder->position_count;
+    ex_weld_item *items = (ex_weld_item *)ex_allocate(count, sizeof *items);
+    size_t *points = (size_t *)ex_allocate(count, sizeof *points);
+    for (size_t i = 0; i < count; ++i) {
+        memcpy(items[i].position, builder->positions + 3 * i, sizeof items[i].position);
+        items[i].index = i;
+    }
+    qsort(items, count, sizeof *items, ex_weld_compare);
+    *point_count = 0;
+    for (size_t i = 0; i < count; ++i) {
+        if (i > 0 && ex_weld_compare(&items[i - 1], &items[i]) != 0) ++*point_count;
+        points[items[i].index] = *point_count;
+    }
+    if (count > 0) ++*point_count;
+    free(items);
+    return points;
+}
+
+/* Corners sorted by the point they meet at: those of point p are list[first[p]] .. list[first[p + 1] - 1]. */
+typedef struct ex_star {
+    size_t *points, *first, *list;
+} ex_star;
+
+static inline ex_star ex_star_make(const ex_builder *builder) {
+    ex_star star;
+    size_t point_count = 0;
+    star.points = ex_weld(builder, &point_count);
+    star.first = (size_t *)ex_allocate(point_count + 2, sizeof *star.first);
+    star.list = (size_t *)ex_allocate(builder->corner_count, sizeof *star.list);
+    /* A counting sort; counts stand two places up, so that after filling, first[p] is where p starts. */
+    for (size_t i = 0; i < builder->corner_count; ++i) ++star.first[star.points[builder->corners[i].position] + 2];
+    for (size_t p = 2; p < point_count + 2; ++p) star.first[p] += star.first[p - 1];
+    for (size_t i = 0; i < builder->corner_count; ++i)
+        star.list[star.first[star.points[builder->corners[i].position] + 1]++] = i;
+    return star;
+}
+
+static inline void ex_star_free(ex_star *star) {
+    free(star->points);
+    free(star->first);
+    free(star->list);
+}
+
+/* Twice the area of a triangle, along its normal. */
+static inline void ex_area_vector(const ex_builder *builder, size_t triangle, double out[3]) {
+    double edge[2][3];
+    const ex_corner *corner = builder->corners + 3 * triangle;
+    const float *a = builder->positions + 3 * corner[0].position;
+    for (int e = 0; e < 2; ++e) {
+        const float *b = builder->positions + 3 * corner[e + 1].position;
+        for (int i = 0; i < 3; ++i) edge[e][i] = (double)b[i] - (double)a[i];
+    }
+    out[0] = edge[0][1] * edge[1][2] - edge[0][2] * edge[1][1];
+    out[1] = edge[0][2] * edge[1][0] - edge[0][0] * edge[1][2];
+    out[2] = edge[0][0] * edge[1][1] - edge[0][1] * edge[1][0];
+}
+
+/* The mean normal, weighted by area, of the triangles at this corner that turn from its own by less than the crease
+   angle. Zero for a triangle without area: the library then takes the triangle's own. */
+static inline void ex_smooth_normal(const ex_builder *builder, const ex_star *star, size_t corner, double crease_cosine,
+                                    float out[3]) {
+    double own[3], sum[3];
+    ex_area_vector(builder, corner / 3, own);
+    memcpy(sum, own, sizeof sum);
+    const double own_length = sqrt(ex_dot(own, own));
+    const size_t point = star->points[builder->corners[corner].position];
+    for (size_t i = star->first[point]; i < star->first[point + 1]; ++i) {
+        double other[3];
+        if (star->list[i] / 3 == corner / 3) continue;
+        ex_area_vector(builder, star->list[i] / 3, other);
+        if (ex_dot(own, other) < crease_cosine * own_length * sqrt(ex_dot(other, other))) continue;
+        for (int a = 0; a < 3; ++a) sum[a] += other[a];
+    }
+    const double length = sqrt(ex_dot(sum, sum));
+    for (int a = 0; a < 3; ++a) out[a] = length > 0.0 ? (float)(sum[a] / length) : 0.0f;
+}
+
+static inline void ex_mesh_measure(ex_mesh *mesh) {
+    for (int a = 0; a < 3; ++a) mesh->lo[a] = DBL_MAX, mesh->hi[a] = -DBL_MAX;
+    for (size_t t = 0; t < mesh->triangle_count; ++t)
+        for (int c = 0; c < 3; ++c)
+            for (int a = 0; a < 3; ++a) {
+                const double p = (double)mesh->triangles[t].position[c][a];
+                if (p < mesh->lo[a]) mesh->lo[a] = p;
+                if (p > mesh->hi[a]) mesh->hi[a] = p;
+            }
+}
+
+/* Turns what was added into triangles, with normals where none were given, and frees the builder. Edges that turn by
+   more than crease_degrees stay sharp; 60 suits most models. */
+static inline void ex_mesh_build(ex_mesh *mesh, ex_builder *builder, double crease_degrees) {
+    const double crease_cosine = cos(crease_degrees * 3.14159265358979 / 180.0);
+    ex_star star = ex_star_make(builder);
+    mesh->triangle_count = builder->corner_count / 3;
+    mesh->triangles = (sps_triangle *)ex_allocate(mesh->triangle_count, sizeof *mesh->triangles);
+    for (size_t i = 0; i < 3 * mesh->triangle_count; ++i) {
+        sps_triangle *triangle = mesh->triangles + i / 3;
+        const ex_corner corner = builder->corners[i];
+        memcpy(triangle->position[i % 3], builder->positions + 3 * corner.position, 3 * sizeof(float));
+        if (corner.normal != EX_NO_NORMAL)
+            memcpy(triangle->normal[i % 3], builder->normals + 3 * corner.normal, 3 * sizeof(float));
+        else
+            ex_smooth_normal(builder, &star, i, crease_cosine, triangle->normal[i % 3]);
+    }
+    ex_star_free(&star);
+    ex_builder_free(builder);
+    ex_mesh_measure(mesh);
+}
+
+/* sps_mesh.read_fn over an ex_mesh; has_normals is to be 1. */
+static inline int ex_mesh_read(void *user, size_t first, size_t count, sps_triangle *out) {
+    const ex_mesh *mesh = (const ex_mesh *)user;
+    memcpy(out, mesh->triangles + first, count * sizeof *out);
+    return 0;
+}
+
+static inline void ex_mesh_free(ex_mesh *mesh) {
+    free(mesh->triangles);
+    memset(mesh, 0, sizeof *mesh);
+}
+
+/* -------------------------------------------------------------------------------------------------- Wavefront OBJ */
+
+/* Three numbers after "v" or "vn"; what follows them (w, a colour) is not read. Gives what is wrong, or NULL. */
+static inline const char *ex_obj_triple(char *text, double out[3]) {
+    for (int i = 0; i < 3; ++i) {
+        char *end;
+        out[i] = strtod(text, &end);
+        if (end == text) return "not three numbers";
+        if (!(fabs(out[i]) <= EX_COORDINATE_MAX)) return "a number that is not within 1e15";
+        text = end;
+    }
+    return NULL;
+}
+
+/* Resolves a 1-based index, or one that counts back from the latest. */
+static inline int ex_obj_index(char **text, size_t count, size_t *out) {
+    char *end;
+    const long long index = strtoll(*text, &end, 10);
+    if (end == *text) return 1;
+    *text = end;
+    if (index > 0 && (unsigned long long)index <= count) {
+        *out = (size_t)index - 1;
+        return 0;
+    }
+    if (index < 0 && (unsigned long long)-(index + 1) < count) {
+        *out = count - 1 - (size_t) - (index + 1);
+        return 0;
+    }
+    return 1;
+}
+
+/* One corner of a face: v, v/vt, v//vn or v/vt/vn. */
+static inline int ex_obj_corner(char **text, const ex_builder *builder, ex_corner *corner) {
+    corner->normal = EX_NO_NORMAL;
+    if (ex_obj_index(text, builder->position_count, &corner->position)) return 1;
+    if (**text == '/') {
+        ++*text;
+        if (**text != '/') {
+            char *end;
+            strtoll(*text, &end, 10); /* the texture coordinate: not used */
+            if (end == *text) return 1;
+            *text = end;
+        }
+        if (**text == '/') {
+            ++*text;
+            if (ex_obj_index(text, builder->normal_count, &corner->normal)) return 1;
+        }
+    }
+    return **text != '\0' && **text != ' ' && **text != '\t' && **text != '\r';
+}
+
+/* A face of three corners or more, as a fan round its first. */
+static inline int ex_obj_face(char *text, ex_builder *builder) {
+    ex_corner first = {0, 0}, previous = {0, 0}, corner = {0, 0};
+    int corner_count = 0;
+    for (text = ex_skip_blanks(text); *text && *text != '#'; text = ex_skip_blanks(text)) {
+        if (ex_obj_corner(&text, builder, &corner)) return 1;
+        if (corner_count == 0) first = corner;
+        if (corner_count >= 2) {
+            ex_add_corner(builder, first.position, first.normal);
+            ex_add_corner(builder, previous.position, previous.normal);
+            ex_add_corner(builder, corner.position, corner.normal);
+        }
+        previous = corner;
+        ++corner_count;
+    }
+    return corner_count < 3;
+}
+
+/* Positions, normals and faces; all else that the format knows is passed over. Gives what is wrong, or NULL. */
+static inline const char *ex_obj_line(char *line, ex_builder *builder) {
+    double triple[3];
+    const char *wrong = NULL;
+    line = ex_skip_blanks(line);
+    if (line[0] == 'v' && (line[1] == ' ' || line[1] == '\t')) {
+        wrong = ex_obj_triple(line + 1, triple);
+        if (!wrong) ex_add_position(builder, triple[0], triple[1], triple[2]);
+    } else if (line[0] == 'v' && line[1] == 'n' && (line[2] == ' ' || line[2] == '\t')) {
+        wrong = ex_obj_triple(line + 2, triple);
+        if (!wrong) ex_add_normal(builder, triple[0], triple[1], triple[2]);
+    } else if (line[0] == 'f' && (line[1] == ' ' || line[1] == '\t')) {
+        if (ex_obj_face(line + 1, builder)) wrong = "not a face, or an index that is not there";
+    }
+    return wrong;
+}
+
+/* Reads a Wavefront OBJ file. crease_degrees as in ex_mesh_build. */
+static inline int ex_mesh_load(ex_mesh *mesh, const char *path, double crease_degrees, ex_error *error) {
+    ex_builder builder;
+    const char *wrong = NULL;
+    char *text = NULL, *line;
+    size_t length = 0;
+    int line_number = 0, failed = 0;
+    memset(mesh, 0, sizeof *mesh);
+    memset(&builder, 0, sizeof builder);
+    if (ex_read_text(path, &text, &length, error)) return 1;
+    char *rest = text;
+    while (!wrong && (line = ex_next_line(&rest, text + length)) != NULL) {
+        ++line_number;
+        wrong = ex_obj_line(line, &builder);
+    }
+    if (wrong)
+        failed = ex_fail(error, "%s:%d: %s: '%s'", path, line_number, wrong, ex_quoted(line).text);
+    else if (builder.corner_count == 0)
+        failed = ex_fail(error, "%s: no faces", path);
+    if (failed)
+        ex_builder_free(&builder);
+    else
+        ex_mesh_build(mesh, &builder, crease_degrees);
+    free(text);
+    return failed;
+}
+
+#endif /* EX_MESH_H */

@@ -1,0 +1,63 @@
+/* particles.h: particles in memory and from a file. */
+
+#ifndef EX_PARTICLES_H
+#define EX_PARTICLES_H
+
+#include "files.h"
+
+/* sps_particles.read_fn over a list of them. */
+static inline int ex_particles_read(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
+    return 0;
+}
+
+/* Particles from a file of 32-bit floats, five each. */
+typedef struct ex_particles {
+    sps_particle *list;
+    size_t count;
+    double lo[3], hi[3]; /* bounds of those that are finite; lo > hi without any */
+} ex_particles;
+
+static inline void ex_particles_measure(ex_particles *particles) {
+    for (int a = 0; a < 3; ++a) particles->lo[a] = DBL_MAX, particles->hi[a] = -DBL_MAX;
+    for (size_t i = 0; i < particles->count; ++i) {
+        const sps_particle *p = particles->list + i;
+        for (int a = 0; a < 3; ++a) {
+            const double at = (double)p->position[a], radius = (double)p->radius;
+            if (!(fabs(at) <= 1e15 && radius > 0 && radius <= 1e15)) continue; /* the library will say so */
+            particles->lo[a] = fmin(particles->lo[a], at - radius);
+            particles->hi[a] = fmax(particles->hi[a], at + radius);
+        }
+    }
+}
+
+static inline int ex_particles_load(ex_particles *particles, const char *path, ex_error *error) {
+    uint64_t held = 0;
+    memset(particles, 0, sizeof *particles);
+    FILE *file = ex_open(path, &held, error);
+    if (!file) return 1;
+    if (held % sizeof(sps_particle) != 0 || held > SIZE_MAX / 2) {
+        fclose(file);
+        return ex_fail(error, "%s: the file holds %llu bytes, which is no multiple of a particle's 20", path,
+                       (unsigned long long)held);
+    }
+    particles->count = (size_t)held / sizeof(sps_particle);
+    particles->list = (sps_particle *)ex_allocate(particles->count + 1, sizeof(sps_particle));
+    const size_t got = fread(particles->list, sizeof(sps_particle), particles->count, file);
+    fclose(file);
+    if (got != particles->count) {
+        free(particles->list);
+        memset(particles, 0, sizeof *particles);
+        return ex_fail(error, "%s: reading failed after %zu particles", path, got);
+    }
+    ex_little_endian(particles->list, 5 * particles->count, sizeof(float));
+    ex_particles_measure(particles);
+    return 0;
+}
+
+static inline void ex_particles_free(ex_particles *particles) {
+    free(particles->list);
+    memset(particles, 0, sizeof *particles);
+}
+
+#endif /* EX_PARTICLES_H */

@@ -1,0 +1,53 @@
+/* scene.h: the light, the backdrop and the camera that most of the example scenes have. */
+
+#ifndef EX_SCENE_H
+#define EX_SCENE_H
+
+#include "vectors.h"
+
+/* A warm light that travels along `direction`. */
+static inline sps_light ex_sun(ex_vec direction, double strength) {
+    sps_light sun;
+    memset(&sun, 0, sizeof sun);
+    sun.kind = SPS_LIGHT_DIRECTIONAL;
+    sun.direction[0] = direction.x, sun.direction[1] = direction.y, sun.direction[2] = direction.z;
+    ex_color(sun.color, strength, 0.92 * strength, 0.78 * strength);
+    return sun;
+}
+
+/* sps_scene.background_fn: of the two colors that `user` holds, the first is below and the second above. */
+static inline int ex_backdrop(void *user, size_t count, const float *directions, float *out_rgb) {
+    const float(*ends)[3] = (const float(*)[3])user;
+    for (size_t i = 0; i < count; ++i) {
+        const double t = ex_ramp(-0.8, 0.3, (double)directions[3 * i + 1]);
+        for (int c = 0; c < 3; ++c)
+            out_rgb[3 * i + (size_t)c] = (float)ex_mix((double)ends[0][c], (double)ends[1][c], t);
+    }
+    return 0;
+}
+
+/* A scene with nothing in it: the sun, which it borrows, weak bluish ambient light and a grey backdrop. */
+static inline sps_scene ex_scene(const sps_light *sun) {
+    static float grey[2][3] = {{0.34f, 0.36f, 0.38f}, {0.11f, 0.14f, 0.19f}};
+    sps_scene scene;
+    memset(&scene, 0, sizeof scene);
+    scene.lights = sun, scene.light_count = 1;
+    ex_color(scene.ambient, 0.13, 0.15, 0.18);
+    scene.background_fn = ex_backdrop, scene.background_user = grey;
+    return scene;
+}
+
+/* A camera for a picture of 480 x 360 at high quality; `degrees` is the vertical field of view. */
+static inline sps_view ex_view(ex_vec position, ex_vec target, double degrees) {
+    sps_view view;
+    memset(&view, 0, sizeof view);
+    view.position[0] = position.x, view.position[1] = position.y, view.position[2] = position.z;
+    view.target[0] = target.x, view.target[1] = target.y, view.target[2] = target.z;
+    view.up[1] = 1;
+    view.field_of_view = degrees * EX_PI / 180;
+    view.width = 480, view.height = 360;
+    view.quality = SPS_QUALITY_HIGH;
+    return view;
+}
+
+#endif /* EX_SCENE_H */

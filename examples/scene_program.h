@@ -1,0 +1,95 @@
+/* scene_program.h: what a scene program does besides its scene: options, rendering, the picture. */
+
+#ifndef EX_SCENE_PROGRAM_H
+#define EX_SCENE_PROGRAM_H
+
+#include "arguments.h"
+#include "picture.h"
+#include "session.h"
+
+typedef struct ex_scene_options {
+    const char *out;
+    int width, threads, quality;
+} ex_scene_options;
+
+static inline int ex_scene_options_read(int argc, char **argv, ex_scene_options *options, ex_error *error) {
+    for (int i = 1; i < argc; i += 2) {
+        const char *name = argv[i], *value = i + 1 < argc ? argv[i + 1] : "";
+        int wrong = 0;
+        if (strcmp(name, "--out") == 0)
+            options->out = value, wrong = *value == '\0';
+        else if (strcmp(name, "--width") == 0)
+            wrong = ex_whole_number(value, 1, 8192, &options->width);
+        else if (strcmp(name, "--threads") == 0)
+            wrong = ex_whole_number(value, 1, 1024, &options->threads);
+        else if (strcmp(name, "--quality") == 0)
+            wrong = (options->quality = ex_find_name(ex_quality_names, value)) < 0;
+        else
+            return ex_fail(error, "unknown option '%s'; there are --out FILE.png --width W --threads N --quality Q",
+                           name);
+        if (wrong) return ex_fail(error, "%s: '%s' will not do", name, value);
+    }
+    return ex_check_writable(options->out, error);
+}
+
+/* What a program does to the large picture before it is made small. Distances are rendered only for that. */
+typedef struct ex_finish {
+    void (*apply_fn)(void *user, const sps_view *view, const sps_image *image);
+    void *user;
+} ex_finish;
+
+/* Twice the size of the picture, for the edges of polygons. */
+static inline sps_view ex_scene_large_view(const sps_view *view, const ex_scene_options *options) {
+    sps_view large = *view;
+    int width = view->width, height = view->height;
+    if (options->width) height = (int)((double)height * options->width / width + 0.5), width = options->width;
+    if (height < 1) height = 1;
+    large.width = 2 * width, large.height = 2 * height;
+    if (options->quality) large.quality = (sps_quality)options->quality;
+    return large;
+}
+
+/* Renders a large picture, makes it small, and writes it. `finish` may be NULL. */
+static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, const ex_scene_options *options,
+                                  const ex_finish *finish, ex_error *error) {
+    const sps_view large = ex_scene_large_view(view, options);
+    const size_t pixels = (size_t)large.width * (size_t)large.height;
+    ex_session session;
+    sps_image image;
+    if (ex_session_begin(&session, options->threads, error)) return 1;
+    memset(&image, 0, sizeof image);
+    image.rgba = (float *)ex_allocate(pixels, 4 * sizeof(float));
+    if (finish) image.depth = (float *)ex_allocate(pixels, sizeof(float));
+    const double start = ex_now(NULL);
+    int failed = sps_render(session.context, scene, &large, &image) != SPS_OK;
+    if (failed) ex_fail(error, "%s", sps_error(session.context));
+    if (finish && !failed) finish->apply_fn(finish->user, &large, &image);
+    const double seconds = ex_now(NULL) - start;
+    ex_session_end(&session);
+    if (!failed) {
+        ex_halve(image.rgba, large.width, large.height, 4, image.rgba);
+        failed = ex_write_png(options->out, image.rgba, large.width / 2, large.height / 2, 1, error);
+    }
+    if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, large.width / 2, large.height / 2, seconds);
+    free(image.rgba);
+    free(image.depth);
+    return failed;
+}
+
+/* All that the main of a scene program has left to do: reads --out FILE.png --width W --threads N --quality Q and
+   makes the picture. Without --out it is called `name`; without --width it is as wide as the view. `finish` may be
+   NULL. Returns what main returns. */
+static inline int ex_scene_program(int argc, char **argv, const char *name, const sps_scene *scene,
+                                   const sps_view *view, const ex_finish *finish) {
+    ex_scene_options options = {name, 0, 0, 0};
+    ex_error error;
+    int status = EX_OK;
+    if (ex_scene_options_read(argc, argv, &options, &error))
+        status = EX_MISTAKEN;
+    else if (ex_scene_render(scene, view, &options, finish, &error))
+        status = EX_FAILED;
+    if (status != EX_OK) fprintf(stderr, "%s: %s\n", argv[0], error.text);
+    return status;
+}
+
+#endif /* EX_SCENE_PROGRAM_H */

@@ -1,0 +1,60 @@
+/* transfer.h: transfer functions from a file. */
+
+#ifndef EX_TRANSFER_H
+#define EX_TRANSFER_H
+
+#include "files.h"
+
+typedef struct ex_transfer {
+    sps_transfer_point *points;
+    size_t point_count;
+} ex_transfer;
+
+static inline void ex_transfer_free(ex_transfer *transfer) {
+    free(transfer->points);
+    memset(transfer, 0, sizeof *transfer);
+}
+
+/* `value r g b extinction`, with room for a comment behind it. */
+static inline int ex_transfer_line(char *text, sps_transfer_point *point) {
+    float *fields[5] = {&point->value, &point->color[0], &point->color[1], &point->color[2], &point->extinction};
+    for (int i = 0; i < 5; ++i) {
+        char *end;
+        const double number = strtod(text, &end), most = i >= 1 && i <= 3 ? 1.0 : 1e18; /* r, g, b: 0..1 */
+        if (end == text || !(number >= 0.0 && number <= most)) return 1;
+        *fields[i] = (float)number;
+        text = end;
+    }
+    text = ex_skip_blanks(text);
+    return *text != '\0' && *text != '#';
+}
+
+/* Reads a transfer function: one point a line, values rising; # starts a comment, blank lines are passed over. */
+static inline int ex_transfer_load(ex_transfer *transfer, const char *path, ex_error *error) {
+    char *text = NULL, *line;
+    size_t length = 0, capacity = 0;
+    int line_number = 0, failed = 0;
+    memset(transfer, 0, sizeof *transfer);
+    if (ex_read_text(path, &text, &length, error)) return 1;
+    char *rest = text;
+    while (!failed && (line = ex_next_line(&rest, text + length)) != NULL) {
+        ++line_number;
+        line = ex_skip_blanks(line);
+        if (*line == '\0' || *line == '#') continue;
+        transfer->points =
+            (sps_transfer_point *)ex_grow(transfer->points, transfer->point_count, &capacity, sizeof *transfer->points);
+        sps_transfer_point *point = transfer->points + transfer->point_count;
+        if (ex_transfer_line(line, point))
+            failed = ex_fail(error, "%s:%d: not `value r g b extinction`, or out of range: '%s'", path, line_number,
+                             ex_quoted(line).text);
+        else if (transfer->point_count > 0 && !(point->value > point[-1].value))
+            failed = ex_fail(error, "%s:%d: values must rise from line to line", path, line_number);
+        ++transfer->point_count;
+    }
+    if (!failed && transfer->point_count == 0) failed = ex_fail(error, "%s: no lines with values", path);
+    free(text);
+    if (failed) ex_transfer_free(transfer);
+    return failed;
+}
+
+#endif /* EX_TRANSFER_H */

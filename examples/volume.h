@@ -1,0 +1,285 @@
+/* volume.h: volumes in memory, the callbacks that hand them to the library, and the voxels in a file. */
+
+#ifndef EX_VOLUME_H
+#define EX_VOLUME_H
+
+#include "files.h"
+
+/* ----------------------------------------------------------------------------------------------- a grid in memory */
+
+typedef enum ex_type { EX_U8 = 0, EX_I8, EX_U16, EX_I16, EX_U32, EX_I32, EX_F32, EX_F64 } ex_type;
+
+/* In the order of ex_type. */
+static const char *const ex_type_names[] = {"u8", "i8", "u16", "i16", "u32", "i32", "f32", "f64", NULL};
+
+static inline size_t ex_type_size(ex_type type) {
+    static const size_t sizes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+    return sizes[type];
+}
+
+static inline int ex_type_is_float(ex_type type) { return type == EX_F32 || type == EX_F64; }
+
+enum { EX_GRID_BLOCK = 32 }; /* voxels along the edge of a block whose range is known */
+
+/* A volume in memory as it was read, x fastest. A stored number s stands for the value (s - zero) / unit; what lies
+   outside of least..most counts as these. `ranges` holds min and max by block. */
+typedef struct ex_grid {
+    int size[3];
+    ex_type type;
+    double zero, unit;
+    float least, most;
+    void *data;
+    int blocks[3];
+    float *ranges;
+} ex_grid;
+
+#define EX_CONVERT(stored_type, real)                                                                                  \
+    do {                                                                                                               \
+        const stored_type *stored = (const stored_type *)grid->data + first;                                           \
+        const real zero = (real)grid->zero, unit = (real)grid->unit;                                                   \
+        const real least = (real)grid->least, most = (real)grid->most;                                                 \
+        for (size_t i = 0; i < count; ++i) {                                                                           \
+            const real value = ((real)stored[i] - zero) / unit;                                                        \
+            out[i] = (float)(value < least ? least : value > most ? most : value);                                     \
+        }                                                                                                              \
+    } while (0)
+
+/* The values of `count` voxels from the one with number `first` on. NaN stays NaN. */
+static inline void ex_grid_values(const ex_grid *grid, size_t first, size_t count, float *out) {
+    switch (grid->type) {
+    case EX_U8: EX_CONVERT(uint8_t, float); break;
+    case EX_I8: EX_CONVERT(int8_t, float); break;
+    case EX_U16: EX_CONVERT(uint16_t, float); break;
+    case EX_I16: EX_CONVERT(int16_t, float); break;
+    case EX_U32: EX_CONVERT(uint32_t, double); break; /* 32 bits are more than a float holds */
+    case EX_I32: EX_CONVERT(int32_t, double); break;
+    case EX_F32: EX_CONVERT(float, float); break;
+    case EX_F64: EX_CONVERT(double, double); break;
+    }
+}
+#undef EX_CONVERT
+
+/* The values of `count` voxels from (x,y,z) along x. */
+static inline void ex_grid_row(const ex_grid *grid, int x, int y, int z, int count, float *out) {
+    const size_t row = (size_t)z * (size_t)grid->size[1] + (size_t)y;
+    ex_grid_values(grid, row * (size_t)grid->size[0] + (size_t)x, (size_t)count, out);
+}
+
+/* sps_volume.read_fn over an ex_grid. */
+static inline int ex_grid_read(void *user, const int lo[3], const int size[3], float *out) {
+    const ex_grid *grid = (const ex_grid *)user;
+    for (int z = 0; z < size[2]; ++z)
+        for (int y = 0; y < size[1]; ++y, out += size[0]) ex_grid_row(grid, lo[0], lo[1] + y, lo[2] + z, size[0], out);
+    return 0;
+}
+
+/* Widens `range` by a row. A value that the library refuses makes it as wide as can be: then the block is read,
+   and the library gets to see the value. */
+static inline void ex_range_add(float range[2], const float *values, int count) {
+    for (int i = 0; i < count; ++i) {
+        if (!(values[i] >= 0.0f && values[i] <= 1e18f)) {
+            range[0] = 0.0f, range[1] = 1e18f;
+            return;
+        }
+        if (values[i] < range[0]) range[0] = values[i];
+        if (values[i] > range[1]) range[1] = values[i];
+    }
+}
+
+static inline void ex_grid_measure_block(const ex_grid *grid, int bx, int by, int bz, float range[2]) {
+    float row[EX_GRID_BLOCK];
+    const int at[3] = {bx * EX_GRID_BLOCK, by * EX_GRID_BLOCK, bz * EX_GRID_BLOCK};
+    int end[3];
+    for (int a = 0; a < 3; ++a) end[a] = at[a] + EX_GRID_BLOCK < grid->size[a] ? at[a] + EX_GRID_BLOCK : grid->size[a];
+    range[0] = FLT_MAX, range[1] = 0.0f;
+    for (int z = at[2]; z < end[2]; ++z)
+        for (int y = at[1]; y < end[1]; ++y) {
+            ex_grid_row(grid, at[0], y, z, end[0] - at[0], row);
+            ex_range_add(range, row, end[0] - at[0]);
+        }
+}
+
+/* Fills `ranges`; to be called once when the data are complete. */
+static inline void ex_grid_measure(ex_grid *grid) {
+    for (int a = 0; a < 3; ++a) grid->blocks[a] = (grid->size[a] + EX_GRID_BLOCK - 1) / EX_GRID_BLOCK;
+    const size_t count = (size_t)grid->blocks[0] * (size_t)grid->blocks[1] * (size_t)grid->blocks[2];
+    grid->ranges = (float *)ex_allocate(count, 2 * sizeof(float));
+    float *range = grid->ranges;
+    for (int z = 0; z < grid->blocks[2]; ++z)
+        for (int y = 0; y < grid->blocks[1]; ++y)
+            for (int x = 0; x < grid->blocks[0]; ++x, range += 2) ex_grid_measure_block(grid, x, y, z, range);
+}
+
+/* sps_volume.range_fn over an ex_grid: bounds over all measured blocks that the asked one touches. */
+static inline int ex_grid_range(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
+    const ex_grid *grid = (const ex_grid *)user;
+    int from[3], to[3];
+    for (int a = 0; a < 3; ++a) {
+        from[a] = lo[a] / EX_GRID_BLOCK;
+        to[a] = (lo[a] + size[a] - 1) / EX_GRID_BLOCK;
+    }
+    out_min_max[0] = FLT_MAX, out_min_max[1] = 0.0f;
+    for (int z = from[2]; z <= to[2]; ++z)
+        for (int y = from[1]; y <= to[1]; ++y) {
+            const size_t row = ((size_t)z * (size_t)grid->blocks[1] + (size_t)y) * (size_t)grid->blocks[0];
+            for (int x = from[0]; x <= to[0]; ++x) {
+                const float *range = grid->ranges + 2 * (row + (size_t)x);
+                if (range[0] < out_min_max[0]) out_min_max[0] = range[0];
+                if (range[1] > out_min_max[1]) out_min_max[1] = range[1];
+            }
+        }
+    return 0;
+}
+
+/* Bytes that such a grid takes; 0 if that is more than can be addressed. */
+static inline uint64_t ex_grid_bytes(const int size[3], ex_type type) {
+    uint64_t bytes = ex_type_size(type);
+    for (int a = 0; a < 3; ++a) {
+        if (size[a] < 1 || bytes > (uint64_t)SIZE_MAX / (uint64_t)size[a]) return 0;
+        bytes *= (uint64_t)size[a];
+    }
+    return bytes;
+}
+
+/* A grid of zeros, whose stored numbers are its values. */
+static inline void ex_grid_begin(ex_grid *grid, const int size[3], ex_type type) {
+    memset(grid, 0, sizeof *grid);
+    memcpy(grid->size, size, sizeof grid->size);
+    grid->type = type;
+    grid->unit = 1;
+    grid->most = FLT_MAX;
+    grid->data = ex_allocate((size_t)ex_grid_bytes(size, type), 1);
+}
+
+static inline void ex_grid_free(ex_grid *grid) {
+    free(grid->data);
+    free(grid->ranges);
+    memset(grid, 0, sizeof *grid);
+}
+
+/* ----------------------------------------------------------------------------------------------- voxels in a file */
+
+enum { EX_PATH_MAX = 4096 };
+
+/* Where in a file the voxels are, and what they stand for. */
+typedef struct ex_voxel_file {
+    char path[EX_PATH_MAX];
+    uint64_t offset;         /* bytes before the first voxel */
+    int at_end;              /* 1: instead of that, the voxels are the last thing in the file */
+    int may_go_on;           /* 1: other things may follow the voxels */
+    int size[3];             /* voxels along x, y, z */
+    ex_type type;            /* of the stored numbers */
+    int big_endian;          /* byte order of the stored numbers */
+    int x_slowest;           /* 1: z runs fastest in the file and x slowest, instead of the other way round */
+    double slope, intercept; /* a number s stands for slope * s + intercept; slope 0: for itself */
+    double range[2];         /* what of that becomes value 0 and value 1; both 0: by type, see ex_voxel_file_scale */
+} ex_voxel_file;
+
+/* A little-endian file of nothing but voxels. */
+static inline int ex_voxel_file_raw(ex_voxel_file *file, const char *path, const int size[3], ex_type type,
+                                    ex_error *error) {
+    memset(file, 0, sizeof *file);
+    if (strlen(path) >= sizeof file->path) return ex_fail(error, "%.64s...: the name is too long", path);
+    memcpy(file->path, path, strlen(path) + 1);
+    memcpy(file->size, size, sizeof file->size);
+    file->type = type;
+    return 0;
+}
+
+/* Finds the first voxel and goes there. */
+static inline int ex_voxel_file_seek(const ex_voxel_file *from, FILE *file, uint64_t held, ex_error *error) {
+    const uint64_t needed = ex_grid_bytes(from->size, from->type);
+    const uint64_t before = !from->at_end ? from->offset : held > needed ? held - needed : 0;
+    if (needed > 0 && held >= before && held - before >= needed && (from->may_go_on || held - before == needed)) {
+        if (fseeko(file, (off_t)before, SEEK_SET) == 0) return 0;
+        return ex_fail(error, "%s: byte %llu: %s", from->path, (unsigned long long)before, strerror(errno));
+    }
+    char behind[48] = "";
+    if (before > 0) snprintf(behind, sizeof behind, ", behind the first %llu", (unsigned long long)before);
+    return ex_fail(error, "%s: the file holds %llu bytes, but size %d,%d,%d and type %s call for %llu%s", from->path,
+                   (unsigned long long)held, from->size[0], from->size[1], from->size[2], ex_type_names[from->type],
+                   (unsigned long long)needed, behind);
+}
+
+/* Turns an order with z fastest into one with x fastest. */
+static inline void ex_grid_reverse_axes(ex_grid *grid) {
+    const size_t width = (size_t)grid->size[0], height = (size_t)grid->size[1], depth = (size_t)grid->size[2];
+    const size_t item = ex_type_size(grid->type);
+    char *turned = (char *)ex_allocate(width * height * depth, item), *out = turned;
+    for (size_t z = 0; z < depth; ++z)
+        for (size_t y = 0; y < height; ++y)
+            for (size_t x = 0; x < width; ++x, out += item)
+                memcpy(out, (const char *)grid->data + ((x * height + y) * depth + z) * item, item);
+    free(grid->data);
+    grid->data = turned;
+}
+
+/* The smallest and the largest stored number. */
+static inline void ex_grid_extremes(const ex_grid *grid, double out[2]) {
+    const size_t count = (size_t)grid->size[0] * (size_t)grid->size[1] * (size_t)grid->size[2];
+    ex_grid plain = *grid;
+    float values[1024];
+    plain.zero = 0, plain.unit = 1, plain.least = -FLT_MAX, plain.most = FLT_MAX;
+    out[0] = DBL_MAX, out[1] = -DBL_MAX;
+    for (size_t first = 0, step = 0; first < count; first += step) {
+        step = count - first < 1024 ? count - first : 1024;
+        ex_grid_values(&plain, first, step, values);
+        for (size_t i = 0; i < step; ++i) {
+            out[0] = fmin(out[0], (double)values[i]);
+            out[1] = fmax(out[1], (double)values[i]);
+        }
+    }
+}
+
+/* Says what stored numbers stand for. With a range: its two ends are the values 0 and 1. Without one: floats are values
+   as they stand; unsigned integers are 0..1 over all that their type holds; signed integers, and those with a slope,
+   over what the file holds, since nothing else tells where they begin and end. */
+static inline void ex_grid_scale(ex_grid *grid, const ex_voxel_file *from) {
+    const double slope = from->slope != 0 ? from->slope : 1, intercept = from->slope != 0 ? from->intercept : 0;
+    const int is_signed = grid->type == EX_I8 || grid->type == EX_I16 || grid->type == EX_I32;
+    grid->most = 1;
+    if (from->range[0] != from->range[1]) {
+        grid->zero = (from->range[0] - intercept) / slope;
+        grid->unit = (from->range[1] - from->range[0]) / slope;
+    } else if (ex_type_is_float(grid->type)) {
+        grid->zero = -intercept / slope;
+        grid->unit = 1 / slope;
+        grid->most = FLT_MAX;
+    } else if (is_signed || slope != 1 || intercept != 0) {
+        double extremes[2];
+        ex_grid_extremes(grid, extremes);
+        grid->zero = extremes[slope < 0];
+        grid->unit = extremes[slope > 0] - grid->zero;
+        if (grid->unit == 0) grid->unit = 1; /* all voxels are the same: all 0 */
+    } else {
+        grid->zero = 0;
+        grid->unit = ldexp(1, 8 * (int)ex_type_size(grid->type)) - 1;
+    }
+}
+
+static inline int ex_grid_load(ex_grid *grid, const ex_voxel_file *from, ex_error *error) {
+    uint64_t held = 0;
+    size_t got = 0;
+    memset(grid, 0, sizeof *grid);
+    FILE *file = ex_open(from->path, &held, error);
+    if (!file) return 1;
+    int failed = ex_voxel_file_seek(from, file, held, error);
+    const size_t needed = (size_t)ex_grid_bytes(from->size, from->type);
+    if (!failed) {
+        ex_grid_begin(grid, from->size, from->type);
+        got = fread(grid->data, 1, needed, file);
+        if (got != needed) failed = ex_fail(error, "%s: reading failed after %zu bytes", from->path, got);
+    }
+    fclose(file);
+    if (failed) {
+        ex_grid_free(grid);
+        return 1;
+    }
+    ex_byte_order(grid->data, needed / ex_type_size(grid->type), ex_type_size(grid->type), from->big_endian);
+    if (from->x_slowest) ex_grid_reverse_axes(grid);
+    ex_grid_scale(grid, from);
+    ex_grid_measure(grid);
+    return 0;
+}
+
+#endif /* EX_VOLUME_H */

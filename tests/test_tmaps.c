@@ -3257,7 +3257,7 @@ static void test_planned_lists(void) {
         planned = plan.pass[SPS_PASS_LIGHT_MAPS].bytes;
         if (check_render(context, &p.s, image_c)) {
             const spsi_buffer *buffers = context->buffers;
-            held = buffers[SPSI_BUFFER_TMAP_RUN].size + buffers[SPSI_BUFFER_LIGHT_TMAPS].size;
+            held = buffers[SPSI_BUFFER_TMAP_VOLUMES].size + buffers[SPSI_BUFFER_LIGHT_TMAPS].size;
             held += buffers[SPSI_BUFFER_PLACES].size;
             held += lists ? (texels + 1) * sizeof(uint32_t) : texels * sizeof(float) * (size_t)p.settings.components;
             CHECK(held <= planned);

@@ -5474,9 +5474,14 @@ static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, cons
     ball->soft = set->soft != 0;
 }
 
-/* Pixels within the roots of the outline a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1 along dx. */
-static void spsi_outline_range(double a, double b, double c, double d, double e, double centre, int size, int *first,
-                               int *last) {
+/* The outline a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1 of a ball. */
+typedef struct spsi_outline {
+    double a, b, c, d, e;
+} spsi_outline;
+
+/* The pixels, of `size`, that lie within the outline along dx. */
+static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
+    const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
     const double root = sqrt(fmax(half * half + square * (e * e + c), 0));
     *first = 0;
@@ -5505,10 +5510,12 @@ static void spsi_ball_shape(const spsi_rays *rays, const double c[3], const doub
         bend[2] = spsi_dot(rays->b, rays->b) * per_square;
     }
     {
-        const double flat = rays->perspective, d = flat * tilt[0], e = flat * tilt[1];
-        const double a = cross[0] - bend[0], b = cross[1] - bend[1], f = cross[2] - bend[2];
-        spsi_outline_range(a, b, f, d, e, q[0], rays->width, &ball->x0, &ball->x1);
-        spsi_outline_range(f, b, a, e, d, q[1], rays->height, &ball->y0, &ball->y1);
+        const double flat = rays->perspective;
+        const spsi_outline along_x = {cross[0] - bend[0], cross[1] - bend[1], cross[2] - bend[2], flat * tilt[0],
+                                      flat * tilt[1]};
+        const spsi_outline along_y = {along_x.c, along_x.b, along_x.a, along_x.e, along_x.d};
+        spsi_outline_range(&along_x, q[0], rays->width, &ball->x0, &ball->x1);
+        spsi_outline_range(&along_y, q[1], rays->height, &ball->y0, &ball->y1);
     }
     for (int i = 0; i < 3; ++i) ball->cross[i] = (float)cross[i], ball->bend[i] = (float)bend[i];
     for (int i = 0; i < 2; ++i) ball->tilt[i] = (float)tilt[i];
@@ -5620,9 +5627,9 @@ static inline spsi_v spsi_chord_depth(const spsi_ball *ball, const spsi_chord *c
 }
 
 /* The share of a chord that lies before a place v in it, -1 to 1 and cut there. */
-static inline spsi_v spsi_chord_share(const spsi_ball *ball, spsi_v v) {
+static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
-    if (!ball->soft) return spsi_fma(half, s, half);
+    if (!soft) return spsi_fma(half, s, half);
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
@@ -6516,49 +6523,65 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
                                                spsi_set((float)(1 / (SPSI_CUT * SPSI_CUT))))));
 }
 
-/* Adds a footprint's row vector to the sheets from one plane on: `weight` times the change of share from plane to
-   plane. At the kernel's own first and last plane (open ends) the share is that of the limits: 0 and 1 where nothing
-   clamps. */
-static inline void spsi_add_sections(float *sheet, size_t sheet_size, int count, spsi_v weight, spsi_v v,
-                                     spsi_v per_slab, int starts, int ends, int clamped, spsi_v low, spsi_v high) {
-    spsi_v before, after;
-    if (starts)
-        before = clamped ? spsi_kernel_share(low) : spsi_set(0);
-    else
-        before = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
-    for (int k = 0; k < count - ends; ++k, sheet += sheet_size) {
-        v = spsi_add(v, per_slab);
-        after = spsi_kernel_share(clamped ? spsi_clamp(v, low, high) : v);
-        spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
-        before = after;
-    }
-    if (!ends) return;
-    after = clamped ? spsi_kernel_share(high) : spsi_set(1);
-    spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
-}
+/* What is distributed along a ray. */
+typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD } spsi_mass;
 
-/* One row vector of sections as spsi_add_sections takes them, clamped nowhere, with the derivatives along x and y of
-   the logarithm of their weight and of v. */
+/* The mass of a kernel or a ball along a vector of rays, to be added to a run of sheets. */
 typedef struct spsi_sections {
-    int count, starts, ends;
-    spsi_v weight, v, per_slab, log_slope[2];
-    float v_slope[2];
+    float *sheet; /* the first one */
+    size_t sheet_size;
+    int count;
+    int starts, ends;    /* 1: the first one also takes what lies before its plane; the last one, what lies behind */
+    spsi_v weight;       /* the whole mass */
+    spsi_v v, per_plane; /* where the first plane cuts the profile, which extends from -1 to 1, and the next ones */
+    spsi_v low, high;    /* where rays begin and end, if they are clamped */
 } spsi_sections;
 
-/* Adds the derivatives of sections along x and y: w (S(b) - S(a)) changes by w' (S(b) - S(a)) + w (S'(b) b' - S'(a)
-   a'). */
-static void spsi_add_slopes(const spsi_tile *tile, const spsi_sections *s, float *sheet) {
+static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
+    if (mass == SPSI_MASS_KERNEL) return spsi_kernel_share(v);
+    return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
+}
+
+/* Adds the weight times the change of share from plane to plane to each sheet. Each plane's share serves two. */
+static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
+    float *sheet = s->sheet;
+    spsi_v v = s->v, before, after;
+    if (s->starts)
+        before = clamped ? spsi_mass_share(mass, s->low) : spsi_set(0);
+    else
+        before = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
+    for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
+        v = spsi_add(v, s->per_plane);
+        after = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
+        spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
+        before = after;
+    }
+    if (!s->ends) return;
+    after = clamped ? spsi_mass_share(mass, s->high) : spsi_set(1);
+    spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
+}
+
+/* The derivatives along x and y of sections that are clamped nowhere: of the logarithm of their weight, and of v. */
+typedef struct spsi_slopes {
+    spsi_v log_weight[2];
+    float v[2];
+} spsi_slopes;
+
+/* Adds the derivatives of sections along x and y to sheets of their own: w (S(b) - S(a)) changes by w' (S(b) - S(a)) +
+   w (S'(b) b' - S'(a) a'). */
+static void spsi_add_slopes(const spsi_sections *s, const spsi_slopes *slopes, size_t channel_size, float *sheet) {
     const spsi_v zero = spsi_set(0);
     spsi_v v = s->v, share[2] = {zero, zero}, slope[2] = {zero, zero};
-    for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_slab)) {
+    for (int k = -1; k < s->count; ++k, v = spsi_add(v, s->per_plane)) {
         const int first = k < 0 && s->starts, last = k + 1 == s->count && s->ends;
         share[1] = first || last ? spsi_set(last ? 1.0f : 0.0f) : spsi_kernel_share(v);
         slope[1] = first || last ? zero : spsi_kernel_slope(v);
         if (k >= 0) {
             const spsi_v held = spsi_sub(share[1], share[0]), moved = spsi_sub(slope[1], slope[0]);
             for (int axis = 0; axis < 2; ++axis) {
-                float *to = sheet + (size_t)axis * tile->channel_size + (size_t)k * tile->sheet_size;
-                const spsi_v change = spsi_fma(s->log_slope[axis], held, spsi_mul(moved, spsi_set(s->v_slope[axis])));
+                float *to = sheet + (size_t)axis * channel_size + (size_t)k * s->sheet_size;
+                const spsi_v change =
+                    spsi_fma(slopes->log_weight[axis], held, spsi_mul(moved, spsi_set(slopes->v[axis])));
                 spsi_store(to, spsi_fma(s->weight, change, spsi_load(to)));
             }
         }
@@ -6632,58 +6655,73 @@ static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v
     *high = sign > 0 ? beyond : spsi_sub(spsi_set(0), near_v);
 }
 
+/* One footprint that is being splatted into a channel of a tile. */
+typedef struct spsi_print {
+    spsi_tile *tile;
+    const spsi_splatter *splatter;
+    const spsi_footprints *footprints;
+    int lane; /* of the footprints */
+    float *channel;
+} spsi_print;
+
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
    that no exponential is taken per pixel. Slender ellipses, whose factors could overflow, take one per row vector. */
-static inline void spsi_splat_columns(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
-                                      const spsi_rows *rows, int count, int x, int y, float *channel, int clamped,
-                                      int sloped) {
+static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
+                                      int clamped, int sloped) {
+    const spsi_tile *tile = print->tile;
+    const spsi_splatter *s = print->splatter;
+    const spsi_footprints *f = print->footprints;
+    const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
     const int slender = b * b > 0.8f * 4 * a * c;
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
-    const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), per_slab = spsi_set(f->per_slab[i]);
+    const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i]));
     const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_mul(dx, spsi_set(b))) : spsi_set(1);
-    float *row = channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    float *row = print->channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
+    spsi_sections sections;
+    sections.sheet_size = tile->sheet_size;
+    sections.per_plane = spsi_set(f->per_slab[i]);
+    sections.low = sections.high = spsi_set(0);
     for (int r = 0; r < count; ++r, row += tile->pitch) {
-        const int slabs = rows->slabs[r];
-        spsi_v weight = spsi_mul(column, spsi_set(rows->factor[r])), low = spsi_set(0), high = low;
+        spsi_v weight = spsi_mul(column, spsi_set(rows->factor[r]));
         column = spsi_mul(column, turn);
-        if (slabs == 0 || rows->x0[r] >= x + SPSI_LANES || rows->x1[r] < x) continue;
+        if (rows->slabs[r] == 0 || rows->x0[r] >= x + SPSI_LANES || rows->x1[r] < x) continue;
         if (slender)
             weight = spsi_mul(amplitude, spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[r]),
                                                            spsi_add(square, spsi_set(c * rows->dy[r] * rows->dy[r])))));
-        weight = spsi_select(spsi_and(spsi_less(spsi_set(rows->left[r]), at), spsi_less(at, spsi_set(rows->right[r]))),
-                             weight, spsi_set(0));
         if (clamped) {
             const spsi_v mean =
                 spsi_fma(dx, spsi_set(f->mean_x[i]), spsi_set(f->depth[i] + rows->dy[r] * f->mean_y[i]));
-            spsi_limits(spsi_tile_limits(tile, x, y + r), s->sign, s->eye_near, mean, spsi_set(f->per_depth[i]), &low,
-                        &high);
+            spsi_limits(spsi_tile_limits(tile, x, y + r), s->sign, s->eye_near, mean, spsi_set(f->per_depth[i]),
+                        &sections.low, &sections.high);
         }
-        spsi_add_sections(row + (size_t)rows->first[r] * tile->sheet_size, tile->sheet_size, slabs, weight,
-                          spsi_add(v_column, spsi_set(rows->v[r])), per_slab, rows->starts[r], rows->ends[r], clamped,
-                          low, high);
+        sections.weight =
+            spsi_select(spsi_and(spsi_less(spsi_set(rows->left[r]), at), spsi_less(at, spsi_set(rows->right[r]))),
+                        weight, spsi_set(0));
+        sections.sheet = row + (size_t)rows->first[r] * tile->sheet_size;
+        sections.count = rows->slabs[r];
+        sections.starts = rows->starts[r];
+        sections.ends = rows->ends[r];
+        sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
+        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped);
         if (sloped) {
             const float dy = rows->dy[r];
-            const spsi_sections sections = {
-                slabs,
-                rows->starts[r],
-                rows->ends[r],
-                weight,
-                spsi_add(v_column, spsi_set(rows->v[r])),
-                per_slab,
+            const spsi_slopes slopes = {
                 {spsi_fma(dx, spsi_set(2 * a), spsi_set(b * dy)), spsi_fma(dx, spsi_set(b), spsi_set(2 * c * dy))},
                 {f->slope_x[i], f->slope_y[i]}};
-            spsi_add_slopes(tile, &sections,
-                            tile->slopes + (row - channel) + (size_t)rows->first[r] * tile->sheet_size);
+            spsi_add_slopes(&sections, &slopes, tile->channel_size, tile->slopes + (sections.sheet - print->channel));
         }
     }
 }
 
-static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const spsi_footprints *f, int i,
-                                 float *channel) {
+static void spsi_splat_footprint(const spsi_print *print) {
+    spsi_tile *tile = print->tile;
+    const spsi_splatter *s = print->splatter;
+    const spsi_footprints *f = print->footprints;
+    const int i = print->lane;
     const float height = f->half_height[i], width = f->half_width[i];
     /* cut as floats: a footprint may be wider than an int tells */
     const int y0 = (int)spsi_higher(ceilf(f->y[i] - height), (float)tile->y0);
@@ -6702,20 +6740,38 @@ static void spsi_splat_footprint(spsi_tile *tile, const spsi_splatter *s, const 
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (tile->slopes)
-                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0, 1);
+                spsi_splat_columns(print, &rows, count, x, y, 0, 1);
             else if (clamped)
-                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 1, 0);
+                spsi_splat_columns(print, &rows, count, x, y, 1, 0);
             else
-                spsi_splat_columns(tile, s, f, i, &rows, count, x, y, channel, 0, 0);
+                spsi_splat_columns(print, &rows, count, x, y, 0, 0);
     }
 }
 
-/* The least and greatest pixel coordinate of an ellipsoid (centre q, reach^2 times the covariance) along one axis, by
-   the tangent planes through the eye; returns 0 if the eye's plane cuts it, so that there is no bound. */
-static int spsi_near_extent(float q, float q2, float c, float c2, float c22, float cut, float *low, float *high) {
-    const float square = cut * cut, a = q2 * q2 - square * c22, b = q * q2 - square * c2;
-    const float root = b * b - a * (q * q - square * c);
-    if (!(a > 1e-4f * q2 * q2) || q2 < 0) return 0;
+/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), and cut^2 times the covariance of q and t. */
+typedef struct spsi_extent {
+    float q, t, cut, qq, qt, tt;
+} spsi_extent;
+
+/* Along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
+static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], int axis, float side) {
+    const float *c = s->near_covariance;
+    spsi_extent extent;
+    extent.q = side * q[axis];
+    extent.t = side * q[2];
+    extent.cut = s->cut;
+    extent.qq = c[axis == 0 ? 0 : 3];
+    extent.qt = c[axis == 0 ? 2 : 4];
+    extent.tt = c[5];
+    return extent;
+}
+
+/* The least and greatest pixel coordinate of an ellipsoid, by the tangent planes through the eye; returns 0 if the
+   eye's plane cuts it, so that there is no bound. */
+static int spsi_extent_range(const spsi_extent *e, float *low, float *high) {
+    const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
+    const float root = b * b - a * (e->q * e->q - square * e->qq);
+    if (!(a > 1e-4f * e->t * e->t) || e->t < 0) return 0;
     *low = (b - sqrtf(root > 0 ? root : 0)) / a;
     *high = (b + sqrtf(root > 0 ? root : 0)) / a;
     return 1;
@@ -6723,21 +6779,32 @@ static int spsi_near_extent(float q, float q2, float c, float c2, float c22, flo
 
 /* Whether an ellipsoid reaches before the eye, and the rays between two columns (or rows) of pixels: it does not if it
    lies wholly behind one of the planes through the eye and them. */
-static int spsi_near_reaches(float q, float q2, float c, float c2, float c22, float cut, int first, int last) {
+static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
-        const float at = ends[i], variance = c - 2 * at * c2 + at * at * c22, before = q - at * q2;
-        if (!((i ? -before : before) + cut * sqrtf(spsi_higher(variance, 0)) > 0)) return 0;
+        const float at = ends[i], variance = e->qq - 2 * at * e->qt + at * at * e->tt, before = e->q - at * e->t;
+        if (!((i ? -before : before) + e->cut * sqrtf(spsi_higher(variance, 0)) > 0)) return 0;
     }
-    return q2 + cut * sqrtf(c22) > 0;
+    return e->t + e->cut * sqrtf(e->tt) > 0;
 }
+
+/* One kernel that is being splatted along each pixel's own ray. */
+typedef struct spsi_near_print {
+    spsi_tile *tile;
+    const spsi_splatter *splatter;
+    float q[3], value; /* q: of its centre, in the near case's units */
+    int x1;            /* the last column */
+    int first, last;   /* planes that it reaches */
+    float *channel;
+} spsi_near_print;
 
 /* A vector of pixels of the near case: w = (x, y, 1) is the ray, a = w' C^-1 w, and the exponent
    (P x w)' adj(C^-1) (P x w) / a holds no difference of large numbers. */
-static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, const float q[3], float value, int x,
-                                       int y, int x1, int first, int last, float *channel) {
-    const float *c = s->near_covariance, *n = s->near_inverse, fy = (float)y;
-    const int k0 = spsi_most(first, 0), k1 = spsi_least(last, tile->slab_count);
+static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int y) {
+    const spsi_tile *tile = print->tile;
+    const spsi_splatter *s = print->splatter;
+    const float *q = print->q, *c = s->near_covariance, *n = s->near_inverse, fy = (float)y;
+    const int k0 = spsi_most(print->first, 0), k1 = spsi_least(print->last, tile->slab_count);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
     const spsi_v nx = spsi_fma(at, spsi_set(n[0]), spsi_set(n[1] * fy + n[2]));
     const spsi_v ny = spsi_fma(at, spsi_set(n[1]), spsi_set(n[3] * fy + n[4]));
@@ -6747,8 +6814,9 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     const spsi_v ux = spsi_set(q[1] - q[2] * fy), uy = spsi_sub(spsi_mul(spsi_set(q[2]), at), spsi_set(q[0]));
     const spsi_v ut = spsi_sub(spsi_set(q[0] * fy), spsi_mul(spsi_set(q[1]), at));
     const spsi_v two = spsi_set(2);
-    spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, v, weight;
-    spsi_v beyond, low, high, per_slab;
+    spsi_v e = spsi_mul(spsi_mul(ux, ux), spsi_set(c[0])), root = spsi_sqrt(a), per_depth, mean, crossing, weight;
+    spsi_v beyond;
+    spsi_sections sections;
     e = spsi_fma(spsi_mul(uy, uy), spsi_set(c[3]), spsi_fma(spsi_mul(ut, ut), spsi_set(c[5]), e));
     e = spsi_fma(two,
                  spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]),
@@ -6758,50 +6826,66 @@ static inline void spsi_splat_near_row(spsi_tile *tile, const spsi_splatter *s, 
     per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT) / s->near_unit));
     mean = spsi_mul(spsi_div(b, a), spsi_set(s->near_unit));
     crossing = spsi_mul(spsi_set(s->sign), spsi_fma(at, spsi_set(s->slab_x), spsi_set(s->slab_y * fy + s->slab_t)));
-    per_slab = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
-    v = spsi_sub(spsi_mul(per_slab, spsi_set((float)k0 - tile->eye_slab)),
-                 spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
-    weight = spsi_div(spsi_mul(spsi_set(value * s->near_weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
+    sections.per_plane = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
+    sections.v = spsi_sub(spsi_mul(sections.per_plane, spsi_set((float)k0 - tile->eye_slab)),
+                          spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
+    weight = spsi_div(spsi_mul(spsi_set(print->value * s->near_weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
-    weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)x1 + 0.5f)), spsi_less(zero, crossing)), weight, zero);
+    sections.weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)print->x1 + 0.5f)), spsi_less(zero, crossing)),
+                                  weight, zero);
     beyond = s->whole ? spsi_set(SPSI_INFINITY) : spsi_tile_limits(tile, x, y);
-    spsi_limits(beyond, s->sign, s->eye_near, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &low, &high);
-    spsi_add_sections(channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)),
-                      tile->sheet_size, k1 - k0, weight, v, per_slab, k0 == first, k1 == last, 1, low, high);
+    spsi_limits(beyond, s->sign, s->eye_near, spsi_sub(mean, spsi_set(s->depth_reference)), per_depth, &sections.low,
+                &sections.high);
+    sections.sheet =
+        print->channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    sections.sheet_size = tile->sheet_size;
+    sections.count = k1 - k0;
+    sections.starts = k0 == print->first;
+    sections.ends = k1 == print->last;
+    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
 }
 
 /* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
 static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const float q[3], float side) {
-    const float *c = s->near_covariance;
-    return spsi_near_reaches(side * q[0], side * q[2], c[0], c[2], c[5], s->cut, tile->x0, tile->x1) &&
-           spsi_near_reaches(side * q[1], side * q[2], c[3], c[4], c[5], s->cut, tile->y0, tile->y1);
+    const spsi_extent x = spsi_near_extent(s, q, 0, side), y = spsi_near_extent(s, q, 1, side);
+    return spsi_extent_meets(&x, tile->x0, tile->x1) && spsi_extent_meets(&y, tile->y0, tile->y1);
 }
 
+/* A kernel near the eye, at (x t, y t, t). */
 static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float at[3], float slab, float value,
                             float *channel) {
-    const float *c = s->near_covariance, q[3] = {at[0] / s->near_unit, at[1] / s->near_unit, at[2] / s->near_unit};
-    const int first = (int)floorf(slab - s->reach_slabs), last = (int)floorf(slab + s->reach_slabs) + 1;
     const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
-    const float side = behind && q[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
+    const float side = behind && at[2] < 0 ? -1.0f : 1.0f; /* the mirror image has the same pixels */
     int x0 = tile->x0, x1 = tile->x1, y0 = tile->y0, y1 = tile->y1;
     float low, high;
-    if (!spsi_near_meets(tile, s, q, 1) && !(behind && spsi_near_meets(tile, s, q, -1))) return;
-    if (spsi_near_extent(side * q[0], side * q[2], c[0], c[2], c[5], s->cut, &low, &high)) {
+    spsi_near_print print;
+    spsi_extent across, down;
+    print.tile = tile;
+    print.splatter = s;
+    for (int i = 0; i < 3; ++i) print.q[i] = at[i] / s->near_unit;
+    print.value = value;
+    print.first = (int)floorf(slab - s->reach_slabs);
+    print.last = (int)floorf(slab + s->reach_slabs) + 1;
+    print.channel = channel;
+    if (!spsi_near_meets(tile, s, print.q, 1) && !(behind && spsi_near_meets(tile, s, print.q, -1))) return;
+    across = spsi_near_extent(s, print.q, 0, side);
+    down = spsi_near_extent(s, print.q, 1, side);
+    if (spsi_extent_range(&across, &low, &high)) {
         x0 = (int)fmaxf(ceilf(low), (float)x0); /* a tile's margin may lie beyond the image */
         x1 = spsi_least(x1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
-    if (spsi_near_extent(side * q[1], side * q[2], c[3], c[4], c[5], s->cut, &low, &high)) {
+    if (spsi_extent_range(&down, &low, &high)) {
         y0 = (int)fmaxf(ceilf(low), (float)y0);
         y1 = spsi_least(y1, (int)fminf(floorf(high), (float)SPSI_SIZE_MAX));
     }
-    if (x0 > x1 || y0 > y1 || first >= tile->slab_count || last <= 0) return;
+    if (x0 > x1 || y0 > y1 || print.first >= tile->slab_count || print.last <= 0) return;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
+    print.x1 = x1;
     tile->visits += 1;
     tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) *
-                       (uint64_t)(spsi_least(last, tile->slab_count) - spsi_most(first, 0));
+                       (uint64_t)(spsi_least(print.last, tile->slab_count) - spsi_most(print.first, 0));
     for (int y = y0; y <= y1; ++y)
-        for (int x = x0; x <= x1; x += SPSI_LANES)
-            spsi_splat_near_row(tile, s, q, value, x, y, x1, first, last, channel);
+        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_splat_near_row(&print, x, y);
 }
 
 /* The lanes of a vector of voxels whose bits are set. */
@@ -6818,16 +6902,15 @@ static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, cons
 }
 
 /* Ray coordinates, depth and slab of a vector of a brick's voxels. */
-static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *anchor, spsi_v x, spsi_v y, spsi_v z,
-                                     spsi_v q[3], spsi_v *depth, spsi_v *slab) {
-    for (int i = 0; i < 3; ++i)
-        q[i] = spsi_fma(
-            x, spsi_set(s->step[0][i]),
-            spsi_fma(y, spsi_set(s->step[1][i]), spsi_fma(z, spsi_set(s->step[2][i]), spsi_set(anchor->q[i]))));
+static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *anchor, const spsi_v at[3], spsi_v q[3],
+                                     spsi_v *depth, spsi_v *slab) {
+    for (int i = 0; i < 3; ++i) {
+        q[i] = spsi_fma(at[2], spsi_set(s->step[2][i]), spsi_set(anchor->q[i]));
+        q[i] = spsi_fma(at[0], spsi_set(s->step[0][i]), spsi_fma(at[1], spsi_set(s->step[1][i]), q[i]));
+    }
     *depth = spsi_add(spsi_sub(q[2], spsi_set(anchor->q[2])), spsi_set(anchor->depth));
-    *slab = spsi_fma(
-        x, spsi_set(s->slab_step[0]),
-        spsi_fma(y, spsi_set(s->slab_step[1]), spsi_fma(z, spsi_set(s->slab_step[2]), spsi_set(anchor->slab))));
+    *slab = spsi_fma(at[2], spsi_set(s->slab_step[2]), spsi_set(anchor->slab));
+    *slab = spsi_fma(at[0], spsi_set(s->slab_step[0]), spsi_fma(at[1], spsi_set(s->slab_step[1]), *slab));
 }
 
 /* Which of a vector of footprints reach into the tile: a bit each. */
@@ -6846,6 +6929,11 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
                              const spsi_segment *segment, const spsi_brick *brick, float *channel) {
     const spsi_v reach = spsi_set(s->reach_slabs);
     spsi_footprints f;
+    spsi_print print;
+    print.tile = tile;
+    print.splatter = s;
+    print.footprints = &f;
+    print.channel = channel;
     memset(&f, 0, sizeof f); /* compilers do not see that perspective fills it in later */
     if (!s->perspective) spsi_footprint_shape(s, spsi_set(0), spsi_set(0), spsi_set(1), spsi_set(1), &f);
     const float unit = f.amplitude[0];
@@ -6853,10 +6941,10 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
         const int at = brick->first + i;
         const int all = brick->count - i < SPSI_LANES ? (1 << (brick->count - i)) - 1 : (1 << SPSI_LANES) - 1;
         const spsi_v value = spsi_load(segment->value + at);
+        const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v q[3], depth, slab;
         int bits, near_bits;
-        spsi_voxels_place(s, anchor, spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at),
-                          q, &depth, &slab);
+        spsi_voxels_place(s, anchor, steps, q, &depth, &slab);
         bits = all & spsi_bits(spsi_and(spsi_less(spsi_sub(slab, reach), spsi_set((float)tile->slab_count)),
                                         spsi_less(spsi_set(0), spsi_add(slab, reach))));
         if (!bits) continue;
@@ -6875,8 +6963,8 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
             spsi_store(f.amplitude, spsi_mul(value, spsi_set(unit)));
         }
         if (bits) bits &= spsi_footprints_inside(tile, &f);
-        for (int lane = 0; bits >> lane; ++lane)
-            if (bits >> lane & 1) spsi_splat_footprint(tile, s, &f, lane, channel);
+        for (print.lane = 0; bits >> print.lane; ++print.lane)
+            if (bits >> print.lane & 1) spsi_splat_footprint(&print);
         if (near_bits) spsi_splat_near_voxels(tile, s, q, slab, value, near_bits, channel);
     }
 }
@@ -6965,19 +7053,28 @@ static void spsi_seen_build(const spsi_crossing *crossing, const sps_particles *
     seen->channel = channel;
 }
 
-/* Where a vector of rays crosses the slabs of a chunk, in halves of chords from their middles. */
-typedef struct spsi_planes_met {
-    spsi_v first, step; /* of plane 0, and from plane to plane */
-    spsi_v low, high;   /* where rays begin and end */
-} spsi_planes_met;
+/* A ball that is being splatted into a tile: its box there, and the slabs. */
+typedef struct spsi_ball_print {
+    const spsi_tile *tile;
+    const spsi_crossing *crossing;
+    const spsi_seen *seen;
+    int x0, x1, y0, y1;
+    int first, last;  /* slabs, the last not included */
+    int starts, ends; /* 1: the first takes what lies before it, the last what lies behind: particles that were widened
+                         to a pixel end there */
+} spsi_ball_print;
 
-static inline void spsi_seen_planes(const spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen,
-                                    const spsi_chord *chord, int x, int y, int clamped, spsi_planes_met *met) {
+/* Where a vector of rays crosses the slabs of a chunk, in halves of chords from their middles. */
+static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
+                                     spsi_sections *sections) {
+    const spsi_tile *tile = print->tile;
+    const spsi_crossing *crossing = print->crossing;
+    const spsi_seen *seen = print->seen;
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
     const spsi_v slope =
         spsi_fma(at, spsi_set(crossing->slab_x), spsi_set(crossing->slab_t + (float)y * crossing->slab_y));
     const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
-    spsi_v middle, per_depth;
+    spsi_v middle, step;
     if (seen->ball.near_by) {
         const float eye_slab = tile->eye_slab - (float)(tile->slab_count - SPSI_CHUNK) / 2;
         middle = spsi_fma(spsi_add(chord->middle, spsi_set((float)crossing->rays->depth_reference)), slope,
@@ -6988,55 +7085,42 @@ static inline void spsi_seen_planes(const spsi_tile *tile, const spsi_crossing *
         middle = spsi_fma(dx, spsi_set(seen->tilt_x), spsi_set(seen->slab + dy * seen->tilt_y));
         middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
     }
-    met->step = spsi_div(spsi_set(1), spsi_max(spsi_mul(rate, chord->half), spsi_set(1e-20f)));
-    met->first = spsi_mul(spsi_sub(zero, middle), met->step);
-    met->low = spsi_set(-1);
-    met->high = spsi_set(1);
+    step = spsi_div(spsi_set(1), spsi_max(spsi_mul(rate, chord->half), spsi_set(1e-20f)));
+    sections->per_plane = step;
+    sections->v = spsi_fma(step, spsi_set((float)print->first), spsi_mul(spsi_sub(zero, middle), step));
+    sections->low = spsi_set(-1);
+    sections->high = spsi_set(1);
     if (!clamped) return;
-    per_depth = spsi_mul(met->step, rate);
-    spsi_limits(spsi_tile_limits(tile, x, y), crossing->sign, crossing->eye_near, chord->middle, per_depth, &met->low,
-                &met->high);
-    met->low = spsi_clamp(met->low, spsi_set(-1), spsi_set(1));
-    met->high = spsi_clamp(met->high, spsi_set(-1), spsi_set(1));
+    spsi_limits(spsi_tile_limits(tile, x, y), crossing->sign, crossing->eye_near, chord->middle, spsi_mul(step, rate),
+                &sections->low, &sections->high);
+    sections->low = spsi_clamp(sections->low, spsi_set(-1), spsi_set(1));
+    sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* Adds a vector of chords to slabs k0 .. k1 - 1. Before the first slab of all and behind the last, where particles end
-   that were widened to a pixel, the nearest slab takes what there is. */
-static inline void spsi_add_chords(const spsi_ball *ball, const spsi_planes_met *met, spsi_v weight, int k0, int k1,
-                                   int starts, int ends, float *sheet, size_t sheet_size) {
-    spsi_v v = spsi_fma(met->step, spsi_set((float)k0), met->first), before, after;
-    before = spsi_chord_share(ball, starts ? met->low : spsi_clamp(v, met->low, met->high));
-    for (int k = k0; k < k1 - ends; ++k, sheet += sheet_size) {
-        v = spsi_add(v, met->step);
-        after = spsi_chord_share(ball, spsi_clamp(v, met->low, met->high));
-        spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
-        before = after;
-    }
-    if (!ends) return;
-    after = spsi_chord_share(ball, met->high);
-    spsi_store(sheet, spsi_fma(weight, spsi_sub(after, before), spsi_load(sheet)));
-}
-
-/* The chords of one row of a ball. */
-static inline void spsi_splat_row(const spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int x0,
-                                  int x1, int y, int clamped, const int slabs[4], float *row) {
-    const spsi_v zero = spsi_set(0), beyond = spsi_set((float)x1 + 0.5f);
-    for (int x = x0; x <= x1; x += SPSI_LANES) {
+/* The chords of one row of a ball, whose first sheet is given from print->x0 on. */
+static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamped, float *row) {
+    const spsi_ball *ball = &print->seen->ball;
+    const spsi_mass mass = ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD;
+    const spsi_v zero = spsi_set(0), beyond = spsi_set((float)print->x1 + 0.5f);
+    spsi_sections sections;
+    sections.sheet_size = print->tile->sheet_size;
+    sections.count = print->last - print->first;
+    sections.starts = print->starts;
+    sections.ends = print->ends;
+    for (int x = print->x0; x <= print->x1; x += SPSI_LANES) {
         const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
         spsi_chord chord;
-        spsi_planes_met met;
         spsi_v weight;
         spsi_m inside;
-        spsi_ball_chord(crossing->rays, &seen->ball, x, y, &chord);
+        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
         inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at, beyond));
         if (!spsi_bits(inside)) continue;
-        spsi_seen_planes(tile, crossing, seen, &chord, x, y, clamped, &met);
-        weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(seen->weight));
-        if (seen->ball.soft)
-            weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
-        weight = spsi_select(inside, weight, zero);
-        spsi_add_chords(&seen->ball, &met, weight, slabs[0], slabs[1], slabs[2], slabs[3], row + (x - x0),
-                        tile->sheet_size);
+        spsi_print_planes(print, &chord, x, y, clamped, &sections);
+        weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
+        if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
+        sections.weight = spsi_select(inside, weight, zero);
+        sections.sheet = row + (x - print->x0);
+        spsi_add_sections(&sections, mass, 1);
     }
 }
 
@@ -7048,26 +7132,29 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
     const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
-    const int x0 = spsi_most(ball->x0, tile->x0 + tile->margin), x1 = spsi_least(ball->x1, tile->x1 - tile->margin);
-    const int y0 = spsi_most(ball->y0, tile->y0 + tile->margin), y1 = spsi_least(ball->y1, tile->y1 - tile->margin);
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
                                                             ball->t - seen->reach_depth < crossing->eye_near));
-    int slabs[4];
-    slabs[0] = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
-    slabs[1] = (int)ceilf(spsi_lower(spsi_higher(high, (float)(slabs[0] + 1)), (float)spsi_least(left, SPSI_CHUNK)));
-    slabs[2] = starts && slabs[0] == 0;
-    slabs[3] = slabs[1] == left;
-    if (x0 > x1 || y0 > y1 || !(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
+    spsi_ball_print p;
+    p.tile = tile;
+    p.crossing = crossing;
+    p.seen = seen;
+    p.x0 = spsi_most(ball->x0, tile->x0 + tile->margin), p.x1 = spsi_least(ball->x1, tile->x1 - tile->margin);
+    p.y0 = spsi_most(ball->y0, tile->y0 + tile->margin), p.y1 = spsi_least(ball->y1, tile->y1 - tile->margin);
+    p.first = (int)floorf(spsi_lower(spsi_higher(low, 0), (float)(spsi_least(left, SPSI_CHUNK) - 1)));
+    p.last = (int)ceilf(spsi_lower(spsi_higher(high, (float)(p.first + 1)), (float)spsi_least(left, SPSI_CHUNK)));
+    p.starts = starts && p.first == 0;
+    p.ends = p.last == left;
+    if (p.x0 > p.x1 || p.y0 > p.y1 || !(tile->open & spsi_patches(tile, p.x0, p.y0, p.x1, p.y1))) return;
     tile->visits += 1;
-    tile->fragments += (uint64_t)(x1 - x0 + 1) * (uint64_t)(y1 - y0 + 1) * (uint64_t)(slabs[1] - slabs[0]);
-    for (int y = y0; y <= y1; ++y) {
+    tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
+    for (int y = p.y0; y <= p.y1; ++y) {
         float *row = tile->sheets + (size_t)seen->channel * tile->channel_size +
-                     (size_t)(slabs[0] + margin) * tile->sheet_size +
-                     (size_t)((y - tile->y0) * tile->pitch + (x0 - tile->x0));
+                     (size_t)(p.first + margin) * tile->sheet_size +
+                     (size_t)((y - tile->y0) * tile->pitch + (p.x0 - tile->x0));
         if (clamped)
-            spsi_splat_row(tile, crossing, seen, x0, x1, y, 1, slabs, row);
+            spsi_splat_row(&p, y, 1, row);
         else
-            spsi_splat_row(tile, crossing, seen, x0, x1, y, 0, slabs, row);
+            spsi_splat_row(&p, y, 0, row);
     }
 }
 
@@ -8861,10 +8948,23 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Composites slab k and the polygons between the slab coordinates `low` and `high`; returns 0 if it held nothing. */
-static int spsi_add_slab(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int width, int k,
-                         float low, float high, spsi_slab *slab, spsi_gathered *sum) {
-    const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, tile, p, k, slab);
+/* A chunk of slabs, or, with a slab_count of 0, polygons only, in a tile that is being shaded. `low` and `high` bound,
+   in slabs from the very first, the polygons that belong to it. */
+typedef struct spsi_shading {
+    const spsi_shader *shader;
+    const spsi_tile *tile;
+    spsi_scratch scratch;
+    int slab_count;
+    float low, high;
+} spsi_shading;
+
+/* Composites slab k of a vector of `width` pixels, and the polygons in it; returns 0 if it held nothing. */
+static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int width, int k, spsi_slab *slab,
+                         spsi_gathered *sum) {
+    const spsi_shader *shader = shading->shader;
+    const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
+    const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
+    const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, shading->tile, p, k, slab);
     spsi_part part;
     if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
     for (int i = 0; i < slab->part_count && held; ++i) {
@@ -8903,33 +9003,30 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
     return bits != 0;
 }
 
-/* Composites a chunk of slabs (slab_count 0: polygons only) on a vector of pixels. `low` and `high` bound, in slabs
-   from the very first, the polygons that belong to it. Returns the number of slabs that held something. */
-static int spsi_shade_pixels(const spsi_shader *shader, const spsi_tile *tile, const spsi_scratch *scratch, int x,
-                             int y, int width, int slab_count, float low, float high) {
+/* Composites a chunk on a vector of `width` pixels. Returns the number of slabs that held something, times pixels. */
+static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
+    const spsi_shader *shader = shading->shader;
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
     spsi_gathered sum;
     spsi_pixels p;
     spsi_slab slab;
     int held = 0;
-    slab.samples = scratch->samples;
-    slab.arrivals = scratch->arrivals;
+    slab.samples = shading->scratch.samples;
+    slab.arrivals = shading->scratch.arrivals;
     slab.material_count = shader->frame->material_count;
     slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
     for (int i = 0; i < shader->shadow_count; ++i) slab.arrivals[i].plane = -1;
     spsi_pixels_build(shader, x, y, &p);
-    for (int i = 0; i < 4 * shader->frame->gradient_reach && slab_count > 0; ++i) {
+    for (int i = 0; i < 4 * shader->frame->gradient_reach && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
         spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &p.around[i]);
     }
     spsi_gathered_load(shader, at, &sum);
-    for (int k = 0; k < slab_count; ++k) {
-        const float first = k == 0 ? low : (float)(shader->first_slab + k);
-        const float next = k + 1 == slab_count ? high : (float)(shader->first_slab + k + 1);
-        held += width * spsi_add_slab(shader, tile, &p, width, k, first, next, &slab, &sum);
+    for (int k = 0; k < shading->slab_count; ++k) {
+        held += width * spsi_add_slab(shading, &p, width, k, &slab, &sum);
         if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &p, k + 1, &sum)) break;
     }
-    if (slab_count == 0) spsi_add_surfaces(shader, &p, width, low, high, &sum);
+    if (shading->slab_count == 0) spsi_add_surfaces(shader, &p, width, shading->low, shading->high, &sum);
     spsi_gathered_store(shader, at, &sum);
     return held;
 }
@@ -9022,22 +9119,26 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const int width = run->frame->eye.width, height = run->frame->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
-    const spsi_scratch scratch = {run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS),
-                                  run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count};
     int touched = 0;
     spsi_tile tile;
+    spsi_shading shading;
     if (!region->open[index]) return;
     spsi_tile_place(&run->eye, column, row, worker, &tile);
     tile.open = region->open[index];
     spsi_tile_limit(run, index, &tile);
     if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
     if (!touched && !polygons) return;
+    shading.shader = &run->shader;
+    shading.tile = &tile;
+    shading.scratch.samples = run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS);
+    shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
+    shading.slab_count = touched ? SPSI_CHUNK : 0;
+    shading.low = run->low;
+    shading.high = run->high;
     for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
         for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
             if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
-                run->shaded[worker] +=
-                    (uint64_t)spsi_shade_pixels(&run->shader, &tile, &scratch, x, y, spsi_least(SPSI_LANES, width - x),
-                                                touched ? SPSI_CHUNK : 0, run->low, run->high);
+                run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
     spsi_tile_count(&run->eye, &tile, worker);
     if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }

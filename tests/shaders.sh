@@ -11,9 +11,9 @@ excerpt() {
 # The sum looks a point up in both ways.
 sum='light_left(world_position) + light_left_of_cube(world_position, world_position.zyx)'
 
-# glsl "#version ..": the file as an engine hands it to a driver. Standard input comes before it.
+# glsl "#version .." AFTER: the file as an engine hands it to a driver, with standard input before it and AFTER behind.
 glsl() {
-    echo "$1" && cat - "$shaders.glsl" && excerpt &&
+    echo "$1" && cat - "$shaders.glsl" && echo "$2" && excerpt &&
         echo 'layout(location = 0) in vec3 world_position; layout(location = 0) out vec4 color;' &&
         echo "void main() { color = vec4($sum); }"
 }
@@ -31,7 +31,7 @@ own_buffers() {
     echo '#define TMAP_SURFACE(map, i) texelFetch(surfaces, ivec2((i) % (map).width, (i) / (map).width), 0).x'
     echo '#define TMAP_PLANE(map, i)   floats[1000 + (i)]'
     echo '#define TMAP_START(map, i)   numbers[i]'
-    echo '#define tmap_bound           tmap(vec4(1), vec4(1), vec4(1), vec4(1), 4, 8, 1, 0, 1, 0, 1, 9, 9, 0.0, 1.0, 0.1, 0.0)'
+    echo '#define tmap_bound own_map'
 }
 
 # check FILE COMMAND..: runs a command on FILE
@@ -47,7 +47,8 @@ check() {
 glsl '#version 430' < /dev/null > "$folder/$compiler.430.frag"
 glsl '#version 310 es' < /dev/null > "$folder/$compiler.es.frag"
 glsl '#version 450' < /dev/null > "$folder/$compiler.450.frag"
-own_buffers | glsl '#version 450' > "$folder/$compiler.own.frag"
+own_map='layout(std140, binding = 3) uniform Own { tmap own_map; };'
+own_buffers | glsl '#version 450' "$own_map" > "$folder/$compiler.own.frag"
 hlsl > "$folder/$compiler.hlsl"
 object=$folder/$compiler.spv
 

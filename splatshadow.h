@@ -22,7 +22,7 @@ QUICK START (examples/hello.c is this text)
         gas.eval_fn = blob, gas.extinction = 6;
         gas.albedo[0] = 0.7f, gas.albedo[1] = 0.8f, gas.albedo[2] = 0.9f;
         sps_scene scene = {0, &gas, 1, NULL, 0, &sun, 1};
-        sps_view view = {0, 256, 256, {0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6};
+        sps_view view = {0, 256, 256, {{0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6}};
         sps_image image = {rgba};
         sps_context *context = sps_create(NULL, NULL);
         if (sps_render(context, &scene, &view, &image)) return puts(sps_error(context)), 1;
@@ -160,6 +160,7 @@ typedef enum sps_object {
     SPS_OBJECT_LIGHT,     /* likewise; its shadow_map's fields are "shadow_map.components" and so on */
     SPS_OBJECT_PARTICLES, /* likewise: the set */
     SPS_OBJECT_TMAP,      /* a transmittance map as it is, and not what it was made from */
+    SPS_OBJECT_TMAP_LIGHT,
     SPS_OBJECT_TMAP_SETTINGS
 } sps_object;
 
@@ -396,14 +397,11 @@ typedef struct sps_tmap_settings {
     sps_tmap_technique technique;
     int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
     size_t byte_budget; /* what the finished map may take at most, surfaces too; 0: no limit */
-    /* Depths along the light's axis (omnidirectional: along the nearest coordinate axis) or its direction, 0 <= near <
+    /* Depths along the light's axis (six faces: along the nearest coordinate axis) or its direction, 0 <= near <
        far, that all gas is to lie between: what lies before or behind counts as at either end, where Fourier maps mix
        it up and cosine maps lose it. Opaque surfaces shade from where they are, before near_depth and behind
        far_depth, too; but points before near_depth are lit. */
     double near_depth, far_depth;
-    /* 1: six faces about the light's position; of its view only position and size count. 0: one view. If such a light
-       lies among voxels, those outside its view count as lit, and message_fn is told. */
-    int omnidirectional;
     /* Opacity: u of each plane, rising from above 0 to 1, copied: as many as `components` (deep opacity: two less),
        which must be set; NULL: even steps. Techniques that have none do not look at this, nor at what is below. */
     const float *planes;
@@ -436,7 +434,9 @@ typedef struct sps_light {
        fitted to the gas, and polygons shade as they do without it: near_depth, far_depth and surface_bias must be 0. */
     const sps_tmap_settings *shadow_map;
     int shadow_map_size; /* texels on its longer side, or a face's, up to 16384; 0: shadow_size, or from quality */
-    uint32_t end_canary; /* leave 0 */
+    int shadow_map_omnidirectional; /* point: 1: six faces wherever the light is; 0: only if it is among what it lights
+                                     */
+    uint32_t end_canary;            /* leave 0 */
 } sps_light;
 
 /* Borrowed for the call. Zero is absent. Anything may overlap anything. */
@@ -471,19 +471,25 @@ typedef enum sps_quality {
     SPS_QUALITY_ULTRA        /*  0.25  0.2         4     4            0.00005         2.5           0.07 %  0.2 %  */
 } sps_quality;
 
+/* Where rays start and which way they go. Exactly one of field_of_view, ortho_height and world_to_clip is set; not to
+   set any is an error, as is setting several. */
+typedef struct sps_camera {
+    double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
+    double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 (volumes: sps_light) */
+    double ortho_height;                  /* orthographic: world height of the image, above 0 */
+    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth may run
+       either way and in any range in perspective. An orthographic one must grow away from the eye; its plane of clip
+       depth -1 is where distances are counted from: the near plane where depth is -1..1, far - near ahead of it where
+       depth is 0..1 (the plane through the world's origin, if its row 2 says nothing). Borrowed for the call. */
+    const double *world_to_clip;
+} sps_camera;
+
 typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
-    int width, height;     /* pixels of the whole image, 1..16384; 0 in either: nothing is rendered, no error */
-    double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
-    double field_of_view; /* vertical angle, up to 3.1 (with volumes: sps_light); 0 is no default: orthographic */
-    double ortho_height;  /* orthographic: world height of the image; 0 means 1 */
-    /* Instead of all above but the size: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth
-       may run either way and in any range in perspective. An orthographic one must grow away from the eye; its plane of
-       clip depth -1 is where distances are counted from: the near plane where depth is -1..1, far - near ahead of it
-       where depth is 0..1 (the plane through the world's origin, if its row 2 says nothing). */
-    const double *world_to_clip;
+    int width, height;     /* pixels of the whole image, 1..16384 each */
+    sps_camera camera;
     double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 (0, orthographic matrix: none) */
-    int region[4];        /* x, y, width, height of the part to render; width 0: all */
+    int region[4];        /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
     /* Sheet thickness in voxels, the main knob: error falls with its square; 0: from quality. A particle counts as a
        voxel of 0.7 radii, the radius being the geometric mean of all, but no less than lets 500 such span a cloud;
@@ -503,7 +509,8 @@ typedef struct sps_image {
        background that is premultiplied alpha. */
     float *rgba;
     /* Optional, a float a pixel: mean distance from the eye along the ray, in world units, of what is seen, weighted by
-       coverage; infinity where nothing is. Orthographic: from the plane across `position`, or see world_to_clip. */
+       coverage; infinity where nothing is. Orthographic: from the plane across camera.position, or see world_to_clip.
+     */
     float *depth;
     size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
@@ -570,6 +577,20 @@ typedef struct sps_stats_report {
     size_t bytes, bytes_peak; /* held now, and at most since sps_create */
 } sps_stats_report;
 
+/* A light as its transmittance map sees from it: perspective for a point light or a spot, orthographic for a
+   directional one. */
+typedef struct sps_tmap_light {
+    uint32_t start_canary; /* leave 0 */
+    int width, height;     /* texels of the map, or of each of six faces, 1..16384 each; six faces are square */
+    sps_camera camera;     /* copied, matrix and all */
+    /* 1: six faces about camera.position, the only field of camera that counts then. 0: one view. If such a light lies
+       among voxels, those outside its view count as lit, and message_fn is told. */
+    int omnidirectional;
+    sps_quality quality; /* of volumes: where kernels end, and slabs; as in sps_view */
+    double slab;         /* of volumes: in voxels, as in sps_view */
+    uint32_t end_canary; /* leave 0 */
+} sps_tmap_light;
+
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
 
 typedef struct sps_context sps_context; /* opaque */
@@ -626,12 +647,10 @@ SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
 
-/* A transmittance map: what an engine looks shadows up in. `light` is the light's own view, of which the size (the
-   map's, in texels) and the camera count: perspective for a point light or a spot, orthographic for a directional one;
-   for volumes also quality and slab. Add occluders, finish, query. Everything that settings and light point to is
-   copied. A call on a map counts as one on its context, but for queries and what else reads a finished map. Errors:
-   ARGUMENT, MEMORY (byte_budget too); *map is NULL then. */
-SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
+/* A transmittance map: what an engine looks shadows up in. Add occluders, finish, query. Everything that settings and
+   light point to is copied. A call on a map counts as one on its context, but for queries and what else reads a
+   finished map. Errors: ARGUMENT, MEMORY (byte_budget too); *map is NULL then. */
+SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
 /* Adds the volumes, meshes and particles of a scene; its lights and background do not matter. What these structs hold
@@ -1243,8 +1262,8 @@ static void spsi_clear_error(sps_error_info *info) {
 /* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 leaves the brackets out. */
 static void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
                           const char *rest) {
-    static const char *const names[] = {"",       "",     "config", "scene",     "view", "image",
-                                        "volume", "mesh", "light",  "particles", "tmap", "settings"};
+    static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
+                                        "mesh", "light", "particles", "tmap",  "light", "settings"};
     char brackets[24] = "";
     info->object = object;
     info->index = index;
@@ -1652,18 +1671,19 @@ static void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double rig
     spsi_along(corner, down, y, corner);
 }
 
-static int spsi_rays_from_camera(spsi_rays *rays, const sps_view *view) {
+/* Rays through the pixels of a camera that has no matrix; width and height are set. Returns 0 if it has no direction,
+   or its pixels cannot be told apart. */
+static int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     double forward[3], right[3], down[3], pitch;
-    spsi_along(view->target, view->position, -1, forward);
+    spsi_along(camera->target, camera->position, -1, forward);
     if (!spsi_normalise(forward)) return 0;
-    spsi_cross(forward, view->up, right);
-    if (!(spsi_length(right) > 1e-6 * spsi_length(view->up)) || !spsi_normalise(right))
+    spsi_cross(forward, camera->up, right);
+    if (!(spsi_length(right) > 1e-6 * spsi_length(camera->up)) || !spsi_normalise(right))
         spsi_basis(forward, right, down);
     spsi_cross(forward, right, down);
-    rays->perspective = view->field_of_view > 0;
-    pitch = rays->perspective ? 2 * tan(0.5 * view->field_of_view) : view->ortho_height > 0 ? view->ortho_height : 1;
-    pitch /= view->height;
-    spsi_rays_aim(rays, view->position, right, down, forward, pitch, pitch);
+    rays->perspective = camera->field_of_view > 0;
+    pitch = (rays->perspective ? 2 * tan(0.5 * camera->field_of_view) : camera->ortho_height) / rays->height;
+    spsi_rays_aim(rays, camera->position, right, down, forward, pitch, pitch);
     return spsi_rays_complete(rays);
 }
 
@@ -3259,11 +3279,12 @@ typedef struct spsi_lamp { /* a light that is not black */
     double position[3];  /* of a point */
     double direction[3]; /* the way a directional light travels, of unit length */
     float color[3];
-    int shadows;           /* 1: it casts some; */
-    int sliced;            /* on gas by sheets, which take slabs that suit it; maps, and polygons alone, take none */
-    int has_map;           /* on gas by a map, */
-    int map_size;          /* texels on its longer side; 0: as quality says, */
-    sps_tmap_settings map; /* as the caller has them */
+    int shadows;             /* 1: it casts some; */
+    int sliced;              /* on gas by sheets, which take slabs that suit it; maps, and polygons alone, take none */
+    int has_map;             /* on gas by a map, */
+    int map_size;            /* texels on its longer side; 0: as quality says, */
+    int map_omnidirectional; /* 1: in six faces wherever the light is, */
+    sps_tmap_settings map;   /* as the caller has them */
 } spsi_lamp;
 
 typedef struct spsi_bounds {
@@ -3273,6 +3294,7 @@ typedef struct spsi_bounds {
 typedef struct spsi_frame {
     const sps_scene *scene;
     sps_view view;        /* all fields resolved; region filled in */
+    sps_object viewer;    /* who says so: a view, or a map's light */
     double threshold;     /* transmittance at which an eye ray ends */
     double shadow_texels; /* per voxel */
     int depth_map_texels; /* on a side of a depth map, at least */
@@ -3557,11 +3579,11 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
     if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_size",
                                light->shadow_map_size, "it must be 0..16384");
+    if (light->shadow_map_omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_omnidirectional",
+                               light->shadow_map_omnidirectional, "a directional light has one direction");
     if (!settings) return SPS_OK;
     if (spsi_check_settings(context, i, settings)) return context->result;
-    if (settings->omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
-        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "omnidirectional", settings->omnidirectional,
-                                 "a directional light has one direction");
     if (!(fabs(settings->near_depth) <= 0 && fabs(settings->far_depth) <= 0))
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "far_depth", settings->far_depth,
                                  "it and near_depth must be 0: the range is fitted to the gas");
@@ -3631,65 +3653,87 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     return SPS_OK;
 }
 
-static sps_result spsi_check_camera(sps_context *context, const sps_view *view) {
-    const double *bad;
-    if (view->world_to_clip) {
+/* Checks that exactly one field says what a camera sees. */
+static sps_result spsi_check_projection(sps_context *context, sps_object object, const sps_camera *camera) {
+    static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
+    const int set[3] = {!(fabs(camera->field_of_view) <= 0), !(fabs(camera->ortho_height) <= 0),
+                        camera->world_to_clip != NULL};
+    char rest[96];
+    if (set[0] + set[1] + set[2] == 1) return SPS_OK;
+    if (set[0] + set[1] + set[2] == 0)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera", 0,
+                              "has neither field_of_view nor ortho_height nor world_to_clip; one must be set");
+    SPS_SNPRINTF(rest, sizeof rest, "has %s and %s; only one may be set", names[!set[0]], names[set[2] ? 2 : 1]);
+    return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera", 0, rest);
+}
+
+/* Checks one of a camera's vectors. */
+static sps_result spsi_check_vector(sps_context *context, sps_object object, const char *field, const double v[3]) {
+    const double *bad = spsi_bad_coordinate(v, 3);
+    if (!bad) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
+}
+
+/* Checks the camera of a view, or of a map's light. */
+static sps_result spsi_check_camera(sps_context *context, sps_object object, const sps_camera *camera) {
+    const double *matrix = camera->world_to_clip;
+    if (spsi_check_projection(context, object, camera)) return context->result;
+    if (matrix) {
+        const double *bad = spsi_bad_coordinate(matrix, 16);
         char field[32];
-        bad = spsi_bad_coordinate(view->world_to_clip, 16);
         if (!bad) return SPS_OK;
-        SPS_SNPRINTF(field, sizeof field, "world_to_clip[%d]", (int)(bad - view->world_to_clip));
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, field, *bad, "it must be within 1e15");
+        SPS_SNPRINTF(field, sizeof field, "camera.world_to_clip[%d]", (int)(bad - matrix));
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, field, *bad, "it must be within 1e15");
     }
-    bad = spsi_bad_coordinate(view->position, 3);
-    if (bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position", *bad,
-                               "it must be within 1e15");
-    bad = spsi_bad_coordinate(view->target, 3);
-    if (bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "target", *bad,
-                               "it must be within 1e15");
-    bad = spsi_bad_coordinate(view->up, 3);
-    if (bad)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "up", *bad, "it must be within 1e15");
-    if (!(view->field_of_view >= 0 && view->field_of_view <= 3.1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "field_of_view", view->field_of_view,
-                               "it must be 0..3.1 radians");
-    if (!(view->ortho_height >= 0 && view->ortho_height <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "ortho_height", view->ortho_height,
-                               "it must be 0 or positive");
+    if (spsi_check_vector(context, object, "camera.position", camera->position) ||
+        spsi_check_vector(context, object, "camera.target", camera->target) ||
+        spsi_check_vector(context, object, "camera.up", camera->up))
+        return context->result;
+    if (!(camera->field_of_view >= 0 && camera->field_of_view <= 3.1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "camera.field_of_view", camera->field_of_view,
+                               "it must be above 0, up to 3.1 radians");
+    if (!(camera->ortho_height >= 0 && camera->ortho_height <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "camera.ortho_height", camera->ortho_height,
+                               "it must be above 0");
     return SPS_OK;
 }
 
+/* Checks what a view and a map's light have in common beside their cameras. */
+static sps_result spsi_check_sampling(sps_context *context, sps_object object, const int size[2], sps_quality quality,
+                                      double slab) {
+    for (int i = 0; i < 2; ++i)
+        if (size[i] < 1 || size[i] > SPSI_SIZE_MAX)
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, i ? "height" : "width", size[i],
+                                   "it must be 1..16384");
+    if ((int)quality < 0 || quality > SPS_QUALITY_ULTRA)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "quality", (double)(int)quality,
+                               "it must be an sps_quality");
+    if (!(slab >= 0 && slab <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "slab", slab, "it must be 0 or positive");
+    return SPS_OK;
+}
+
+static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
+
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
-    const int *r = view->region;
-    if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, view->start_canary, view->end_canary)) return context->result;
-    if (view->width < 0 || view->width > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "width", view->width,
-                               "it must be 0..16384");
-    if (view->height < 0 || view->height > SPSI_SIZE_MAX)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "height", view->height,
-                               "it must be 0..16384");
-    if (view->width == 0 || view->height == 0) return SPS_OK;
-    if (r[2] && (r[0] < 0 || r[1] < 0 || r[2] < 0 || r[3] < 1 || r[0] >= view->width || r[1] >= view->height ||
-                 r[2] > view->width - r[0] || r[3] > view->height - r[1])) {
+    const int *r = view->region, size[2] = {view->width, view->height};
+    if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, view->start_canary, view->end_canary) ||
+        spsi_check_sampling(context, SPS_OBJECT_VIEW, size, view->quality, view->slab))
+        return context->result;
+    if (spsi_has_region(r) && (r[0] < 0 || r[1] < 0 || r[2] < 1 || r[3] < 1 || r[0] >= size[0] || r[1] >= size[1] ||
+                               r[2] > size[0] - r[0] || r[3] > size[1] - r[1])) {
         char rest[128];
-        SPS_SNPRINTF(rest, sizeof rest, "is %d,%d,%d,%d; it must lie inside %d x %d", r[0], r[1], r[2], r[3],
-                     view->width, view->height);
+        SPS_SNPRINTF(rest, sizeof rest, "is %d,%d,%d,%d; it must lie inside %d x %d", r[0], r[1], r[2], r[3], size[0],
+                     size[1]);
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "region", 0, rest);
     }
-    if ((int)view->quality < 0 || view->quality > SPS_QUALITY_ULTRA)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "quality", (double)(int)view->quality,
-                               "it must be an sps_quality");
-    if (!(view->slab >= 0 && view->slab <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "slab", view->slab,
-                               "it must be 0 or positive");
     if (view->shadow_size < 0 || view->shadow_size > SPSI_SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "shadow_size", view->shadow_size,
                                "it must be 0..16384");
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
-    return spsi_check_camera(context, view);
+    return spsi_check_camera(context, SPS_OBJECT_VIEW, &view->camera);
 }
 
 static void spsi_resolve_quality(spsi_frame *frame) {
@@ -3707,39 +3751,36 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     frame->depth_map_texels = depth_map_texels[frame->view.quality];
 }
 
-/* The rays of a checked view. */
-static sps_result spsi_rays_build(sps_context *context, const sps_view *view, spsi_rays *rays) {
-    rays->width = view->width;
-    rays->height = view->height;
-    if (view->world_to_clip) {
-        if (!spsi_rays_from_matrix(rays, view->world_to_clip))
-            return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "world_to_clip", 0,
-                                  "cannot be inverted");
-    } else if (!spsi_rays_from_camera(rays, view)) {
-        double forward[3];
-        spsi_along(view->target, view->position, -1, forward);
-        if (!spsi_normalise(forward))
-            return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position", 0,
-                                  "and view.target are the same point");
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1,
-                               rays->perspective ? "field_of_view" : "ortho_height",
-                               rays->perspective ? view->field_of_view : view->ortho_height,
-                               "pixels of that size cannot be told apart, or do not fit into the world");
+/* The rays of a checked camera; their width and height are set. */
+static sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera, spsi_rays *rays) {
+    double forward[3];
+    if (camera->world_to_clip) {
+        if (spsi_rays_from_matrix(rays, camera->world_to_clip)) return SPS_OK;
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.world_to_clip", 0, "cannot be inverted");
     }
-    return SPS_OK;
+    if (spsi_rays_from_camera(rays, camera)) return SPS_OK;
+    spsi_along(camera->target, camera->position, -1, forward);
+    if (!spsi_normalise(forward))
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, object, -1, "camera.position", 0,
+                              "and camera.target are the same point");
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1,
+                           rays->perspective ? "camera.field_of_view" : "camera.ortho_height",
+                           rays->perspective ? camera->field_of_view : camera->ortho_height,
+                           "pixels of that size cannot be told apart, or do not fit into the world");
 }
 
 static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     sps_view *view = &frame->view;
     spsi_rays *eye = &frame->eye;
-    if (view->region[2] == 0) {
-        view->region[0] = view->region[1] = 0;
+    if (!spsi_has_region(view->region)) {
         view->region[2] = view->width;
         view->region[3] = view->height;
     }
-    if (spsi_rays_build(context, view, eye)) return context->result;
+    eye->width = view->width;
+    eye->height = view->height;
+    if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
     eye->near_depth =
-        view->world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
+        view->camera.world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
     return SPS_OK;
 }
@@ -3914,6 +3955,7 @@ static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp)
     lamp->sliced = lamp->shadows && !lamp->has_map && frame->extinguishes;
     if (!lamp->has_map) return;
     lamp->map = *light->shadow_map;
+    lamp->map_omnidirectional = light->shadow_map_omnidirectional;
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
 
@@ -3994,23 +4036,25 @@ static int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
-/* Checks everything and fills a frame; no voxel or triangle is read. NULL: failed. */
+/* Checks everything and fills a frame; no voxel or triangle is read. view may be NULL: nobody looks yet. NULL: failed.
+ */
 static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     int wants_depth) {
     spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
     if (!frame) return NULL;
-    if (spsi_check_scene(context, scene) || spsi_check_view(context, view)) return NULL;
+    if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
     memset(frame, 0, sizeof *frame);
     frame->scene = scene;
-    frame->view = *view;
+    if (view) frame->view = *view;
+    frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
     frame->volume_bounds = frame->mesh_bounds = spsi_nowhere;
     if (spsi_resolve_particles(context, frame) || spsi_resolve_volumes(context, frame) ||
         spsi_resolve_meshes(context, frame))
         return NULL;
-    if (view->width > 0 && view->height > 0 && spsi_resolve_view(context, frame)) return NULL;
+    if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame)) return NULL;
-    if (view->width > 0 && view->height > 0) spsi_resolve_gradients(frame);
+    if (view) spsi_resolve_gradients(frame);
     memcpy(frame->ambient, scene->ambient, sizeof frame->ambient);
     frame->has_ambient = !spsi_black(scene->ambient);
     frame->channels = spsi_count_channels(frame);
@@ -5649,7 +5693,7 @@ struct sps_tmap {
     sps_tmap_settings settings; /* resolved */
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
     sps_view view;              /* the light's */
-    double matrix[16];          /* its world_to_clip */
+    double matrix[16];          /* its camera's world_to_clip */
     int has_components;         /* 1: the caller has said how many, 0: the technique */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
     int has_vectors;            /* 1: vectors of texels are asked at once */
@@ -6060,17 +6104,21 @@ static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame
 
 static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            double cosine, int unshadowed_helps) {
-    const int matrix = frame->view.world_to_clip != NULL;
+    const sps_camera *seen = &frame->view.camera;
+    const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
-    if (!matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", frame->view.field_of_view);
+    if (!seen->world_to_clip) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->lamp && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, cosine, matrix ? "is it row-major? If it is, " : "", way_out);
+                 camera, cosine, seen->world_to_clip ? "is it row-major? If it is, " : "", way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
-                          matrix ? "world_to_clip" : "field_of_view", matrix ? 0 : frame->view.field_of_view, rest);
+                          seen->world_to_clip       ? "camera.world_to_clip"
+                          : seen->field_of_view > 0 ? "camera.field_of_view"
+                                                    : "camera.ortho_height",
+                          seen->world_to_clip ? 0 : value, rest);
 }
 
 /* Chooses s for a light, or for none. */
@@ -6181,7 +6229,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     slabs->thickness = fmin(frame->view.slab * edge, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / slabs->thickness);
     if (!(count <= SPSI_SLABS_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "slab", frame->view.slab,
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab", frame->view.slab,
                                "it makes more than 2^20 slabs");
     slabs->count = spsi_most(1, (int)count);
     return SPS_OK;
@@ -10461,9 +10509,9 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
     spsi_normalise(slabs->normal);
     least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_TMAP, -1,
-                               "cosine of its outermost rays with the axis", least,
-                               frame->view.world_to_clip
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
+                               "camera's outermost rays' cosine with its axis", least,
+                               frame->view.camera.world_to_clip
                                    ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
                                    : "volumes need 0.1; narrow the light's view, up and down or sideways");
     return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, slabs);
@@ -10584,11 +10632,23 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
 
 /* --- making one --- */
 
-static int spsi_same_point(const double a[3], const double b[3]) {
-    return !(fabs(a[0] - b[0]) > 0) && !(fabs(a[1] - b[1]) > 0) && !(fabs(a[2] - b[2]) > 0);
+/* Checks the camera of a map's light, or, if it shines all round, where it is. */
+static sps_result spsi_check_tmap_camera(sps_context *context, const sps_tmap_light *light) {
+    const sps_camera *camera = &light->camera;
+    double forward[3];
+    if (light->omnidirectional)
+        return spsi_check_vector(context, SPS_OBJECT_TMAP_LIGHT, "camera.position", camera->position);
+    if (spsi_check_camera(context, SPS_OBJECT_TMAP_LIGHT, camera)) return context->result;
+    spsi_along(camera->target, camera->position, -1, forward);
+    if (camera->world_to_clip || spsi_dot(forward, forward) > 0) return SPS_OK;
+    return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position", 0,
+                          "and camera.target are the same point; a map looks from one to the other, or, where "
+                          "light.omnidirectional is 1, all round");
 }
 
-static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, const sps_tmap_settings *settings) {
+static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *light,
+                                  const sps_tmap_settings *settings) {
+    const int size[2] = {light->width, light->height};
     if (spsi_check_settings(context, -1, settings)) return context->result;
     if (!(settings->near_depth >= 0 && settings->near_depth <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "near_depth",
@@ -10596,17 +10656,13 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_view *light, c
     if (!(settings->far_depth > settings->near_depth && settings->far_depth <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "far_depth",
                                settings->far_depth, "it must be above near_depth, and within 1e15");
-    if (light->width < 1 || light->height < 1)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, light->width < 1 ? "width" : "height",
-                               light->width < 1 ? light->width : light->height, "a map's must be 1..16384");
-    if (settings->omnidirectional && light->width != light->height)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "width", light->width,
-                               "an omnidirectional map's must be its height");
-    if (!settings->omnidirectional && !light->world_to_clip && spsi_same_point(light->position, light->target))
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position", 0,
-                              "and view.target are the same point; a map looks from one to the other, or, where "
-                              "settings.omnidirectional is 1, all round");
-    return spsi_check_view(context, light);
+    if (spsi_check_canaries(context, SPS_OBJECT_TMAP_LIGHT, -1, light->start_canary, light->end_canary) ||
+        spsi_check_sampling(context, SPS_OBJECT_TMAP_LIGHT, size, light->quality, light->slab))
+        return context->result;
+    if (light->omnidirectional && size[0] != size[1])
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "width", size[0],
+                               "an omnidirectional light's must be its height");
+    return spsi_check_tmap_camera(context, light);
 }
 
 /* Fills in the number of components, as many as the budget has room for if that is left to the technique. */
@@ -10657,13 +10713,15 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
 
 /* The rays of a map's faces. */
 static sps_result spsi_tmap_aim(sps_tmap *map) {
-    map->face_count = map->settings.omnidirectional ? SPSI_CUBE_FACES : 1;
-    if (map->face_count == 1 && spsi_rays_build(map->context, &map->view, &map->rays[0])) return map->context->result;
+    map->rays[0].width = map->view.width;
+    map->rays[0].height = map->view.height;
+    if (map->face_count == 1 && spsi_rays_build(map->context, SPS_OBJECT_TMAP_LIGHT, &map->view.camera, &map->rays[0]))
+        return map->context->result;
     for (int face = 0; face < map->face_count; ++face) {
         spsi_rays *rays = &map->rays[face];
-        if (map->face_count > 1 && !spsi_rays_of_cube_face(map->view.position, face, map->view.width, 0, rays))
-            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "position",
-                                   map->view.position[0], "texels cannot be told apart there");
+        if (map->face_count > 1 && !spsi_rays_of_cube_face(map->view.camera.position, face, map->view.width, 0, rays))
+            return spsi_fail_field(map->context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "camera.position",
+                                   map->view.camera.position[0], "texels cannot be told apart there");
         rays->depth_reference = map->settings.near_depth;
         rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
     }
@@ -10680,14 +10738,19 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
 }
 
 /* Fills a map that is zeroed but for its context. */
-static sps_result spsi_tmap_build(sps_tmap *map, const sps_view *light, const sps_tmap_settings *settings) {
+static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->light = -1;
     map->settings = *settings;
     map->technique = &spsi_techniques[settings->technique];
-    map->view = *light;
-    if (light->world_to_clip) {
-        memcpy(map->matrix, light->world_to_clip, sizeof map->matrix);
-        map->view.world_to_clip = map->matrix;
+    map->view.width = light->width;
+    map->view.height = light->height;
+    map->view.camera = light->camera;
+    map->view.quality = light->quality;
+    map->view.slab = light->slab;
+    map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
+    if (light->camera.world_to_clip && map->face_count == 1) {
+        memcpy(map->matrix, light->camera.world_to_clip, sizeof map->matrix);
+        map->view.camera.world_to_clip = map->matrix;
     }
     map->per_depth = 1 / (settings->far_depth - settings->near_depth);
     if (spsi_tmap_aim(map) || spsi_tmap_resolve(map)) return map->context->result;
@@ -10744,8 +10807,6 @@ static void spsi_tmap_forget(sps_tmap *map) {
 /* The frame of all that was added, as the light's first face sees it. NULL: failed. */
 static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     spsi_frame *frame;
-    sps_view nothing = map->view;
-    nothing.width = nothing.height = 0; /* no eye */
     memset(scene, 0, sizeof *scene);
     scene->volumes = (const sps_volume *)map->volumes.data;
     scene->volume_count = map->volume_count;
@@ -10754,9 +10815,10 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     scene->particles = (const sps_particles *)map->particles.data;
     scene->particles_count = map->particles_count;
     scene->replace_invalid = map->replace_invalid;
-    frame = spsi_frame_build(map->context, scene, &nothing, 0);
+    frame = spsi_frame_build(map->context, scene, NULL, 0);
     if (!frame) return NULL;
     frame->view = map->view;
+    frame->viewer = SPS_OBJECT_TMAP_LIGHT;
     frame->eye = map->rays[0];
     spsi_resolve_quality(frame);
     return frame;
@@ -10797,7 +10859,7 @@ static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     if (!config->message_fn || map->face_count > 1 || !rays->perspective) return;
     if (spsi_bounds_empty(&frame->volume_bounds) || !spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return;
     config->message_fn(config->message_user, "tmap: the light is amid the gas, and what its view leaves out counts as "
-                                             "lit; settings.omnidirectional is for a light that shines all round");
+                                             "lit; light.omnidirectional is for a light that shines all round");
 }
 
 /* Reads all that was added, and fills the map with it. */
@@ -10856,7 +10918,6 @@ static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, co
         farthest = fmax(farthest, fmax(frame->volume_bounds.high[i] - lamp->position[i],
                                        lamp->position[i] - frame->volume_bounds.low[i]));
     if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
-    map->settings.omnidirectional = 1;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
         if (!spsi_rays_of_cube_face(lamp->position, face, size, 0, &map->rays[face]))
@@ -10871,7 +10932,7 @@ static sps_result spsi_tmap_aim_lamp(sps_tmap *map, const spsi_frame *frame, con
     const int most = spsi_light_texels_most(frame);
     const double texel = spsi_lamp_texel(frame, lamp);
     map->face_count = 1;
-    if (!map->settings.omnidirectional && spsi_rays_fit(lamp, &frame->volume_bounds, texel, size, most, &map->rays[0]))
+    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->volume_bounds, texel, size, most, &map->rays[0]))
         return SPS_OK;
     if (lamp->is_point) return spsi_tmap_aim_round(map, frame, lamp, texel, size, most);
     return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
@@ -11348,8 +11409,7 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
 
 /* Bytes of the lights' maps, which are there at once, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    const int seen = frame->view.width > 0 && frame->view.height > 0;
-    const int some = seen && frame->shadow_count > 0 && spsi_has_gas(frame);
+    const int some = frame->shadow_count > 0 && spsi_has_gas(frame);
     size_t most = 0;
     for (int i = 0; i < frame->lamp_count && some; ++i) {
         size_t held, filling;
@@ -11364,13 +11424,12 @@ static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
 static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
     if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
-    if (frame->view.width > 0 && frame->view.height > 0)
-        for (int n = 0; n < spsi_sweep_count(frame); ++n) {
-            spsi_sweep sweep;
-            const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
-            if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
-            spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report);
-        }
+    for (int n = 0; n < spsi_sweep_count(frame); ++n) {
+        spsi_sweep sweep;
+        const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
+        if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
+        spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report);
+    }
     spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->scene->mesh_count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
@@ -12157,12 +12216,12 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
     if (spsi_require(context, scene, "scene") || spsi_require(context, view, "view") ||
         spsi_require(context, image, "image"))
         return NULL;
-    if (!image->rgba && view->width > 0 && view->height > 0) {
+    if (!image->rgba) {
         spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "rgba", 0, SPSI_IS_NULL);
         return NULL;
     }
     frame = spsi_frame_build(context, scene, view, image->depth != NULL);
-    if (!frame || view->width == 0 || view->height == 0 || spsi_refuse_transparent(context, scene)) return NULL;
+    if (!frame || spsi_refuse_transparent(context, scene)) return NULL;
     if (image->row_pixels && image->row_pixels < (size_t)frame->view.region[2]) {
         spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
                         "it must be 0 or at least the region's width");
@@ -12220,7 +12279,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map) {
     spsi_release(map->context, map, sizeof *map);
 }
 
-SPS_API sps_result sps_tmap_create(sps_context *context, const sps_view *light, const sps_tmap_settings *settings,
+SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map) {
     if (map) *map = NULL;
     if (!context) return SPS_ERROR_ARGUMENT;

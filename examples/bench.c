@@ -71,7 +71,7 @@ static void frame_begin(frame *f, int width, int height) {
     f->scene.lights = &f->light, f->scene.light_count = 1;
     f->view.width = width, f->view.height = height;
     f->view.quality = SPS_QUALITY_MEDIUM;
-    f->view.up[1] = 1;
+    f->view.camera.up[1] = 1;
     f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
 }
 
@@ -166,9 +166,9 @@ static void bonsai_frame(frame *f, ex_grid *grid) {
     f->volume.transfer = &bonsai_transfer;
     memcpy(f->light.direction, light, sizeof light);
     for (int i = 0; i < 3; ++i) f->light.color[i] = 2.5f - 0.1f * (float)i, f->scene.ambient[i] = 0.25f;
-    memcpy(f->view.position, eye, sizeof eye);
-    memcpy(f->view.target, target, sizeof target);
-    f->view.field_of_view = 34 * PI / 180;
+    memcpy(f->view.camera.position, eye, sizeof eye);
+    memcpy(f->view.camera.target, target, sizeof target);
+    f->view.camera.field_of_view = 34 * PI / 180;
 }
 
 /* Bytes of a context that has rendered the frame and nothing else; the share of its workers' tiles apart, which is
@@ -282,8 +282,8 @@ static void block_frame(frame *f, block *b, int width, double pixels, uint64_t r
     f->volume.revision = revision;
     f->volume.extinction = 0.01f; /* so thin that no ray ends early */
     memcpy(f->light.direction, light, sizeof light);
-    for (int i = 0; i < 3; ++i) f->view.position[i] = 100 * eye[i];
-    f->view.ortho_height = width / pixels;
+    for (int i = 0; i < 3; ++i) f->view.camera.position[i] = 100 * eye[i];
+    f->view.camera.ortho_height = width / pixels;
 }
 
 /* The shadow_size that gives a voxel so many texels, by what `medium` plans for one. Two texels of border on each side
@@ -366,7 +366,7 @@ enum { MAP_QUERIES = 400000, MAP_SIZE = 512 };
 typedef struct map_trial {
     sps_particles particles;
     sps_scene scene;
-    sps_view light;
+    sps_tmap_light light;
     double inserts; /* stretches of particles that meet the texels' rays: what every technique has to take in */
     double *positions;
     float *depths;
@@ -389,7 +389,7 @@ static void map_trial_begin(map_trial *trial, const ex_session *session) {
     trial->particles.user = puff_build(particle_count);
     trial->scene.particles = &trial->particles, trial->scene.particles_count = 1;
     trial->light.width = trial->light.height = MAP_SIZE;
-    trial->light.position[2] = 5, trial->light.up[1] = 1, trial->light.field_of_view = 0.5;
+    trial->light.camera.position[2] = 5, trial->light.camera.up[1] = 1, trial->light.camera.field_of_view = 0.5;
     trial->positions = (double *)ex_allocate(MAP_QUERIES, 3 * sizeof(double));
     trial->depths = (float *)ex_allocate(MAP_QUERIES, sizeof(float));
     for (int i = 0; i < 3 * MAP_QUERIES; ++i) trial->positions[i] = (double)(i * 7919LL % 20011) / 10006 - 1;
@@ -498,7 +498,7 @@ static void bench_particles(void) {
         frame_begin(&f, 1024, 768);
         f.scene.volume_count = f.scene.mesh_count = 0;
         f.scene.particles = &particles, f.scene.particles_count = 1;
-        f.view.position[2] = 4, f.view.field_of_view = 0.6;
+        f.view.camera.position[2] = 4, f.view.camera.field_of_view = 0.6;
         f.light.direction[0] = f.light.direction[1] = f.light.direction[2] = -1;
         for (int i = 0; i < 3; ++i) particles.albedo[i] = 0.8f, f.light.color[i] = 3;
         for (int i = 0; i < 2; ++i) contender_set(&c[i], &session, &f, i == 0);
@@ -667,9 +667,9 @@ static void blob_frame(frame *f, int grid, int size) {
     f->volume.eval_fn = blob_density, f->volume.extinction = (float)BLOB_EXTINCTION, f->volume.revision = 1;
     f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;
     memcpy(f->light.direction, blob_light, sizeof blob_light);
-    memcpy(f->view.position, blob_eye, sizeof blob_eye);
-    memcpy(f->view.target, blob_target, sizeof blob_target);
-    f->view.field_of_view = 26 * PI / 180;
+    memcpy(f->view.camera.position, blob_eye, sizeof blob_eye);
+    memcpy(f->view.camera.target, blob_target, sizeof blob_target);
+    f->view.camera.field_of_view = 26 * PI / 180;
 }
 
 /* Root mean square, and if asked for the 99th percentile, of the differences in radiance. */
@@ -868,8 +868,8 @@ static void dense_frame(frame *f, dense_shape *shape, const sps_transfer *transf
     f->volume.read_fn = dense_read, f->volume.user = shape, f->volume.revision = 1 + (uint64_t)*shape;
     f->volume.transfer = transfer, f->volume.shading = shading;
     memcpy(f->light.direction, direction, sizeof direction);
-    f->view.position[2] = 100;
-    f->view.ortho_height = *shape == DENSE_BALL ? 40 : 12;
+    f->view.camera.position[2] = 100;
+    f->view.camera.ortho_height = *shape == DENSE_BALL ? 40 : 12;
 }
 
 /* Root mean square and largest difference from the reference over its brightest, and the dimmest and brightest of a
@@ -1021,9 +1021,9 @@ static void land_frame(frame *f, land *l, const double position[3], const double
     f->mesh.triangle_count = l->count, f->mesh.read_fn = land_read, f->mesh.user = l;
     for (int i = 0; i < 3; ++i) f->mesh.color[i] = 0.5f, f->light.color[i] = 3;
     f->light.direction[0] = -1, f->light.direction[1] = -0.5, f->light.direction[2] = 0.4;
-    memcpy(f->view.position, position, sizeof f->view.position);
-    memcpy(f->view.target, target, sizeof f->view.target);
-    f->view.field_of_view = 1;
+    memcpy(f->view.camera.position, position, sizeof f->view.camera.position);
+    memcpy(f->view.camera.target, target, sizeof f->view.camera.target);
+    f->view.camera.field_of_view = 1;
 }
 
 static int haze(void *user, const int lo[3], const int size[3], float *out) {

@@ -14,7 +14,7 @@ int main(void) {
     gas.eval_fn = blob, gas.extinction = 6;
     gas.albedo[0] = 0.7f, gas.albedo[1] = 0.8f, gas.albedo[2] = 0.9f;
     sps_scene scene = {0, &gas, 1, NULL, 0, &sun, 1};
-    sps_view view = {0, 256, 256, {0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6};
+    sps_view view = {0, 256, 256, {{0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6}};
     sps_image image = {rgba};
     sps_context *context = sps_create(NULL, NULL);
     if (sps_render(context, &scene, &view, &image)) return puts(sps_error(context)), 1;

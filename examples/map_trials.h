@@ -157,7 +157,8 @@ typedef struct set_up {
     sps_mesh meshes[2];
     sps_light light;
     sps_scene scene, occluders; /* the ground shades nothing */
-    sps_view view, light_view;
+    sps_view view;
+    sps_tmap_light light_view;
     sps_tmap_settings range;
     int map_size;
     double *points;                     /* in the gas, then on the ground below it */
@@ -259,7 +260,7 @@ static void aim_light(set_up *s) {
         widest = fmax(widest, atan2(across, along) + asin(radius / ex_vec_length(away)));
         depth[0] = fmin(depth[0], along - radius), depth[1] = fmax(depth[1], along + radius);
     }
-    s->light_view = ex_view(lamp, middle, 2 * widest * 1.02 * 180 / EX_PI);
+    s->light_view.camera = ex_camera_at(lamp, middle, 2 * widest * 1.02 * 180 / EX_PI);
     s->light_view.width = s->light_view.height = s->map_size;
     s->range.near_depth = depth[0] - 0.02 * (depth[1] - depth[0]);
     s->range.far_depth = depth[1] + 0.02 * (depth[1] - depth[0]);

@@ -49,7 +49,7 @@ static inline void ex_session_measure(ex_session *session, const char *program, 
 }
 
 /* A finished transmittance map of what the light sees. */
-static inline sps_tmap *ex_tmap_build(const ex_session *session, const char *program, const sps_view *light,
+static inline sps_tmap *ex_tmap_build(const ex_session *session, const char *program, const sps_tmap_light *light,
                                       const sps_tmap_settings *settings, const sps_scene *occluders) {
     sps_tmap *map;
     ex_stop_unless_ok(sps_tmap_create(session->context, light, settings, &map), program, session);

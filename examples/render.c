@@ -693,12 +693,12 @@ static void frame_scene(const arguments *all, sps_view *view) {
     for (int a = 0; a < 3; ++a) half[a] = 0.5 * (hi[a] - lo[a]);
     const double radius = fmax(sqrt(ex_dot(half, half)), 1e-12);
     const double aspect = fmin(1.0, (double)view->width / (double)view->height);
-    const double angle = view->field_of_view > 0 ? atan(tan(0.5 * view->field_of_view) * aspect) : 0.5;
+    const double angle = all->ortho > 0 ? 0.5 : atan(tan(0.5 * view->camera.field_of_view) * aspect);
     const double distance = 1.02 * radius / sin(angle);
-    if (view->field_of_view <= 0 && view->ortho_height <= 0) view->ortho_height = 2.04 * radius / aspect;
     for (int a = 0; a < 3; ++a) {
-        view->target[a] = 0.5 * (lo[a] + hi[a]);
-        view->position[a] = view->target[a] + direction[a] * distance / sqrt(ex_dot(direction, direction));
+        view->camera.target[a] = 0.5 * (lo[a] + hi[a]);
+        view->camera.position[a] =
+            view->camera.target[a] + direction[a] * distance / sqrt(ex_dot(direction, direction));
     }
 }
 
@@ -706,12 +706,12 @@ static void make_view(const arguments *all, sps_view *view) {
     const double degree = 3.14159265358979323846 / 180.0;
     view->width = all->width, view->height = all->height;
     if (all->ortho > 0)
-        view->ortho_height = all->ortho;
+        view->camera.ortho_height = all->ortho;
     else
-        view->field_of_view = all->fov * degree;
-    memcpy(view->up, all->up, sizeof view->up);
-    memcpy(view->position, all->camera, sizeof view->position);
-    memcpy(view->target, all->camera + 3, sizeof view->target);
+        view->camera.field_of_view = all->fov * degree;
+    memcpy(view->camera.up, all->up, sizeof view->camera.up);
+    memcpy(view->camera.position, all->camera, sizeof view->camera.position);
+    memcpy(view->camera.target, all->camera + 3, sizeof view->camera.target);
     if (!has(all->given, "--camera")) frame_scene(all, view);
     memcpy(view->region, all->region, sizeof view->region);
     view->quality = (sps_quality)all->quality;
@@ -736,9 +736,9 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
         sps_object object;
         const char *field, *option;
     } fields[] = {{SPS_OBJECT_VIEW, "slab", "--slab"},
-                  {SPS_OBJECT_VIEW, "field_of_view", "--fov"},
-                  {SPS_OBJECT_VIEW, "ortho_height", "--ortho"},
-                  {SPS_OBJECT_VIEW, "position", "--camera"},
+                  {SPS_OBJECT_VIEW, "camera.field_of_view", "--fov"},
+                  {SPS_OBJECT_VIEW, "camera.ortho_height", "--ortho"},
+                  {SPS_OBJECT_VIEW, "camera.position", "--camera"},
                   {SPS_OBJECT_SCENE, "volume_count", "--volume"},
                   {SPS_OBJECT_SCENE, "mesh_count", "--mesh"},
                   {SPS_OBJECT_SCENE, "particles_count", "--particles"},

@@ -37,14 +37,22 @@ static inline sps_scene ex_scene(const sps_light *sun) {
     return scene;
 }
 
-/* A camera for a picture of 480 x 360 at high quality; `degrees` is the vertical field of view. */
+/* `degrees` is the vertical field of view. */
+static inline sps_camera ex_camera_at(ex_vec position, ex_vec target, double degrees) {
+    sps_camera camera;
+    memset(&camera, 0, sizeof camera);
+    camera.position[0] = position.x, camera.position[1] = position.y, camera.position[2] = position.z;
+    camera.target[0] = target.x, camera.target[1] = target.y, camera.target[2] = target.z;
+    camera.up[1] = 1;
+    camera.field_of_view = degrees * EX_PI / 180;
+    return camera;
+}
+
+/* The view of a picture of 480 x 360 at high quality. */
 static inline sps_view ex_view(ex_vec position, ex_vec target, double degrees) {
     sps_view view;
     memset(&view, 0, sizeof view);
-    view.position[0] = position.x, view.position[1] = position.y, view.position[2] = position.z;
-    view.target[0] = target.x, view.target[1] = target.y, view.target[2] = target.z;
-    view.up[1] = 1;
-    view.field_of_view = degrees * EX_PI / 180;
+    view.camera = ex_camera_at(position, target, degrees);
     view.width = 480, view.height = 360;
     view.quality = SPS_QUALITY_HIGH;
     return view;

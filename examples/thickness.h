@@ -14,15 +14,15 @@ typedef struct ex_camera {
 } ex_camera;
 
 static inline ex_camera ex_camera_of(const sps_view *view) {
+    const sps_camera *from = &view->camera;
     ex_camera c;
-    c.eye = ex_vec_of(view->position[0], view->position[1], view->position[2]);
-    c.forward = ex_vec_unit(ex_vec_sub(ex_vec_of(view->target[0], view->target[1], view->target[2]), c.eye));
-    c.right = ex_vec_unit(ex_vec_cross(c.forward, ex_vec_of(view->up[0], view->up[1], view->up[2])));
+    c.eye = ex_vec_of(from->position[0], from->position[1], from->position[2]);
+    c.forward = ex_vec_unit(ex_vec_sub(ex_vec_of(from->target[0], from->target[1], from->target[2]), c.eye));
+    c.right = ex_vec_unit(ex_vec_cross(c.forward, ex_vec_of(from->up[0], from->up[1], from->up[2])));
     c.up = ex_vec_cross(c.right, c.forward);
-    c.perspective = view->field_of_view > 0;
+    c.perspective = from->field_of_view > 0;
     c.width = view->width, c.height = view->height;
-    c.scale = c.perspective ? 0.5 * c.height / tan(0.5 * view->field_of_view)
-                            : c.height / (view->ortho_height > 0 ? view->ortho_height : 1);
+    c.scale = c.perspective ? 0.5 * c.height / tan(0.5 * from->field_of_view) : c.height / from->ortho_height;
     return c;
 }
 

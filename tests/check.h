@@ -68,8 +68,8 @@ static inline int check_result(const sps_context *context, sps_result result, co
 /* Whether what sps_get_error has of the last call agrees with its sentence: "OBJECT[index].FIELD", with the value in
    it, if it is a number. */
 static inline int check_error_info(const sps_context *context, sps_result result) {
-    static const char *const names[] = {"",       "",     "config", "scene",     "view", "image",
-                                        "volume", "mesh", "light",  "particles", "tmap", "settings"};
+    static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
+                                        "mesh", "light", "particles", "tmap",  "light", "settings"};
     char start[128], number[32];
     sps_error_info info;
     sps_get_error(context, &info);
@@ -332,8 +332,9 @@ static inline void check_clear(check_scene *s, int width, int height) {
     s->scene.lights = s->light;
     s->view.width = width;
     s->view.height = height;
-    s->view.position[2] = 10;
-    s->view.up[1] = 1;
+    s->view.camera.position[2] = 10;
+    s->view.camera.up[1] = 1;
+    s->view.camera.ortho_height = 1;
 }
 
 static inline void check_set3(double out[3], double x, double y, double z) {
@@ -346,6 +347,39 @@ static inline void check_color(float out[3], double r, double g, double b) {
     out[0] = (float)r;
     out[1] = (float)g;
     out[2] = (float)b;
+}
+
+/* The camera sees in perspective from now on; 0: it stays as it is. */
+static inline void check_perspective(sps_camera *camera, double angle) {
+    if (angle == 0) return;
+    camera->field_of_view = angle;
+    camera->ortho_height = 0;
+}
+
+/* The camera is orthographic from now on; 0: it stays as it is. */
+static inline void check_orthographic(sps_camera *camera, double height) {
+    if (height == 0) return;
+    camera->ortho_height = height;
+    camera->field_of_view = 0;
+}
+
+/* The camera is a matrix from now on; NULL: it stays as it is. */
+static inline void check_matrix(sps_camera *camera, const double matrix[16]) {
+    if (!matrix) return;
+    camera->world_to_clip = matrix;
+    camera->field_of_view = camera->ortho_height = 0;
+}
+
+/* The light of a map that sees what a view does. */
+static inline sps_tmap_light check_light_of(const sps_view *view) {
+    sps_tmap_light light;
+    memset(&light, 0, sizeof light);
+    light.width = view->width;
+    light.height = view->height;
+    light.camera = view->camera;
+    light.quality = view->quality;
+    light.slab = view->slab;
+    return light;
 }
 
 /* The axis-aligned box from low to high. */

@@ -248,7 +248,6 @@ static void random_map(sps_tmap_settings *map) {
     map->cubic = one_in(2);
     map->texel_range = one_in(3) && map->components == 0;
     map->running_maximum = one_in(4);
-    map->omnidirectional = one_in(5);
     if (one_in(3)) map->epsilon = (float)strange(0, 0.5);
     if (one_in(10)) map->byte_budget = (size_t)below(100000);
 }
@@ -264,7 +263,7 @@ static void random_light(scenery *x, int n) {
     light->no_shadow = one_in(5);
     random_map(&x->maps[n]);
     if (one_in(3)) light->shadow_map = &x->maps[n];
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && !one_in(20)) x->maps[n].omnidirectional = 0;
+    light->shadow_map_omnidirectional = one_in(light->kind == SPS_LIGHT_DIRECTIONAL ? 100 : 5);
     light->shadow_map_size = 1 + below(one_in(4) ? 100 : 20);
 }
 
@@ -275,7 +274,7 @@ static void random_matrix(scenery *x) {
         const double look[16] = {2, 0, 0, 0.1, 0, 2, 0, 0.2, 0, 0, 1, 3, 0, 0, -1, 5};
         memcpy(x->matrix, look, sizeof look);
     }
-    x->s.view.world_to_clip = x->matrix;
+    check_matrix(&x->s.view.camera, x->matrix);
 }
 
 static void random_view(scenery *x) {
@@ -283,12 +282,15 @@ static void random_view(scenery *x) {
     view->width = one_in(30) ? below(3) - 1 : 1 + below(one_in(4) ? 90 : 24);
     view->height = one_in(30) ? below(3) - 1 : 1 + below(one_in(4) ? 90 : 24);
     for (int i = 0; i < 3; ++i) {
-        view->position[i] = one_in(5) ? strange(-1, 1) : strange(-6, 6);
-        view->target[i] = strange(-0.5, 0.5);
-        view->up[i] = one_in(3) ? 0 : strange(-1, 1);
+        view->camera.position[i] = one_in(5) ? strange(-1, 1) : strange(-6, 6);
+        view->camera.target[i] = strange(-0.5, 0.5);
+        view->camera.up[i] = one_in(3) ? 0 : strange(-1, 1);
     }
-    view->field_of_view = one_in(3) ? 0 : one_in(5) ? strange(0, 3.1) : strange(0.1, 0.8);
-    view->ortho_height = strange(0.5, 4);
+    if (one_in(3))
+        view->camera.ortho_height = strange(0.5, 4);
+    else
+        view->camera.field_of_view = one_in(5) ? strange(0, 3.1) : strange(0.1, 0.8);
+    if (one_in(60)) view->camera.ortho_height = strange(0, 1);
     if (one_in(6)) view->near_distance = strange(0, 6);
     if (one_in(8)) random_matrix(x);
     if (one_in(4) && view->width > 0 && view->height > 0) {
@@ -323,13 +325,14 @@ static void spoil(scenery *x) {
     case 13: x->sets[0].end_canary = 1; break;
     case 14: scene->particles_count = -2; break;
     case 15: x->sets[1].read_fn = NULL; break;
-    default: memcpy(x->s.view.target, x->s.view.position, sizeof x->s.view.target); break;
+    default: memcpy(x->s.view.camera.target, x->s.view.camera.position, sizeof x->s.view.camera.target); break;
     }
 }
 
 static void random_scenery(scenery *x) {
     memset(x, 0, sizeof *x);
     check_clear(&x->s, 0, 0);
+    x->s.view.camera.ortho_height = 0;
     x->s.scene.volume_count = below(VOLUMES + 1);
     x->s.scene.mesh_count = below(MESHES + 1);
     x->s.scene.light_count = below(LIGHTS + 1);
@@ -361,7 +364,6 @@ static int image_sane(const scenery *x) {
     const sps_view *view = &x->s.view;
     const int width = view->region[2] ? view->region[2] : view->width;
     const int height = view->region[2] ? view->region[3] : view->height;
-    if (view->width == 0 || view->height == 0) return 1;
     for (int i = 0; i < 4 * width * height; ++i)
         if (!(rgba[i] >= 0 && (double)rgba[i] <= (i % 4 == 3 ? 1 : (double)FLT_MAX))) {
             printf("    number %d of pixel %d,%d: %g\n", i % 4, i / 4 % width, i / 4 / width, (double)rgba[i]);
@@ -468,6 +470,7 @@ static int map_sane(const sps_tmap *map) {
 /* A map of the scene, seen by the scene's camera as a light. */
 static void fuzz_map(scenery *x, long number) {
     check_hooks hooks;
+    sps_tmap_light light;
     sps_tmap_settings settings;
     sps_context *context;
     sps_tmap *map = NULL;
@@ -478,8 +481,10 @@ static void fuzz_map(scenery *x, long number) {
     settings.near_depth = one_in(3) ? 0 : strange(0, 4);
     settings.far_depth = settings.near_depth + strange(0.01, 9);
     settings.surface_bias = one_in(2) ? 0 : strange(0, 0.1);
-    if (settings.omnidirectional) x->s.view.height = x->s.view.width;
-    result = sps_tmap_create(context, &x->s.view, &settings, &map);
+    light = check_light_of(&x->s.view);
+    light.omnidirectional = one_in(5);
+    if (light.omnidirectional) light.height = light.width;
+    result = sps_tmap_create(context, &light, &settings, &map);
     if (result == SPS_OK) result = sps_tmap_add(map, &x->s.scene);
     if (result == SPS_OK) result = sps_tmap_finish(map);
     if (!CHECK(result == SPS_OK ? map_sane(map) && !sps_error(context)[0] : sps_error(context)[0] != 0))

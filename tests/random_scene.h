@@ -527,9 +527,9 @@ static inline void set_matrix(random_scene *x, double half_height, int flat) {
     const sps_view *view = &x->s.view;
     const double aspect = (double)view->width / view->height;
     double forward[3], rows[4][3];
-    spsi_along(view->target, view->position, -1, forward);
+    spsi_along(view->camera.target, view->camera.position, -1, forward);
     spsi_normalise(forward);
-    spsi_cross(forward, view->up, rows[0]);
+    spsi_cross(forward, view->camera.up, rows[0]);
     spsi_normalise(rows[0]);
     spsi_cross(rows[0], forward, rows[1]);
     for (int i = 0; i < 3; ++i) {
@@ -540,12 +540,12 @@ static inline void set_matrix(random_scene *x, double half_height, int flat) {
     }
     for (int r = 0; r < 4; ++r) {
         memcpy(x->matrix + 4 * r, rows[r], sizeof rows[r]);
-        x->matrix[4 * r + 3] = -spsi_dot(rows[r], view->position);
+        x->matrix[4 * r + 3] = -spsi_dot(rows[r], view->camera.position);
     }
     if (flat) x->matrix[11] -= 1, x->matrix[15] = 1;
-    x->s.view.world_to_clip = x->matrix;
-    memset(x->s.view.target, 0, sizeof x->s.view.target); /* none of these count now */
-    memset(x->s.view.position, 0, sizeof x->s.view.position);
+    check_matrix(&x->s.view.camera, x->matrix);
+    memset(x->s.view.camera.target, 0, sizeof x->s.view.camera.target); /* none of these count now */
+    memset(x->s.view.camera.position, 0, sizeof x->s.view.camera.position);
 }
 
 /* Above a ground, and before a hall's open side; otherwise anywhere. */
@@ -574,11 +574,11 @@ static inline void set_camera(random_scene *x) {
         place[i] = distance * x->eye[i];
         if (kind == CAMERA_INSIDE) target[i] -= x->eye[i];
     }
-    scene_to_world(x, place, view->position);
-    scene_to_world(x, target, view->target);
-    draw_direction(random, view->up);
-    view->field_of_view = flat ? 0 : angle;
-    view->ortho_height = flat ? 2 * half * x->scale : 0;
+    scene_to_world(x, place, view->camera.position);
+    scene_to_world(x, target, view->camera.target);
+    draw_direction(random, view->camera.up);
+    check_perspective(&view->camera, flat ? 0 : angle);
+    check_orthographic(&view->camera, flat ? 2 * half * x->scale : 0);
     if (x->levels[NEAR_PLANE] == NEAR_AMID) view->near_distance = x->scale * distance * draw(random, 0.75, 1.05);
     if (kind == CAMERA_MATRIX) set_matrix(x, tan(0.5 * angle), 0);
     if (kind == CAMERA_FLAT_MATRIX) set_matrix(x, half * x->scale, 1);
@@ -808,10 +808,10 @@ static inline sps_result judge_pixels(sps_context *context, const random_scene *
     spsi_rays eye;
     memset(&eye, 0, sizeof eye);
     eye.width = x->s.view.width, eye.height = x->s.view.height;
-    if (x->s.view.world_to_clip)
-        spsi_rays_from_matrix(&eye, x->s.view.world_to_clip);
+    if (x->s.view.camera.world_to_clip)
+        spsi_rays_from_matrix(&eye, x->s.view.camera.world_to_clip);
     else
-        spsi_rays_from_camera(&eye, &x->s.view);
+        spsi_rays_from_camera(&eye, &x->s.view.camera);
     memset(mine, 0, sizeof mine);
     memset(exact, 0, sizeof exact);
     if (x->s.scene.mesh_count > 0) {

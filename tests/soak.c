@@ -18,18 +18,12 @@ static const struct {
     long number;
     const char *reason;
 } known[] = {
-    {1, 11, EDGES},
-    {1, 236, EDGES},
-    {1, 381, LAMP},
-    {1, 447, "the eye is in the rim of a surface, which a slab or two hold all of"},
-    {1, 528, EDGES},
-    {1, 558, "0.01 voxels of gas too much before the near plane, of a rim that is all that is seen"},
-    {1, 604, EDGES},
-    {1, 670, EVEN},
-    {1, 818, LAMP},
-    {1, 850, EVEN},
-    {1, 856, EDGES},
-    {1, 889, EVEN},
+    {1, 11, EDGES},  {1, 236, EDGES},
+    {1, 381, LAMP},  {1, 447, "the eye is in the rim of a surface, which a slab or two hold all of"},
+    {1, 528, EDGES}, {1, 558, "0.01 voxels of gas too much before the near plane, of a rim that is all that is seen"},
+    {1, 604, EDGES}, {1, 670, EVEN},
+    {1, 818, LAMP},  {1, 850, EVEN},
+    {1, 856, EDGES}, {1, 889, EVEN},
     {1, 966, LAMP},
 };
 

@@ -110,8 +110,8 @@ static void mixed_add_mesh(mixed *m) {
 static void mixed_build(mixed *m) {
     memset(m, 0, sizeof *m);
     check_clear(&m->s, WIDTH, HEIGHT);
-    check_set3(m->s.view.position, 0.4, 0.5, 4);
-    m->s.view.field_of_view = 0.6;
+    check_set3(m->s.view.camera.position, 0.4, 0.5, 4);
+    check_perspective(&m->s.view.camera, 0.6);
     m->s.view.shadow_size = 60;
     m->threshold = 0.3;
     m->transfer.eval_fn = mixed_transfer;
@@ -428,7 +428,7 @@ static int vary(mixed *m, int variant) {
     case 6: view->quality = SPS_QUALITY_DRAFT; return 1;
     case 7: view->shadow_size = 0; return 1;
     case 8: view->shadow_size = 1; return 1;
-    case 9: view->field_of_view = 0, view->ortho_height = 3; return 1;
+    case 9: check_orthographic(&view->camera, 3); return 1;
     case 10: view->region[0] = 9, view->region[1] = 5, view->region[2] = 7, view->region[3] = 5; return 1;
     case 11: view->no_shadows = 1; return 1;
     case 12: m->s.volume[0].size[0] = 70, m->s.volume[0].size[1] = 37; return 1;
@@ -620,7 +620,7 @@ static void test_regions(void) {
         mixed_build(&m);
         if (variant == 1 || variant == 2) m.s.scene.light_count = 1;
         if (variant == 2) check_set3(m.s.light[0].direction, 0.3, -0.8, 1);
-        if (variant == 3) m.s.view.field_of_view = 0, m.s.view.ortho_height = 2.1;
+        if (variant == 3) check_orthographic(&m.s.view.camera, 2.1);
         if (variant == 4) m.s.volume[0].extinction = 60, m.s.view.slab = 0.5; /* tiles finish early */
         check_regions(&m, names[variant]);
         mixed_free(&m);
@@ -720,7 +720,7 @@ static void test_revision_and_looks(void) {
     mixed m;
     sps_context *context = keeping_build(&m, 1);
     CHECK(RENDERS_READING(context, &m));
-    m.s.view.position[0] = -0.7;
+    m.s.view.camera.position[0] = -0.7;
     m.s.volume[0].extinction = 0.3f;
     m.s.volume[0].placement.origin[1] = -0.7; /* read_fn knows nothing of placement */
     m.s.light[0].direction[0] = 0.1;
@@ -1277,7 +1277,7 @@ static void test_library_errors(void) {
         {"--volume nan.raw --type f32 --size 1,1,1 " SMALL "--out a.png", 2, "--volume nan.raw: volume[0].value is "},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--light point,0.5,0.5,0.5,1,1,1: light[0]"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--no-shadows and --reference have no such limit"},
-        {VOLUME "--fov 170 --no-shadows --out a.png", 1, "--fov: view.field_of_view is 2.96706: one of"},
+        {VOLUME "--fov 170 --no-shadows --out a.png", 1, "--fov: view.camera.field_of_view is 2.96706: one of"},
         {VOLUME "--fov 170 --no-shadows --out a.png", 1, "(--reference has no such limit)"},
         {"--particles nan.f32 " SMALL "--out a.png", 2, "--particles nan.f32: particles[0].particle[0].radius is nan"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --no-shadows --out a.png", 0, NULL}};

@@ -91,7 +91,7 @@ typedef struct mixed {
     sps_transfer transfer;
     sps_transfer_point points[2];
     sps_lobe lobe;
-    double bumps;
+    double bumps, matrix[16];
 } mixed;
 
 static void mixed_build(mixed *m) {
@@ -99,8 +99,8 @@ static void mixed_build(mixed *m) {
     sps_volume *volume;
     memset(m, 0, sizeof *m);
     check_clear(&m->s, SIDE, SIDE);
-    check_set3(m->s.view.position, 0.5, 1.1, 5);
-    m->s.view.field_of_view = 0.45;
+    check_set3(m->s.view.camera.position, 0.5, 1.1, 5);
+    check_perspective(&m->s.view.camera, 0.45);
     m->s.view.shadow_size = 60;
     m->bumps = 0.01;
     m->lobe.asymmetry = 0.5f, m->lobe.weight = 1;
@@ -232,15 +232,27 @@ static const char *spoil_scene_and_view(mixed *m, int *n) {
     SPOIL(view->start_canary = 7, "view.start_canary is 7;")
     SPOIL(view->end_canary = 7, "view.end_canary is 7;")
     SPOIL(view->width = -1, "view.width is -1;")
+    SPOIL(view->width = 0, "view.width is 0;")
+    SPOIL(view->height = 0, "view.height is 0;")
     SPOIL(view->height = 16385, "view.height is 16385;")
-    SPOIL(view->position[1] = infinite, "position")
-    SPOIL(view->target[1] = infinite, "target")
-    SPOIL(view->target[1] = infinite, "is inf;")
-    SPOIL(view->up[2] = nan, "up")
-    SPOIL(memcpy(view->target, view->position, sizeof view->target), "view.position and view.target")
-    SPOIL(view->field_of_view = -0.1, "view.field_of_view is -0.1;")
-    SPOIL(view->field_of_view = 3.2, "view.field_of_view is 3.2;")
-    SPOIL(view->ortho_height = -1, "view.ortho_height is -1;")
+    SPOIL(view->camera.position[1] = infinite, "view.camera.position is inf;")
+    SPOIL(view->camera.target[1] = infinite, "view.camera.target is inf;")
+    SPOIL(view->camera.up[2] = nan, "view.camera.up is nan;")
+    SPOIL(memcpy(view->camera.target, view->camera.position, sizeof view->camera.target),
+          "view.camera.position and camera.target")
+    SPOIL(view->camera.field_of_view = -0.1, "view.camera.field_of_view is -0.1;")
+    SPOIL(view->camera.field_of_view = 3.2, "view.camera.field_of_view is 3.2;")
+    SPOIL((view->camera.field_of_view = 0, view->camera.ortho_height = -1), "view.camera.ortho_height is -1;")
+    SPOIL((view->camera.field_of_view = 0, view->camera.ortho_height = nan), "view.camera.ortho_height is nan;")
+    SPOIL(view->camera.field_of_view = nan, "view.camera.field_of_view is nan;")
+    SPOIL(view->camera.field_of_view = 0, "view.camera has neither field_of_view nor ortho_height nor world_to_clip;")
+    SPOIL(view->camera.ortho_height = 1, "view.camera has field_of_view and ortho_height;")
+    SPOIL(view->camera.ortho_height = nan, "view.camera has field_of_view and ortho_height;")
+    SPOIL(view->camera.world_to_clip = m->matrix, "view.camera has field_of_view and world_to_clip;")
+    SPOIL((view->camera.field_of_view = 0, view->camera.ortho_height = 2, view->camera.world_to_clip = m->matrix),
+          "view.camera has ortho_height and world_to_clip;")
+    SPOIL((view->camera.ortho_height = 2, view->camera.world_to_clip = m->matrix),
+          "view.camera has field_of_view and world_to_clip;")
     SPOIL(view->near_distance = -1, "view.near_distance is -1;")
     SPOIL(view->near_distance = infinite, "view.near_distance is inf;")
     SPOIL((view->region[2] = 1, view->region[3] = 0), "view.region is 0,0,1,0;")
@@ -249,6 +261,8 @@ static const char *spoil_scene_and_view(mixed *m, int *n) {
     SPOIL((view->region[0] = SIDE, view->region[2] = view->region[3] = 1), "view.region is 17,0,1,1;")
     SPOIL((view->region[1] = 2147483647, view->region[2] = view->region[3] = 2147483647), "view.region")
     SPOIL(view->region[2] = -1, "view.region is 0,0,-1,0;")
+    SPOIL(view->region[3] = 5, "view.region is 0,0,0,5;")
+    SPOIL(view->region[0] = 2, "view.region is 2,0,0,0;")
     SPOIL(put_int(&view->quality, 5), "view.quality is 5;")
     SPOIL(view->slab = -1, "view.slab is -1;")
     SPOIL(view->slab = nan, "view.slab is nan;")
@@ -409,11 +423,12 @@ static void test_matrix_arguments(void) {
         double matrix[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
         mixed m;
         mixed_build(&m);
-        m.s.view.world_to_clip = matrix;
+        check_matrix(&m.s.view.camera, matrix);
         if (n == 0) matrix[7] = not_a_number();
         if (n == 1) matrix[0] = 0;  /* flat */
         if (n == 2) matrix[15] = 0; /* orthographic, at infinity */
-        check_refused(&m, n == 0 ? "view.world_to_clip[7] is nan;" : "view.world_to_clip cannot be inverted");
+        check_refused(&m,
+                      n == 0 ? "view.camera.world_to_clip[7] is nan;" : "view.camera.world_to_clip cannot be inverted");
         mixed_free(&m);
     }
 }
@@ -491,9 +506,9 @@ static int eval_spoilt(void *user, size_t count, const double *p, float *out) {
 static void spoilt_build(check_scene *s, spoilt *user, int procedural) {
     sps_volume *volume;
     check_clear(s, SIDE, SIDE);
-    check_set3(s->view.position, 20, 17, 50);
-    check_set3(s->view.target, 20, 17, 0);
-    s->view.ortho_height = 40;
+    check_set3(s->view.camera.position, 20, 17, 50);
+    check_set3(s->view.camera.target, 20, 17, 0);
+    check_orthographic(&s->view.camera, 40);
     volume = check_add_volume(s, 40, 35, 3, check_box(0, 0, 0, 40, 35, 3));
     if (procedural)
         volume->eval_fn = eval_spoilt;
@@ -746,7 +761,7 @@ static void test_optical_depths(void) {
             sps_volume *volume = uniform_build(&s, 16, depths[i] / 2);
             const double exact = -expm1(-depths[i]);
             s.view.quality = (sps_quality)quality;
-            s.view.ortho_height = 1;
+            check_orthographic(&s.view.camera, 1);
             check_color(volume->albedo, 0.5, 0.6, 0.7);
             check_add_directional(&s, 0.3, 0.2, -1, 3);
             RENDERS(&s, rgba);
@@ -821,17 +836,21 @@ static void test_empty_scenes(void) {
     }
 }
 
+/* A view without pixels is an error, as is an image without a buffer. */
 static void test_no_image(void) {
     check_scene s;
     uniform_build(&s, 8, 1);
+    CHECK(render_fresh(&s, NULL) == SPS_ERROR_ARGUMENT);
+    CHECK(strcmp(sentence, "image.rgba is NULL; it must not be") == 0);
     for (int i = 0; i < 3; ++i) {
         s.view.width = i == 0 ? 0 : SIDE;
         s.view.height = i == 1 ? 0 : SIDE;
         if (i == 2) s.view.width = s.view.height = 0;
         for (int n = 0; n < 4 * PIXELS; ++n) rgba[n] = -1;
-        RENDERS(&s, rgba);
+        CHECK(render_fresh(&s, rgba) == SPS_ERROR_ARGUMENT);
+        CHECK(strcmp(sentence,
+                     i == 1 ? "view.height is 0; it must be 1..16384" : "view.width is 0; it must be 1..16384") == 0);
         CHECK(rgba[0] == -1);
-        RENDERS(&s, NULL);
     }
 }
 
@@ -840,12 +859,11 @@ static void test_one_pixel(void) {
     mixed m;
     float one[4];
     mixed_build(&m);
-    m.s.view.field_of_view = 0;
     m.s.view.width = m.s.view.height = 3;
-    m.s.view.ortho_height = 0.9;
+    check_orthographic(&m.s.view.camera, 0.9);
     RENDERS(&m.s, rgba);
     m.s.view.width = m.s.view.height = 1;
-    m.s.view.ortho_height = 0.3;
+    check_orthographic(&m.s.view.camera, 0.3);
     RENDERS(&m.s, one);
     CHECK(check_largest(one, rgba + 4 * 4, 4) < 1e-5); /* positions differ by a float's rounding */
     mixed_free(&m);
@@ -856,7 +874,7 @@ static void test_one_voxel(void) {
     check_scene s;
     sps_volume *volume = uniform_build(&s, 1, 0.7);
     s.view.quality = SPS_QUALITY_ULTRA;
-    s.view.ortho_height = 9;
+    check_orthographic(&s.view.camera, 9);
     check_color(volume->albedo, 0.9, 0.9, 0.9);
     check_add_directional(&s, 0.5, 0.3, -1, 3);
     RENDERS(&s, rgba);
@@ -904,8 +922,8 @@ static void mixed_transform(mixed *m, double scale, double shift) {
         volume->placement.origin[i] = volume->placement.origin[i] * scale + shift;
         mesh->placement.origin[i] = shift;
         mesh->placement.axis[i][i] = scale;
-        m->s.view.position[i] = m->s.view.position[i] * scale + shift;
-        m->s.view.target[i] = m->s.view.target[i] * scale + shift;
+        m->s.view.camera.position[i] = m->s.view.camera.position[i] * scale + shift;
+        m->s.view.camera.target[i] = m->s.view.camera.target[i] * scale + shift;
         m->s.light[1].position[i] = m->s.light[1].position[i] * scale + shift;
         m->s.light[1].color[i] *= (float)(scale * scale);
         volume->emission[i] /= (float)scale;
@@ -953,9 +971,9 @@ static void test_scales_of_near_voxels(void) {
                 volume->albedo[k] = 0.8f;
             }
             check_add_directional(&s, 1, -1, -1, 3);
-            check_set3(s.view.position, 0.2 * scale, 0.3 * scale, 3 * scale);
-            check_set3(s.view.target, 0, 0, 0);
-            s.view.field_of_view = 0.5;
+            check_set3(s.view.camera.position, 0.2 * scale, 0.3 * scale, 3 * scale);
+            check_set3(s.view.camera.target, 0, 0, 0);
+            check_perspective(&s.view.camera, 0.5);
             RENDERS(&s, i > 0 ? rgba : other);
             if (i > 0 && !CHECK(check_largest(rgba, other, 4 * PIXELS) < 1e-4))
                 printf("    2^%d, classified %d: off by %g\n", powers[i - 1], classified,
@@ -1034,9 +1052,9 @@ static void test_scales_of_cut_surfaces(void) {
             mesh->placement.origin[1] = n * 0.8 * scale;
         }
         check_add_directional(&s, -0.5, -1, -0.4, 3);
-        check_set3(s.view.position, scale, 0.8 * scale, 4 * scale);
-        check_set3(s.view.target, 0, 0, 0);
-        s.view.field_of_view = 0.6;
+        check_set3(s.view.camera.position, scale, 0.8 * scale, 4 * scale);
+        check_set3(s.view.camera.target, 0, 0, 0);
+        check_perspective(&s.view.camera, 0.6);
         CHECK(check_render(context, &s, i > 0 ? picture : first));
         CHECK(sane(i > 0 ? picture : first, WIDTH * WIDTH, 10));
         if (i > 0 && !CHECK(check_rms(picture, first, 4 * WIDTH * WIDTH) < 1e-4))
@@ -1058,8 +1076,8 @@ static void test_far_things(void) {
             uniform_build(&s, 8, 1);
             for (int k = 0; k < 3; ++k) s.volume[0].albedo[k] = 0.8f;
             check_add_directional(&s, 1, -1, -1, 3);
-            check_set3(s.view.position, 0, 4, 10);
-            s.view.field_of_view = 0.5;
+            check_set3(s.view.camera.position, 0, 4, 10);
+            check_perspective(&s.view.camera, 0.5);
             if (backdrop) {
                 const double origin[3] = {-d, -d, -d}, u[3] = {2 * d, 0, 0}, v[3] = {0, 2 * d, 0};
                 if (i > 0) check_add_quad(&triangles, origin, u, v);
@@ -1091,8 +1109,8 @@ static void test_far_point_lights(void) {
         check_triangles triangles = {NULL, 0, 0, 0, 0};
         check_scene s;
         check_clear(&s, SIDE, SIDE);
-        check_set3(s.view.position, 0, 8, 5);
-        s.view.field_of_view = 0.9;
+        check_set3(s.view.camera.position, 0, 8, 5);
+        check_perspective(&s.view.camera, 0.9);
         check_add_quad(&triangles, floor, x, z);
         check_add_quad(&triangles, roof, u, w);
         check_add_mesh(&s, &triangles, 0.5);
@@ -1117,7 +1135,7 @@ static void test_zoom(void) {
         check_scene s;
         sps_result result;
         uniform_build(&s, 8, 1);
-        s.view.ortho_height = pow(10, power);
+        check_orthographic(&s.view.camera, pow(10, power));
         result = render_fresh(&s, rgba);
         if (result == SPS_OK) {
             CHECK(!refused);
@@ -1175,10 +1193,10 @@ static void test_camera_inside(void) {
         check_scene s;
         double exact = length[i % 3];
         uniform_build(&s, 16, 1);
-        check_set3(s.view.position, i % 3 == 2 ? 1 : 0, 0, z[i % 3]);
-        check_set3(s.view.target, i % 3 == 2 ? 1 : 0, 0, z[i % 3] - 1);
-        s.view.field_of_view = i < 2 ? 0.3 : i == 2 ? 0.05 : 0; /* pixels smaller than voxels */
-        s.view.ortho_height = 0.1;
+        check_set3(s.view.camera.position, i % 3 == 2 ? 1 : 0, 0, z[i % 3]);
+        check_set3(s.view.camera.target, i % 3 == 2 ? 1 : 0, 0, z[i % 3] - 1);
+        check_orthographic(&s.view.camera, 0.1); /* pixels smaller than voxels */
+        check_perspective(&s.view.camera, i < 2 ? 0.3 : i == 2 ? 0.05 : 0);
         s.view.quality = SPS_QUALITY_ULTRA;
         if (i % 3 == 2) exact *= 0.5;
         RENDERS(&s, rgba);
@@ -1195,8 +1213,8 @@ static void test_camera_inside(void) {
 static void test_wide_camera(void) {
     check_scene s;
     uniform_build(&s, 16, 0.5);
-    check_set3(s.view.position, 0, 0, 1.5);
-    s.view.field_of_view = 120 * 3.14159265 / 180;
+    check_set3(s.view.camera.position, 0, 0, 1.5);
+    check_perspective(&s.view.camera, 120 * 3.14159265 / 180);
     RENDERS(&s, rgba);
     CHECK(sane(rgba, PIXELS, 0));
     CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.01);
@@ -1207,7 +1225,7 @@ static void test_wide_camera(void) {
     CHECK(error_of(&s, rgba) < 0.02);
     s.light[0].no_shadow = 0;
     CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
-    CHECK(strstr(sentence, "view.field_of_view is 2.0944:") && strstr(sentence, "no_shadow on light[0]"));
+    CHECK(strstr(sentence, "view.camera.field_of_view is 2.0944:") && strstr(sentence, "no_shadow on light[0]"));
 }
 
 /* 168 degrees from corner to corner are the most that slabs across the view can serve, and where no light is in the way
@@ -1218,21 +1236,25 @@ static void test_widest_camera(void) {
         double world_to_clip[16] = {0};
         check_scene s;
         uniform_build(&s, 16, 0.5);
-        check_set3(s.view.position, 0, 0, 0);
-        check_set3(s.view.target, 0, 0, -1);
+        check_set3(s.view.camera.position, 0, 0, 0);
+        check_set3(s.view.camera.target, 0, 0, -1);
         if (lit) check_add_directional(&s, 1, 0, 0.2, 2);
         check_color(s.volume[0].albedo, 1, 1, 1);
         for (int wide = 0; wide < 2; ++wide) {
-            s.view.field_of_view = wide ? 2.9 : 2.8;
-            world_to_clip[0] = world_to_clip[5] = 1 / tan(0.5 * s.view.field_of_view);
+            const double angle = wide ? 2.9 : 2.8;
+            world_to_clip[0] = world_to_clip[5] = 1 / tan(0.5 * angle);
             world_to_clip[10] = world_to_clip[11] = world_to_clip[14] = -1;
-            if (matrix) s.view.world_to_clip = world_to_clip;
+            if (matrix)
+                check_matrix(&s.view.camera, world_to_clip);
+            else
+                check_perspective(&s.view.camera, angle);
             s.view.no_shadows = lit;
             if (!wide) RENDERS(&s, rgba);
             s.view.no_shadows = wide ? lit : 0;
             if (!wide && !lit) continue;
             CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
-            CHECK(strstr(sentence, matrix ? "view.world_to_clip is too wide:" : "view.field_of_view is 2.") != NULL);
+            CHECK(strstr(sentence, matrix ? "view.camera.world_to_clip is too wide:"
+                                          : "view.camera.field_of_view is 2.") != NULL);
             CHECK((strstr(sentence, "is it row-major?") != NULL) == matrix);
             CHECK(strstr(sentence, wide ? "narrow it to 168 degrees"
                                         : "narrow it, or set shadow_map or no_shadow on light[0]") != NULL);
@@ -1248,9 +1270,9 @@ static void test_up(void) {
     mixed_build(&m);
     RENDERS(&m.s, rgba);
     memcpy(kept, middle(rgba), sizeof kept);
-    check_set3(m.s.view.up, 0, 0, 0);
+    check_set3(m.s.view.camera.up, 0, 0, 0);
     RENDERS(&m.s, rgba);
-    for (int i = 0; i < 3; ++i) m.s.view.up[i] = 3 * (m.s.view.position[i] - m.s.view.target[i]);
+    for (int i = 0; i < 3; ++i) m.s.view.camera.up[i] = 3 * (m.s.view.camera.position[i] - m.s.view.camera.target[i]);
     RENDERS(&m.s, other);
     CHECK(memcmp(rgba, other, sizeof rgba) == 0);
     CHECK(sane(rgba, PIXELS, 20));
@@ -1292,7 +1314,7 @@ static void test_light_and_eye(void) {
         const double *p = places[i % 4];
         uniform_build(&s, 12, 0.4);
         s.view.quality = SPS_QUALITY_ULTRA;
-        s.view.field_of_view = 0.25;
+        check_perspective(&s.view.camera, 0.25);
         s.volume[0].read_fn = read_bumps;
         one_value = 1;
         {
@@ -1348,7 +1370,7 @@ static void test_slab_counts(void) {
         check_color(volume->albedo, 0.5, 0.5, 0.5);
         check_add_directional(&s, 0.2, 0.1, -1, 2);
         s.view.width = s.view.height = 3;
-        s.view.ortho_height = 0.3;
+        check_orthographic(&s.view.camera, 0.3);
         s.view.shadow_size = 16; /* what counts is the slabs; a light's sheets would take most of the time */
         s.view.slab = slabs[i];
         check_render(context, &s, rgba);
@@ -1370,9 +1392,9 @@ static void test_dense_sheet(void) {
         volume->size[2] = 1;
         volume->placement = check_box(-1, -1, 0, 1, 1, 2 / 64.0);
         volume->placement.origin[2] = 0.0123 * i;
-        s.view.ortho_height = 0.3;
+        check_orthographic(&s.view.camera, 0.3);
         s.view.slab = slab;
-        check_set3(s.view.position, 10 * sin(angle), 0, 10 * cos(angle));
+        check_set3(s.view.camera.position, 10 * sin(angle), 0, 10 * cos(angle));
         RENDERS(&s, rgba);
         if (!CHECK_NEAR(1 - (double)middle(rgba)[3], exp(-5.0), 0.02 * exp(-5.0)))
             printf("    angle %g, slab %g\n", angle, slab);
@@ -1405,9 +1427,9 @@ static void test_wire(void) {
     volume->read_fn = read_wire;
     volume->user = &s;
     volume->extinction = 1;
-    check_set3(s.view.position, 10.2, 9.9, 30);
-    check_set3(s.view.target, 10.2, 9.9, 0);
-    s.view.ortho_height = 5;
+    check_set3(s.view.camera.position, 10.2, 9.9, 30);
+    check_set3(s.view.camera.target, 10.2, 9.9, 0);
+    check_orthographic(&s.view.camera, 5);
     s.view.quality = SPS_QUALITY_ULTRA;
     RENDERS(&s, rgba);
     for (int y = 0; y < SIDE; ++y)
@@ -1429,7 +1451,7 @@ static void test_denormal_results(void) {
         float value = i == 0 ? 1e-29f : 1;
         sps_volume *volume = uniform_build(&s, 16, extinctions[i]);
         volume->user = &value;
-        s.view.ortho_height = 3; /* past the rims */
+        check_orthographic(&s.view.camera, 3); /* past the rims */
         check_color(volume->albedo, 1e-6, 1e-3, 1);
         check_color(s.scene.background, 1e-6, 1e-3, 1);
         check_add_directional(&s, 0.3, 0.4, 1, 1e-3);

@@ -229,16 +229,16 @@ static sps_view view_of(double distance, double field_of_view) {
     sps_view view;
     memset(&view, 0, sizeof view);
     view.width = view.height = SIDE;
-    view.position[2] = distance;
-    view.up[1] = 1;
-    view.field_of_view = field_of_view;
-    view.ortho_height = 2.4;
+    view.camera.position[2] = distance;
+    view.camera.up[1] = 1;
+    check_orthographic(&view.camera, 2.4);
+    check_perspective(&view.camera, field_of_view);
     return view;
 }
 
 /* The unit vector of a pixel's ray in such a view. */
 static ex_vec ray_of(const sps_view *view, int pixel) {
-    const double scale = 2 * tan(0.5 * view->field_of_view) / SIDE;
+    const double scale = 2 * tan(0.5 * view->camera.field_of_view) / SIDE;
     return ex_vec_unit(
         ex_vec_of((pixel % SIDE + 0.5 - 0.5 * SIDE) * scale, (0.5 * SIDE - pixel / SIDE - 0.5) * scale, -1));
 }
@@ -261,7 +261,7 @@ static double ball_error(const sps_view *view, int cells, const float *depth) {
     add_ball(&mesh, 0, 0, 0, 1, cells);
     ex_mesh_thickness(&mesh, view, depth, sums);
     for (int i = 0; i < PIXELS; ++i) {
-        const ex_vec eye = ex_vec_of(0, 0, view->position[2]), ray = ray_of(view, i);
+        const ex_vec eye = ex_vec_of(0, 0, view->camera.position[2]), ray = ray_of(view, i);
         const double square = ex_vec_dot(eye, eye) - pow(ex_vec_dot(eye, ray), 2);
         if (square > 0.81) continue;
         worst = fmax(worst, fabs(sums[i] - chord_of(eye, ray, 1, depth ? (double)depth[i] : 1e9)));
@@ -319,12 +319,12 @@ static void test_ring_chords(void) {
     CHECK_NEAR(sums[PIXELS / 2], 0, 0); /* through the hole there is nothing to add */
     /* 11 pixels of 2.4 / 33 to the side is 0.8: through the tube's middle, at a right angle to it */
     CHECK_NEAR(sums[PIXELS / 2 + 11], 2 * minor, 2 * sunk + 1e-3);
-    view.position[0] = 5, view.position[2] = 0;
+    view.camera.position[0] = 5, view.camera.position[2] = 0;
     memset(sums, 0, sizeof sums);
     ex_mesh_thickness(&mesh, &view, NULL, sums);
     CHECK_NEAR(sums[PIXELS / 2], 4 * minor, 4 * sunk + 1e-3);
-    view.position[0] = 0; /* from the middle of the hole, and along the axis x from within: one tube ahead */
-    view.target[0] = 1;
+    view.camera.position[0] = 0; /* from the middle of the hole, and along the axis x from within: one tube ahead */
+    view.camera.target[0] = 1;
     memset(sums, 0, sizeof sums);
     ex_mesh_thickness(&mesh, &view, NULL, sums);
     CHECK_NEAR(sums[PIXELS / 2], 2 * minor, 2 * sunk + 1e-3);
@@ -342,7 +342,9 @@ static void test_overlap(void) {
     double most = 0, least = 0, worst = 0;
     for (int angle = 0; angle < 2; ++angle) {
         sps_view view = view_of(4, angle ? 0.8 : 0);
-        view.ortho_height = 0.05 * SIDE; /* pixels as wide as the cells, their middles on the lattice */
+        if (!angle)
+            check_orthographic(&view.camera,
+                               0.05 * SIDE); /* pixels as wide as the cells, their middles on the lattice */
         memset(&mesh, 0, sizeof mesh);
         memset(both, 0, sizeof both);
         memset(apart, 0, sizeof apart);
@@ -382,10 +384,10 @@ static void test_library_rays(void) {
     check_clear(&s, WIDE, HIGH);
     s.mesh[0] = ex_shape_mesh(&mesh);
     s.scene.mesh_count = 1;
-    check_set3(s.view.position, 2, 1.5, 2.5);
-    check_set3(s.view.target, 0.1, 0.2, 0);
-    check_set3(s.view.up, 0.1, 1, 0);
-    s.view.field_of_view = 0.3;
+    check_set3(s.view.camera.position, 2, 1.5, 2.5);
+    check_set3(s.view.camera.target, 0.1, 0.2, 0);
+    check_set3(s.view.camera.up, 0.1, 1, 0);
+    check_perspective(&s.view.camera, 0.3);
     check_render_depth(context, &s, rgba, depth);
     ex_mesh_thickness(&mesh, &s.view, depth, sums);
     for (int i = 0; i < WIDE * HIGH; ++i)

@@ -13,7 +13,7 @@ static float one = 1;
 
 static void start(check_scene *s, int width, int height, double ortho_height) {
     check_clear(s, width, height);
-    s->view.ortho_height = ortho_height;
+    check_orthographic(&s->view.camera, ortho_height);
     s->view.quality = SPS_QUALITY_HIGH;
     ground.count = body.count = 0;
 }
@@ -251,9 +251,9 @@ static void test_distant_eye(void) {
         gas = add_gas(&s, 0.5, -0.4, 0.4, 3);
         check_color(gas->albedo, 0.9, 0.9, 0.9);
         check_add_point(&s, 0.3, 0.2, 3, 5);
-        s.view.position[2] = n ? far_away : 10;
-        s.view.field_of_view = n ? 2 * atan(0.5 / far_away) : 0;
-        s.view.ortho_height = n ? 0 : 1;
+        s.view.camera.position[2] = n ? far_away : 10;
+        check_perspective(&s.view.camera, n ? 2 * atan(0.5 / far_away) : 0);
+        check_orthographic(&s.view.camera, n ? 0 : 1);
         if (!check_render(context, &s, n ? image_b : image_a)) return;
     }
     for (int i = 0; i < 4 * PIXELS; ++i)
@@ -352,7 +352,7 @@ static void place_dome(check_scene *s, int perspective) {
     static sps_transfer transfer;
     sps_volume *volume;
     start(s, SIDE, SIDE, perspective ? 0 : 1.6);
-    s->view.field_of_view = perspective ? 0.35 : 0;
+    check_perspective(&s->view.camera, perspective ? 0.35 : 0);
     field.value_fn = dome;
     field.user = &middle;
     transfer.points = soft_points;
@@ -423,9 +423,9 @@ static void test_eye_amid_surface(void) {
         const double turn = 2 * PI * RIPPLE * 0.65 / 0.1;
         double least = HUGE_VAL, most = 0;
         start(&s, SIDE, SIDE, 0);
-        check_set3(s.view.position, 0.013 * (n % 6), n < 6 ? -0.02 : n < 12 ? 0.03 : 0.12, 0.03);
-        for (int i = 0; i < 3; ++i) s.view.target[i] = s.view.position[i] + directions[way][i];
-        s.view.field_of_view = 0.9;
+        check_set3(s.view.camera.position, 0.013 * (n % 6), n < 6 ? -0.02 : n < 12 ? 0.03 : 0.12, 0.03);
+        for (int i = 0; i < 3; ++i) s.view.camera.target[i] = s.view.camera.position[i] + directions[way][i];
+        check_perspective(&s.view.camera, 0.9);
         s.view.slab = n < 6    ? 0
                       : n < 12 ? 1
                                : 2; /* thick ones ask kernels, and bricks, that lie wholly behind the eye */
@@ -463,14 +463,14 @@ static void test_eye_amid_tiles(void) {
         spsi_rays rays;
         check_scene s;
         start(&s, WIDE, WIDE, 0);
-        check_set3(s.view.position, 0, 0, 0);
-        memcpy(s.view.target, directions[n], sizeof s.view.target);
-        s.view.field_of_view = 1.7;
+        check_set3(s.view.camera.position, 0, 0, 0);
+        memcpy(s.view.camera.target, directions[n], sizeof s.view.camera.target);
+        check_perspective(&s.view.camera, 1.7);
         add_gas(&s, 1, -1, 1, 0.5)->size[0] = 80; /* slender: bricks four times as long along the view as across */
         if (!check_render(context, &s, image)) return;
         memset(&rays, 0, sizeof rays);
         rays.width = rays.height = WIDE;
-        if (!CHECK(spsi_rays_from_camera(&rays, &s.view))) return;
+        if (!CHECK(spsi_rays_from_camera(&rays, &s.view.camera))) return;
         for (int y = 0; y < WIDE; ++y)
             for (int x = 0; x < WIDE; ++x) {
                 double d[3], most = 0, second = 0, exact;
@@ -499,8 +499,8 @@ static void test_near_plane_before(void) {
         const double away = place < 2 ? 10 : 2;
         check_scene s;
         place_dome(&s, place > 0);
-        s.view.position[2] = away;
-        if (place == 2) s.view.field_of_view = 1;
+        s.view.camera.position[2] = away;
+        if (place == 2) check_perspective(&s.view.camera, 1);
         if (!check_render(context, &s, image_a)) return;
         for (int n = 0; n < 6; ++n) {
             s.view.near_distance = away - 0.86 - 0.1 - 0.02 * n;
@@ -919,7 +919,7 @@ static void test_progress_of_calls(void) {
         else
             CHECK(result == SPS_OK && c.last >= 1 && sps_error(own)[0] == 0);
     }
-    s.view.field_of_view = -1; /* what is an error is told */
+    check_perspective(&s.view.camera, -1); /* what is an error is told */
     memset(&c, 0, sizeof c);
     {
         sps_image image;
@@ -971,7 +971,7 @@ static void test_failed_plans(void) {
         volume->range_fn = range_until;
         ranges_left = n == 1 ? 0 : n == 2 ? 3 : 1000;
         if (n == 3) check_add_point(&s, 0.1, 0.2, 0.1, 1); /* within what it lights */
-        if (n == 4) s.view.up[0] = s.view.position[0] = HUGE_VAL;
+        if (n == 4) s.view.camera.up[0] = s.view.camera.position[0] = HUGE_VAL;
         memset(&report, 0x55, sizeof report);
         result = sps_plan(context, &s.scene, &s.view, &report);
         for (size_t i = 0; i < sizeof report; ++i) left += bytes[i] != 0;

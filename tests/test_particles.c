@@ -137,7 +137,7 @@ static void pixel_ray(const sps_view *view, int x, int y, double origin[3], doub
     memset(&rays, 0, sizeof rays);
     rays.width = view->width;
     rays.height = view->height;
-    spsi_rays_from_camera(&rays, view);
+    spsi_rays_from_camera(&rays, &view->camera);
     spsi_ray_point(&rays, x, y, 0, origin);
     spsi_ray_direction(&rays, x, y, direction);
     *length = spsi_length(direction);
@@ -155,7 +155,8 @@ static void check_coverage(const stage *x, const float *image, double slabs, con
         pixel_ray(view, i % view->width, i / view->width, origin, direction, &length);
         for (int n = 0; n < x->s.scene.particles_count; ++n) {
             double more;
-            const double low = view->field_of_view > 0 || view->near_distance > 0 ? view->near_distance * length : 0;
+            const double low =
+                view->camera.field_of_view > 0 || view->near_distance > 0 ? view->near_distance * length : 0;
             tau += chords(&x->clouds[n], &x->set[n], origin, direction, low, HUGE_VAL, &more);
             slack += more;
         }
@@ -175,14 +176,14 @@ static const char *const view_names[VIEWS] = {"orthographic", "perspective", "ey
 
 static void aim(stage *x, int kind) {
     sps_view *view = &x->s.view;
-    check_set3(view->position, 3, 2, 5);
-    if (kind == ORTHOGRAPHIC) view->ortho_height = 2.5;
-    if (kind == PERSPECTIVE) view->field_of_view = 0.6;
-    if (kind == INSIDE) view->field_of_view = 1, check_set3(view->position, 0.5, 0.1, 0.4);
+    check_set3(view->camera.position, 3, 2, 5);
+    if (kind == ORTHOGRAPHIC) check_orthographic(&view->camera, 2.5);
+    if (kind == PERSPECTIVE) check_perspective(&view->camera, 0.6);
+    if (kind == INSIDE) check_perspective(&view->camera, 1), check_set3(view->camera.position, 0.5, 0.1, 0.4);
     if (kind == BESIDE) { /* part of the ball lies behind the eye's plane */
-        view->field_of_view = 2.2;
-        check_set3(view->position, 1.3, -0.5, 0.2);
-        check_set3(view->target, 1.2, -0.4, -1);
+        check_perspective(&view->camera, 2.2);
+        check_set3(view->camera.position, 1.3, -0.5, 0.2);
+        check_set3(view->camera.target, 1.2, -0.4, -1);
     }
 }
 
@@ -298,7 +299,7 @@ static void test_depths(void) {
         stage x;
         double origin[3], direction[3], length, slack, tau;
         stage_clear(&x, 31, 31);
-        x.s.view.ortho_height = 2.2;
+        check_orthographic(&x.s.view.camera, 2.2);
         stage_add(&x, 1);
         cloud_add(&x.clouds[0], 0, 0, 0, 1, depths[n]);
         check_add_directional(&x.s, 0.1, 0, -1, 3);
@@ -346,9 +347,9 @@ static void test_shadow_on_polygon(void) {
         check_add_quad(&x.triangles, origin, u, v);
         check_add_mesh(&x.s, &x.triangles, 0.8);
         check_add_directional(&x.s, 0.3, -1, 0.1, 2);
-        check_set3(x.s.view.position, 0, 0.5, 6);
-        check_set3(x.s.view.target, 0.6, -1.5, 0.2);
-        x.s.view.ortho_height = 1.3;
+        check_set3(x.s.view.camera.position, 0, 0.5, 6);
+        check_set3(x.s.view.camera.target, 0.6, -1.5, 0.2);
+        check_orthographic(&x.s.view.camera, 1.3);
         if (!stage_render(&x, image_a)) return;
         for (int i = 0; i < 61 * 59; ++i) {
             double from[3], way[3], at[3], back[3] = {-0.3, 1, -0.1}, length, t, depth, hidden, slack, exact;
@@ -383,7 +384,7 @@ static void test_shadow_on_ball(void) {
     cloud_add(&x.clouds[0], -3, 0, 0, 1, tau);
     cloud_add(&x.clouds[0], 0, 0, 0, 0.45, thin);
     check_add_directional(&x.s, 1, 0, 0, 3);
-    x.s.view.ortho_height = 1;
+    check_orthographic(&x.s.view.camera, 1);
     if (!stage_render(&x, image_a)) return;
     for (int i = 0; i < 41 * 41; ++i) {
         const double px = (i % 41 - 20) / 41.0, py = (20 - i / 41) / 41.0, square = 1 - (px * px + py * py) / 0.2025;
@@ -519,8 +520,8 @@ static void build_mixed(stage *x) {
     sps_volume *volume;
     stage_clear(x, 101, 83);
     x->s.view.quality = SPS_QUALITY_MEDIUM;
-    check_set3(x->s.view.position, 1, 1, 4);
-    x->s.view.field_of_view = 0.8;
+    check_set3(x->s.view.camera.position, 1, 1, 4);
+    check_perspective(&x->s.view.camera, 0.8);
     x->s.view.shadow_size = 150;
     x->s.view.slab = 4;
     stage_add(x, 0.8);
@@ -564,8 +565,8 @@ static void test_many(void) {
                   i % 100 ? 0.02 : 1e-3);
     if (!stage_render(&x, image_a)) return;
     check_coverage(&x, image_a, 200, "many");
-    check_set3(x.s.view.position, 0.2, 0.1, 0.3); /* in the midst of them */
-    x.s.view.field_of_view = 1.2;
+    check_set3(x.s.view.camera.position, 0.2, 0.1, 0.3); /* in the midst of them */
+    check_perspective(&x.s.view.camera, 1.2);
     if (!stage_render(&x, image_a)) return;
     check_coverage(&x, image_a, 200, "many, from within");
     stage_free(&x);
@@ -578,7 +579,7 @@ static void test_margins(void) {
     stage x;
     sps_volume *volume;
     stage_clear(&x, 141, 77);
-    x.s.view.ortho_height = 2.2;
+    check_orthographic(&x.s.view.camera, 2.2);
     stage_add(&x, 0);
     cloud_add(&x.clouds[0], -0.6, 0, 0, 1, 1.5);
     volume = check_add_volume(&x.s, 3, 3, 3, check_box(1.85, 0.9, -2, 1.95, 1, -1.9));
@@ -990,7 +991,7 @@ static void test_stats(void) {
     sps_stats_report stats;
     stage x;
     stage_clear(&x, 40, 40);
-    x.s.view.ortho_height = 2;
+    check_orthographic(&x.s.view.camera, 2);
     stage_add(&x, 0.5);
     cloud_add(&x.clouds[0], 0, 0, 0, 0.5, 1);
     check_add_directional(&x.s, 0, 0, -1, 1)->no_shadow = 1;
@@ -1108,10 +1109,10 @@ static void test_chords_close_by(void) {
         memset(&view, 0, sizeof view);
         memset(&rays, 0, sizeof rays);
         rays.width = WIDTH, rays.height = view.height = HEIGHT;
-        view.field_of_view = 0.3 + 1.5 * check_next(&random);
-        view.up[1] = 1;
-        view.target[2] = -1;
-        if (!CHECK(spsi_rays_from_camera(&rays, &view))) return;
+        check_perspective(&view.camera, 0.3 + 1.5 * check_next(&random));
+        view.camera.up[1] = 1;
+        view.camera.target[2] = -1;
+        if (!CHECK(spsi_rays_from_camera(&rays, &view.camera))) return;
         check_color(particle.position, (check_next(&random) - 0.5) * radius, (check_next(&random) - 0.5) * radius,
                     -ahead);
         particle.radius = (float)radius;

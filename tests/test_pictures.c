@@ -28,8 +28,8 @@ static sps_volume *add_slab(check_scene *s, double tau) {
 /* 4 x 4 pixels that show `height` world units about x, from above. */
 static void start(check_scene *s, double x, double height) {
     check_clear(s, 4, 4);
-    s->view.position[0] = s->view.target[0] = x;
-    s->view.ortho_height = height;
+    s->view.camera.position[0] = s->view.camera.target[0] = x;
+    check_orthographic(&s->view.camera, height);
 }
 
 /* A grey plate across the view at height z, wide enough for all that these tests look at. */
@@ -149,7 +149,7 @@ static void test_slabs_and_texels(void) {
             check_scene s;
             sps_volume *volume;
             check_clear(&s, 8, 8);
-            s.view.ortho_height = 3;
+            check_orthographic(&s.view.camera, 3);
             s.view.quality = qualities[n];
             volume = check_add_volume(&s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
             volume->read_fn = check_read_constant;
@@ -343,9 +343,9 @@ static void test_lit_in_part(void) {
     check_scene s;
     sps_volume *gas;
     check_clear(&s, 64, 1);
-    check_set3(s.view.position, 0.7 + first + 2 * quarter, 0, 10);
-    check_set3(s.view.target, 0.7 + first + 2 * quarter, 0, 0);
-    s.view.ortho_height = 4 * quarter / 64;
+    check_set3(s.view.camera.position, 0.7 + first + 2 * quarter, 0, 10);
+    check_set3(s.view.camera.target, 0.7 + first + 2 * quarter, 0, 0);
+    check_orthographic(&s.view.camera, 4 * quarter / 64);
     s.view.quality = SPS_QUALITY_HIGH;
     s.view.slab = 2;
     gas = add_slab(&s, 0.6 * extinction);
@@ -509,7 +509,7 @@ static void test_whole_tile(void) {
     static float pixels[4 * 64 * 64];
     check_scene s;
     check_clear(&s, 64, 64);
-    s.view.ortho_height = 1.6;
+    check_orthographic(&s.view.camera, 1.6);
     add_slab(&s, tau);
     if (!check_render(context, &s, pixels)) return;
     even(pixels, 64 * 64, 3, exact, exp(-tau) * tau * ripple[1] + ROUND);
@@ -528,8 +528,9 @@ static void test_near_plane_amid_gas(void) {
             check_scene s;
             start(&s, 0, 0.2);
             s.view.quality = qualities[n];
-            s.view.position[2] = n % 2 ? 10 : 0.03; /* or the camera itself amid gas, which sees nothing behind it */
-            s.view.target[2] = -1;
+            s.view.camera.position[2] =
+                n % 2 ? 10 : 0.03; /* or the camera itself amid gas, which sees nothing behind it */
+            s.view.camera.target[2] = -1;
             s.view.near_distance = n % 2 ? 10 - 0.03 : 0;
             check_color(add_slab(&s, both)->albedo, 1, 1, 1);
             check_add_directional(&s, 0, 0, behind ? 1 : -1, 4 * PI);
@@ -551,7 +552,7 @@ static void test_needle(void) {
     sps_volume *volume;
     sps_placement placement;
     check_clear(&s, 64, 64);
-    s.view.ortho_height = 64 * pixel;
+    check_orthographic(&s.view.camera, 64 * pixel);
     s.view.quality = SPS_QUALITY_HIGH;
     memset(&placement, 0, sizeof placement);
     check_set3(placement.axis[0], 1, 1, 0);
@@ -581,7 +582,7 @@ static void test_beside_what_has_ended(void) {
         check_scene s;
         sps_volume *dense, *faint;
         check_clear(&s, 32, 16);
-        s.view.ortho_height = 1.6;
+        check_orthographic(&s.view.camera, 1.6);
         dense = check_add_volume(&s, 20, 20, 10, check_box(x, -1, 4, x + 2, 1, 5));
         dense->extinction = 50;
         faint = check_add_volume(&s, 40, 20, 10, check_box(-2, -1, -5, 2, 1, -4));
@@ -610,9 +611,9 @@ static void test_widest_camera(void) {
         check_scene s;
         check_clear(&s, SIDE, SIDE);
         add_slab(&s, 1);
-        check_set3(s.view.position, 0, 0, 0);
-        check_set3(s.view.target, 0, 0, -1);
-        s.view.field_of_view = limit + (wide ? 1e-4 : -1e-4);
+        check_set3(s.view.camera.position, 0, 0, 0);
+        check_set3(s.view.camera.target, 0, 0, -1);
+        check_perspective(&s.view.camera, limit + (wide ? 1e-4 : -1e-4));
         CHECK(sps_render(context, &s.scene, &s.view, &image) == (wide ? SPS_ERROR_UNSUPPORTED : SPS_OK));
     }
 }
@@ -653,20 +654,19 @@ static sps_volume *add_ball(check_scene *s, check_field *field) {
     volume->shading = SPS_SHADING_SURFACE;
     volume->specular = 0.5f;
     check_add_directional(s, -0.4, -0.5, -1, 3);
-    s->view.ortho_height = 2.4;
+    check_orthographic(&s->view.camera, 2.4);
     return volume;
 }
 
 /* What the header's comments say of 0, said in full, is the same picture bit for bit. `change` is the field. */
 static void test_defaults(void) {
     static const sps_lobe lobe = {0, 7};
-    for (int change = 0; change < 7; ++change) {
+    for (int change = 0; change < 6; ++change) {
         check_scene s;
         check_field field;
         sps_volume *volume;
         check_clear(&s, SIDE, SIDE);
         volume = add_ball(&s, &field);
-        if (change == 6) s.view.ortho_height = 0;
         if (!check_render(context, &s, image_a)) return;
         if (change == 0) volume->shininess = 32;
         if (change == 1) volume->gradient_full = 0.05f;
@@ -674,7 +674,6 @@ static void test_defaults(void) {
         if (change == 3) volume->lobes = &lobe, volume->lobe_count = 1;
         if (change == 4) s.view.slab = 0.7;
         if (change == 5) s.view.region[2] = s.view.region[3] = SIDE;
-        if (change == 6) s.view.ortho_height = 1;
         if (!check_render(context, &s, image_b)) return;
         if (!CHECK(memcmp(image_a, image_b, sizeof image_a) == 0)) printf("    change %d\n", change);
     }

@@ -90,8 +90,8 @@ static void setup_build(setup *t) {
     sps_volume *volume;
     memset(t, 0, sizeof *t);
     check_clear(&t->s, WIDTH, HEIGHT);
-    check_set3(t->s.view.position, 1, 0.7, 5);
-    t->s.view.field_of_view = 0.7;
+    check_set3(t->s.view.camera.position, 1, 0.7, 5);
+    check_perspective(&t->s.view.camera, 0.7);
     t->s.view.quality = SPS_QUALITY_DRAFT;
     t->s.view.shadow_size = 50;
     t->disc.size = 21;
@@ -530,7 +530,7 @@ static void test_particles(void) {
         uint64_t calls = 0;
         check_scene s;
         check_clear(&s, WIDTH, HEIGHT);
-        s.view.ortho_height = 1;
+        check_orthographic(&s.view.camera, 1);
         s.view.slab = 1000;
         memset(&particles, 0, sizeof particles);
         particles.count = count, particles.read_fn = read_flat, particles.user = &calls;
@@ -608,19 +608,6 @@ static void test_sheet_channels(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* An image of nothing: nothing is called. */
-static void test_no_pixels(void) {
-    setup t;
-    outcome o;
-    setup_build(&t);
-    t.s.view.width = 0;
-    memset(&o, 0, sizeof o);
-    peak_of_render(&t, NULL, &o);
-    CHECK(t.disc.read_calls == 0 && t.triangles.calls == 0);
-    CHECK(o.stats.read_calls == 0 && o.stats.slabs == 0);
-    check_free_triangles(&t.triangles);
-}
-
 /* Flat voxels of 1 x 1 x 0.1, classified, seen along x, where they are long, and lit along z, where they are flat:
    slabs, which lie aslant, are 0.4 of what the light crosses of one. Kernels reach 2.5 voxels beyond the box. */
 static void test_slabs_of_flat_voxels(void) {
@@ -632,9 +619,9 @@ static void test_slabs_of_flat_voxels(void) {
         check_scene s;
         float value = 1;
         check_clear(&s, 8, 8);
-        s.view.ortho_height = 3;
+        check_orthographic(&s.view.camera, 3);
         s.view.quality = SPS_QUALITY_HIGH;
-        check_set3(s.view.position, -20, 0, 0);
+        check_set3(s.view.camera.position, -20, 0, 0);
         volume = check_add_volume(&s, 2, 2, 20, check_box(-1, -1, -1, 1, 1, 1));
         volume->read_fn = check_read_constant;
         volume->user = &value;
@@ -677,7 +664,6 @@ int main(void) {
     test_large_region();
     test_light_maps(&full);
     test_sheet_channels();
-    test_no_pixels();
     test_slabs_of_flat_voxels();
     check_free_triangles(&t.triangles);
     return check_report();

@@ -23,7 +23,7 @@ static float one = 1;
 /* Empties the lists that tests share. */
 static void start(check_scene *s, int width, int height, double ortho_height) {
     check_clear(s, width, height);
-    s->view.ortho_height = ortho_height;
+    check_orthographic(&s->view.camera, ortho_height);
     ground.count = body.count = 0;
 }
 
@@ -39,7 +39,7 @@ static double unit_cosine(const double a[3], const double b[3]) {
 
 /* World position of a pixel's centre on the plane z = 0, for the camera that looks down. */
 static void pixel_on_plane(const check_scene *s, int i, double *x, double *y) {
-    const double pitch = s->view.ortho_height / s->view.height;
+    const double pitch = s->view.camera.ortho_height / s->view.height;
     *x = (i % s->view.width - 0.5 * (s->view.width - 1)) * pitch;
     *y = (0.5 * (s->view.height - 1) - i / s->view.width) * pitch;
 }
@@ -139,8 +139,8 @@ static void test_interpolation(void) {
         sps_mesh *mesh = check_add_mesh(&s, &ground, 0);
         mesh->has_colors = mesh->has_normals = 1;
     }
-    check_set3(s.view.position, 0, 0, 2);
-    s.view.field_of_view = 0.7;
+    check_set3(s.view.camera.position, 0, 0, 2);
+    check_perspective(&s.view.camera, 0.7);
     check_add_directional(&s, 0.2, -0.6, -1, 2)->no_shadow = 1;
     if (!check_render(context, &s, image_a)) return;
     for (int i = 0; i < 143; ++i) {
@@ -171,7 +171,7 @@ static void test_two_sided(void) {
         check_add_quad(&ground, origin, flipped ? v : u, flipped ? u : v);
         check_add_mesh(&s, &ground, 0.6);
         check_add_directional(&s, 0, 0, from_below ? 1 : -1, 2);
-        if (seen_from_below) s.view.position[2] = -10;
+        if (seen_from_below) s.view.camera.position[2] = -10;
         if (!check_render(context, &s, image_a)) return;
         for (int i = 0; i < 16; ++i) CHECK_NEAR((double)image_a[4 * i], exact, EXACT);
     }
@@ -235,14 +235,14 @@ static void test_watertight(void) {
         check_covered_once(&s, "orthographic");
         start(&s, 64, 64, 1);
         add_shattered(&random, 32, origin, u, v, 0);
-        check_set3(s.view.position, 0.1, -0.3, 1.2);
-        s.view.field_of_view = 0.7;
+        check_set3(s.view.camera.position, 0.1, -0.3, 1.2);
+        check_perspective(&s.view.camera, 0.7);
         check_covered_once(&s, "perspective");
         start(&s, 64, 40, 1); /* a ground below the camera, before and behind it */
         add_shattered(&random, 32, far_origin, far_u, far_v, 0);
-        check_set3(s.view.position, 0.3, 0.1, 0);
-        check_set3(s.view.target, 0, -3, -4);
-        s.view.field_of_view = 1; /* from 9 to 66 degrees below the horizon */
+        check_set3(s.view.camera.position, 0.3, 0.1, 0);
+        check_set3(s.view.camera.target, 0, -3, -4);
+        check_perspective(&s.view.camera, 1); /* from 9 to 66 degrees below the horizon */
         s.view.near_distance = n & 1 ? 0.1 : 0;
         check_covered_once(&s, "across the near plane");
     }
@@ -260,8 +260,8 @@ static void test_watertight_on_pixels(void) {
         check_covered_once(&s, "orthographic, on pixels");
         start(&s, 31, 31, 1); /* a corner in the middle of a slanted square, on the axis of the camera */
         add_shattered(&random, 8, slope, slope_u, slope_v, 1);
-        check_set3(s.view.position, 0, 0, 2);
-        s.view.field_of_view = 1;
+        check_set3(s.view.camera.position, 0, 0, 2);
+        check_perspective(&s.view.camera, 1);
         check_covered_once(&s, "perspective, on pixels");
     }
 }
@@ -277,7 +277,7 @@ static void test_near_distance(void) {
         check_add_mesh(&s, &body, 0.9);
         check_add_mesh(&s, &ground, 0.4);
         check_add_directional(&s, 0, 0, -1, 3)->no_shadow = !shadows;
-        s.view.field_of_view = perspective ? 0.1 : 0;
+        check_perspective(&s.view.camera, perspective ? 0.1 : 0);
         s.view.near_distance = 9.5;
         if (!check_render_depth(context, &s, image_a, depth_a)) return;
         for (int i = 0; i < 35; ++i) {
@@ -352,9 +352,9 @@ static void check_shadow_edge(int point, double angle) {
         check_add_point(&s, -1, 0.5, 3, 9);
     else
         check_add_directional(&s, 0.8, 0, -1, 3);
-    s.view.position[0] = s.view.target[0] = point ? 0.5 : 0.8;
+    s.view.camera.position[0] = s.view.camera.target[0] = point ? 0.5 : 0.8;
     texel = 8 * sqrt(2.0) / 508; /* no narrower than the square's diagonal, as seen from above */
-    pitch = s.view.ortho_height / 9;
+    pitch = s.view.camera.ortho_height / 9;
     if (!check_render(context, &s, image_a)) return;
     for (int row = 0; row < 9; ++row) {
         const double y = (4 - row) * pitch, full = (double)image_a[4 * (64 * row + 63)];
@@ -362,7 +362,7 @@ static void check_shadow_edge(int point, double angle) {
         const double exact = point ? -1 + (slant + 1) * 1.5 : slant + 0.8;
         const double found = half_way(image_a + 4 * 64 * row, 64, full);
         if (!CHECK(found >= 0) ||
-            !CHECK_NEAR((found - 31.5) * pitch + s.view.target[0], exact, 0.5 * texel * 1.25 + 0.5 * pitch))
+            !CHECK_NEAR((found - 31.5) * pitch + s.view.camera.target[0], exact, 0.5 * texel * 1.25 + 0.5 * pitch))
             printf("    point %d, angle %g, row %d\n", point, angle, row);
         CHECK(image_a[4 * (64 * row + 8)] <= 0 && full > 0); /* the roof is seen at some pixels farther left */
     }
@@ -530,9 +530,9 @@ static void test_box_on_floor(void) {
             check_add_point(&s, 1.2, -1.9, 2.5, 30);
         else
             check_add_directional(&s, -0.5, 0.8, -1, 3);
-        check_set3(s.view.position, n / 2 % 2 ? 1.5 : -1.5, n / 2 % 2 ? -2 : 2, 1.5);
-        check_set3(s.view.up, 0, 0, 1);
-        s.view.field_of_view = 0.5;
+        check_set3(s.view.camera.position, n / 2 % 2 ? 1.5 : -1.5, n / 2 % 2 ? -2 : 2, 1.5);
+        check_set3(s.view.camera.up, 0, 0, 1);
+        check_perspective(&s.view.camera, 0.5);
         if (count_shadowed(&s, 1e-6) < 0 || !check_march(context, &s, 1, image_c, NULL)) return;
         for (int i = 0; i < 64 * 64; ++i) {
             const double full = (double)image_b[4 * i], share = (double)image_a[4 * i] - (double)image_c[4 * i];
@@ -614,26 +614,26 @@ static void add_walls(check_triangles *triangles) {
 }
 
 static void look_inside(check_scene *s, int side) {
-    check_set3(s->view.position, -0.2, 0.1, 0.15);
-    memcpy(s->view.target, s->view.position, sizeof s->view.target);
-    s->view.target[side / 2] += side % 2 ? -1 : 1;
-    check_set3(s->view.up, 0, side / 2 != 1, side / 2 == 1);
-    s->view.field_of_view = 1.6;
+    check_set3(s->view.camera.position, -0.2, 0.1, 0.15);
+    memcpy(s->view.camera.target, s->view.camera.position, sizeof s->view.camera.target);
+    s->view.camera.target[side / 2] += side % 2 ? -1 : 1;
+    check_set3(s->view.camera.up, 0, side / 2 != 1, side / 2 == 1);
+    check_perspective(&s->view.camera, 1.6);
 }
 
 /* What a pixel of that camera sees: a point on a wall; gives the distance. */
 static double wall_point(const check_scene *s, int i, double at[3]) {
-    const double pitch = 2 * tan(0.5 * s->view.field_of_view) / s->view.height;
+    const double pitch = 2 * tan(0.5 * s->view.camera.field_of_view) / s->view.height;
     const double x = (i % s->view.width - 0.5 * (s->view.width - 1)) * pitch;
     const double y = (0.5 * (s->view.height - 1) - i / s->view.width) * pitch;
     double forward[3], right[3], up[3], ray[3], t = 1e9;
-    spsi_along(s->view.target, s->view.position, -1, forward);
-    spsi_cross(forward, s->view.up, right);
+    spsi_along(s->view.camera.target, s->view.camera.position, -1, forward);
+    spsi_cross(forward, s->view.camera.up, right);
     spsi_normalise(right);
     spsi_cross(right, forward, up);
     for (int c = 0; c < 3; ++c) ray[c] = forward[c] + x * right[c] + y * up[c];
-    for (int c = 0; c < 3; ++c) t = fmin(t, ((ray[c] > 0 ? 1 : -1) - s->view.position[c]) / ray[c]);
-    spsi_along(s->view.position, ray, t, at);
+    for (int c = 0; c < 3; ++c) t = fmin(t, ((ray[c] > 0 ? 1 : -1) - s->view.camera.position[c]) / ray[c]);
+    spsi_along(s->view.camera.position, ray, t, at);
     return t * spsi_length(ray);
 }
 
@@ -825,7 +825,7 @@ static void test_polygon_shadow_in_medium(void) {
     check_color(add_slab(&s, 45, 8, sigma)->albedo, 1, 1, 1);
     check_add_directional(&s, 1, 0, -1, 3);
     s.view.shadow_size = 400;
-    s.view.position[0] = s.view.target[0] = 1.5;
+    s.view.camera.position[0] = s.view.camera.target[0] = 1.5;
     if (!check_render(context, &s, image_a)) return;
     for (int i = 63; i < 126; ++i) {
         const double x = 1.5 + (i - 63 - 31) * 0.032, above = x - 1, lit = fmin(fmax(above, 0), 1);
@@ -875,7 +875,7 @@ static void test_dense_stand_in(void) {
             check_add_mesh(&s, &body, 0.5);
         }
         check_add_directional(&s, 0.75, 0, -1, 3);
-        s.view.position[0] = s.view.target[0] = 1.5;
+        s.view.camera.position[0] = s.view.camera.target[0] = 1.5;
         s.view.near_distance = 9.1; /* between the roof and the gas */
         if (!check_render(context, &s, image_a)) return;
         for (int i = 63; i < 126; ++i) {
@@ -932,8 +932,8 @@ static void test_mixed_scene(void) {
     check_color(gas->albedo, 0.9, 0.8, 0.7);
     check_add_directional(&s, 0.6, -1, -0.5, 3);
     check_color(check_add_point(&s, -1.5, 2.5, 2, 1)->color, 4, 6, 9);
-    check_set3(s.view.position, 0.7, 1.2, 4);
-    s.view.field_of_view = 0.6;
+    check_set3(s.view.camera.position, 0.7, 1.2, 4);
+    check_perspective(&s.view.camera, 0.6);
     s.view.quality = SPS_QUALITY_HIGH;
     s.view.shadow_size = 100;
     check_color(s.scene.ambient, 0.1, 0.1, 0.2);

@@ -37,7 +37,7 @@ typedef enum light_kind { SPOT, SUN, SIX_FACES, SPOT_BY_MATRIX, SUN_BY_MATRIX, K
    the origin along each axis. The light is outside, or, of six faces, in the midst of it; some of the gas and of the
    points looked at lie before near_depth. */
 typedef struct fixture {
-    sps_view light;
+    sps_tmap_light light;
     sps_tmap_settings settings;
     sps_scene scene;
     sps_particles sets[2];
@@ -109,19 +109,19 @@ static void fill_matrix(double m[16], int perspective) {
 
 static void fixture_aim(fixture *f, light_kind kind) {
     f->kind = kind;
-    check_set3(f->light.position, 0.3, -0.2, kind == SIX_FACES ? 0.4 : 9);
-    check_set3(f->light.target, -0.4, 0.5, 0);
-    check_set3(f->light.up, 0.2, 1, 0.1);
+    check_set3(f->light.camera.position, 0.3, -0.2, kind == SIX_FACES ? 0.4 : 9);
+    check_set3(f->light.camera.target, -0.4, 0.5, 0);
+    check_set3(f->light.camera.up, 0.2, 1, 0.1);
     f->light.width = kind == SIX_FACES ? SIDE : WIDTH;
     f->light.height = kind == SIX_FACES ? SIDE : HEIGHT;
-    f->light.field_of_view = kind == SPOT ? 0.7 : 0;
-    f->light.ortho_height = 6;
+    check_orthographic(&f->light.camera, 6);
+    check_perspective(&f->light.camera, kind == SPOT ? 0.7 : 0);
     f->settings.near_depth = kind == SIX_FACES ? 0.9 : 5.5;
     f->settings.far_depth = kind == SIX_FACES ? 4.5 : 13;
-    f->settings.omnidirectional = kind == SIX_FACES;
+    f->light.omnidirectional = kind == SIX_FACES;
     if (kind < SPOT_BY_MATRIX) return;
     fill_matrix(f->matrix, kind == SPOT_BY_MATRIX);
-    f->light.world_to_clip = f->matrix;
+    check_matrix(&f->light.camera, f->matrix);
     if (kind == SUN_BY_MATRIX)
         f->settings.near_depth += 16, f->settings.far_depth += 16, f->settings.surface_bias = 0.4;
 }
@@ -147,7 +147,7 @@ static tmap_vec4 row_of(const double matrix[16], int row) {
 
 /* An engine that has drawn the map itself, with a clip matrix of its own, hands over the same. */
 static void check_own_matrix(const fixture *f, const double matrix[16]) {
-    const double *m = f->light.world_to_clip, *w = m + 12;
+    const double *m = f->light.camera.world_to_clip, *w = m + 12;
     for (int i = 0; i < 4; ++i) {
         const double own[3] = {((m[i] + w[i]) * f->light.width - w[i]) / 2,
                                ((w[i] - m[4 + i]) * f->light.height - w[i]) / 2, w[i]};
@@ -174,14 +174,14 @@ static void hand_over(const sps_tmap *map, const fixture *f) {
     tmap_bound.row_x = row_of(matrix, 0), tmap_bound.row_y = row_of(matrix, 1);
     tmap_bound.row_distance = row_of(matrix, 2), tmap_bound.row_w = row_of(matrix, 3);
     tmap_bound.bias = (float)bias[0], tmap_bound.bias_per_distance = (float)bias[1];
-    if (f->light.world_to_clip) check_own_matrix(f, matrix);
+    if (f->light.camera.world_to_clip) check_own_matrix(f, matrix);
 }
 
 /* A point given in world space. */
 static tmap_place locate(const fixture *f, const double position[3]) {
     tmap_vec3 p;
-    const double *origin = f->light.position;
-    if (!f->settings.omnidirectional) {
+    const double *origin = f->light.camera.position;
+    if (!f->light.omnidirectional) {
         p.x = (float)position[0], p.y = (float)position[1], p.z = (float)position[2];
         return tmap_project(tmap_bound, p);
     }
@@ -534,8 +534,8 @@ static void test_insertion(void) {
         ball.radius = 2, ball.optical_depth = 2;
         f.sets[soft].user = &ball, f.sets[soft].count = 1, f.sets[!soft].count = 0;
         f.scene.mesh_count = 0;
-        check_set3(f.light.target, 0.3, -0.2, 0);
-        check_set3(f.light.up, 0, 1, 0);
+        check_set3(f.light.camera.target, 0.3, -0.2, 0);
+        check_set3(f.light.camera.up, 0, 1, 0);
         sps_tmap *map = fixture_build(&f, context);
         if (!CHECK(map != NULL)) continue;
         hand_over(map, &f);

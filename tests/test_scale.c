@@ -130,8 +130,8 @@ static void test_flat_voxels(void) {
             difference d;
             if (i == 2) placement.axis[2][0] = tan(PI / 6), placement.origin[0] -= 0.5 * tan(PI / 6);
             check_clear(&s, 36, 36);
-            check_set3(s.view.position, 2, 0.3, 2);
-            s.view.ortho_height = 1.1;
+            check_set3(s.view.camera.position, 2, 0.3, 2);
+            check_orthographic(&s.view.camera, 1.1);
             volume = add_field(&s, &field, ball, flat[i], placement);
             volume->transfer = &layers;
             check_add_directional(&s, -0.2, -0.8, -0.5, 3);
@@ -156,9 +156,9 @@ static void test_grazing_rays(void) {
         check_scene s;
         double sum = 0;
         check_clear(&s, 33, 33);
-        check_set3(s.view.position, 0.05, 0.02, -0.15);
-        check_set3(s.view.target, 0.05, 0.02, -1);
-        s.view.field_of_view = 2 * atan(tangent * 33 / 32);
+        check_set3(s.view.camera.position, 0.05, 0.02, -0.15);
+        check_set3(s.view.camera.target, 0.05, 0.02, -1);
+        check_perspective(&s.view.camera, 2 * atan(tangent * 33 / 32));
         add_field(&s, &field, bumps, n, unit_box)->transfer = &layers;
         s.view.slab = 1;
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
@@ -223,8 +223,8 @@ static void test_turning_light(void) {
         check_field field;
         sps_volume *volume;
         check_clear(&s, 40, 40);
-        check_set3(s.view.position, 0, 0.4, 2.2);
-        s.view.field_of_view = 0.55;
+        check_set3(s.view.camera.position, 0, 0.4, 2.2);
+        check_perspective(&s.view.camera, 0.55);
         volume = add_field(&s, &field, ball, n, unit_box);
         volume->transfer = &skin;
         volume->shading = SPS_SHADING_SURFACE;
@@ -254,7 +254,7 @@ static void test_steep_onset(void) {
         check_scene s;
         sps_volume *volume;
         check_clear(&s, 9, 9);
-        s.view.ortho_height = 0.5;
+        check_orthographic(&s.view.camera, 0.5);
         s.view.quality = SPS_QUALITY_HIGH;
         volume = check_add_volume(&s, 20, 20, 20, unit_box);
         volume->read_fn = check_read_constant, volume->user = &one;
@@ -277,7 +277,7 @@ static void test_lobes_alone(void) {
     static const sps_lobe lobes[2] = {{0.5f, 1}, {-0.5f, 1}};
     check_scene s;
     check_clear(&s, 16, 8);
-    s.view.ortho_height = 1;
+    check_orthographic(&s.view.camera, 1);
     for (int i = 0; i < 2; ++i) {
         sps_volume *gas = check_add_volume(&s, 10, 10, 10, check_box(i ? 0 : -1, -0.5, -0.5, i ? 1 : 0, 0.5, 0.5));
         gas->read_fn = check_read_constant, gas->user = &one;
@@ -310,7 +310,7 @@ static void test_finest_counts(void) {
             check_color(gas->albedo, 1, 1, 1);
         }
         check_add_directional(&s, 1, -1, -1, 1);
-        check_set3(s.view.position, 5, 5, 5); /* each axis alike, for the eye, the light and the slabs' normal */
+        check_set3(s.view.camera.position, 5, 5, 5); /* each axis alike, for the eye, the light and the slabs' normal */
         check_set3(s.light[0].direction, -1, -1, -1);
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
         slabs[i] = plan.slab_count, texels[i] = plan.shadow_width * plan.shadow_height;
@@ -335,7 +335,7 @@ static void test_slender_voxels(void) {
     check_set3(placement.axis[1], 0.7, 1.15, 0);
     check_set3(placement.origin, -1.15, -1.375, -0.5);
     check_clear(&s, 40, 36);
-    s.view.ortho_height = 0.55;
+    check_orthographic(&s.view.camera, 0.55);
     gas = add_field(&s, &field, bumps, n, placement);
     gas->extinction = 3;
     check_color(gas->albedo, 0.9, 0.9, 0.9);
@@ -388,7 +388,7 @@ static void test_two_tables(void) {
     for (int order = 0; order < 2; ++order) {
         check_scene s;
         check_clear(&s, 40, 10);
-        s.view.ortho_height = 0.6;
+        check_orthographic(&s.view.camera, 0.6);
         for (int i = 0; i < 2; ++i) {
             const double x = i == order ? 0.55 : -0.55;
             sps_volume *volume = check_add_volume(&s, 14, 14, 14, check_box(x - 0.5, -0.5, -0.5, x + 0.5, 0.5, 0.5));
@@ -424,7 +424,7 @@ static void test_highlight(void) {
         check_scene s;
         sps_volume *volume;
         check_clear(&s, 9, 9);
-        s.view.ortho_height = 0.2;
+        check_orthographic(&s.view.camera, 0.2);
         s.view.quality = SPS_QUALITY_ULTRA;
         volume = check_add_volume(&s, 30, 30, 10, check_box(-1.5, -1.5, -1, 1.5, 1.5, 0));
         volume->read_fn = check_read_constant, volume->user = &one;
@@ -478,9 +478,9 @@ static void test_faces_of_volume(void) {
         sps_volume *volume;
         check_clear(&s, 20, 9);
         away[side / 2] = side % 2 ? -4 : 4;
-        memcpy(s.view.position, away, sizeof away);
-        check_set3(s.view.up, 0, side / 2 == 2, side / 2 < 2);
-        s.view.ortho_height = side / 2 == 0 ? 0.5 : 0.625;
+        memcpy(s.view.camera.position, away, sizeof away);
+        check_set3(s.view.camera.up, 0, side / 2 == 2, side / 2 < 2);
+        check_orthographic(&s.view.camera, side / 2 == 0 ? 0.5 : 0.625);
         s.view.quality = SPS_QUALITY_HIGH;
         volume = check_add_volume(&s, 34, 20, 20, check_box(-0.85, -0.5, -0.5, 0.85, 0.5, 0.5));
         volume->read_fn = check_read_constant, volume->user = &one;
@@ -579,9 +579,9 @@ static int render_padded(int from, int surface, int pad, float *image) {
     volume->transfer = &faint;
     check_add_directional(&s, -0.8, -0.1, -0.2, 3)->no_shadow = from > 0;
     if (from > 0) {
-        check_set3(s.view.position, 0.1, 0.05, 0.28);
-        check_set3(s.view.target, from == 1 ? 0.3 : -0.2, 0, from == 1 ? 0 : 0.5);
-        s.view.field_of_view = 1.2;
+        check_set3(s.view.camera.position, 0.1, 0.05, 0.28);
+        check_set3(s.view.camera.target, from == 1 ? 0.3 : -0.2, 0, from == 1 ? 0 : 0.5);
+        check_perspective(&s.view.camera, 1.2);
     }
     s.view.quality = SPS_QUALITY_HIGH;
     s.view.slab = from < 2 ? 0.5 : 4;
@@ -611,8 +611,8 @@ static void test_back_to_front(void) {
     sps_volume *gas;
     double worst = 0;
     check_clear(&s, 32, 32);
-    check_set3(s.view.position, 0.2, 0.3, 2);
-    s.view.field_of_view = 0.5;
+    check_set3(s.view.camera.position, 0.2, 0.3, 2);
+    check_perspective(&s.view.camera, 0.5);
     gas = add_field(&s, &field, bumps, n, unit_box);
     gas->extinction = 6;
     check_color(gas->albedo, 0.9, 0.9, 0.9);
@@ -655,9 +655,9 @@ static void test_near_plane(void) {
         check_scene s;
         sps_volume *gas;
         check_clear(&s, 8, 8);
-        s.view.position[2] = eye;
-        s.view.field_of_view = angle;
-        s.view.ortho_height = 0.4;
+        s.view.camera.position[2] = eye;
+        check_orthographic(&s.view.camera, 0.4);
+        check_perspective(&s.view.camera, angle);
         s.view.near_distance = eye - 0.2;
         s.view.quality = SPS_QUALITY_HIGH;
         s.view.slab = 12 * slab;
@@ -710,7 +710,7 @@ static void test_shadow_in_slab(void) {
         sps_volume *gas;
         memset(&triangles, 0, sizeof triangles);
         check_clear(&s, 8, 24);
-        s.view.ortho_height = 0.5;
+        check_orthographic(&s.view.camera, 0.5);
         gas = check_add_volume(&s, 12, 12, 12, unit_box);
         gas->read_fn = check_read_constant, gas->user = &one;
         gas->extinction = (float)sigma;

@@ -302,9 +302,9 @@ static void test_ground_of_any_width(void) {
             add_globe(&body, centre, 0.4, 10);
             check_add_mesh(&s, &ground, 0.5);
             check_add_mesh(&s, &body, 0.5);
-            check_set3(s.view.position, 0, 2.5, 2);
-            check_set3(s.view.target, -0.4, 0, 0);
-            s.view.field_of_view = 0.8;
+            check_set3(s.view.camera.position, 0, 2.5, 2);
+            check_set3(s.view.camera.target, -0.4, 0, 0);
+            check_perspective(&s.view.camera, 0.8);
             if (point)
                 check_add_point(&s, 3, 3, 0.2, 30);
             else
@@ -362,9 +362,9 @@ static void check_gas_over_ground(int fog, int point) {
             check_add_point(&s, 7, 5, 0.3, 200);
         else
             check_add_directional(&s, -1, fog ? -0.1 : -1, 0.2, 3);
-        check_set3(s.view.position, 0, 1.2, fog ? 4 : 2);
-        check_set3(s.view.target, 0, 0.4, 0);
-        s.view.field_of_view = 0.6;
+        check_set3(s.view.camera.position, 0, 1.2, fog ? 4 : 2);
+        check_set3(s.view.camera.target, 0, 0.4, 0);
+        check_perspective(&s.view.camera, 0.6);
         if (!check_march(context, &s, 0.7, image_b, NULL)) return;
         for (int q = 0; q < 3; ++q) {
             double error;
@@ -401,9 +401,9 @@ static void test_town(void) {
         check_add_mesh(&s, &ground, 0.5);
         check_add_mesh(&s, &body, 0.5);
         check_add_directional(&s, -1, -0.08, 0.37, 3);
-        check_set3(s.view.position, view == 1 ? 300 : 0, view == 2 ? 900 : 1.7, view == 2 ? 700 : 0);
-        check_set3(s.view.target, view == 2 ? 0 : 1000, view == 2 ? 0 : 1.7, view == 1 ? -900 : 300);
-        s.view.field_of_view = 1;
+        check_set3(s.view.camera.position, view == 1 ? 300 : 0, view == 2 ? 900 : 1.7, view == 2 ? 700 : 0);
+        check_set3(s.view.camera.target, view == 2 ? 0 : 1000, view == 2 ? 0 : 1.7, view == 1 ? -900 : 300);
+        check_perspective(&s.view.camera, 1);
         wrong = differing(&s);
         if (!CHECK(wrong == 0)) printf("    view %d: %d pixels differ\n", view, wrong);
     }
@@ -419,7 +419,7 @@ static void test_smooth_terminator(void) {
         add_globe(&body, centre, 1, n);
         check_add_mesh(&s, &body, 1)->has_normals = 1;
         check_add_directional(&s, -0.9, -0.1, -0.42, 1);
-        s.view.ortho_height = 2.2;
+        check_orthographic(&s.view.camera, 2.2);
         if (!check_render(context, &s, image_a)) return;
         s.view.no_shadows = 1;
         if (!check_render(context, &s, image_b)) return;
@@ -440,8 +440,8 @@ static void test_lamp_near_coarse_mesh(void) {
         add_globe(&body, centre, 1, 4);
         check_add_mesh(&s, &body, 1)->has_normals = 1;
         check_add_point(&s, distance * cos(angle), 0.3, distance * sin(angle), 1);
-        check_set3(s.view.position, 5 * cos(angle + 0.4), 1, 5 * sin(angle + 0.4));
-        s.view.ortho_height = 2.2;
+        check_set3(s.view.camera.position, 5 * cos(angle + 0.4), 1, 5 * sin(angle + 0.4));
+        check_orthographic(&s.view.camera, 2.2);
         if (!CHECK(differing(&s) == 0)) printf("    lamp %d: %d pixels differ\n", n, differing(&s));
     }
 }
@@ -460,8 +460,8 @@ static void test_gas_under_ground(void) {
         volume->read_fn = check_read_constant;
         volume->user = &one;
         check_add_directional(&s, -0.2, -1, 0.1, 3);
-        check_set3(s.view.position, 0.3, -5, 0.2); /* from below */
-        s.view.ortho_height = 1;
+        check_set3(s.view.camera.position, 0.3, -5, 0.2); /* from below */
+        check_orthographic(&s.view.camera, 1);
         if (!check_render(context, &s, image_a) || !check_march(context, &s, 1, image_b, NULL)) return;
         CHECK(image_a[3] > 0.5f && image_b[3] > 0.5f);
         CHECK(mean_of(image_a, SIDE) <= 0 && mean_of(image_b, SIDE) <= 0);
@@ -485,11 +485,11 @@ static void test_twins(void) {
             check_set3(mesh->placement.axis[0], cos(turn), sin(turn), 0);
             check_set3(mesh->placement.axis[1], -sin(turn), cos(turn), 0);
         }
-        check_set3(s.view.position, at, -0.5 * at, 0.1 * at);
-        check_set3(s.view.target, at, -0.5 * at, 0.1 * at);
-        s.view.position[0] += -4 * sin(turn), s.view.position[1] += 4 * cos(turn);
-        check_set3(s.view.up, 0, 0, 1);
-        s.view.ortho_height = 2;
+        check_set3(s.view.camera.position, at, -0.5 * at, 0.1 * at);
+        check_set3(s.view.camera.target, at, -0.5 * at, 0.1 * at);
+        s.view.camera.position[0] += -4 * sin(turn), s.view.camera.position[1] += 4 * cos(turn);
+        check_set3(s.view.camera.up, 0, 0, 1);
+        check_orthographic(&s.view.camera, 2);
         check_add_directional(&s, sin(turn) + 2 * cos(turn), -cos(turn) + 2 * sin(turn), 0.1, 3);
         if (!check_render(context, &s, image_a)) return;
         s.view.no_shadows = 1;
@@ -513,15 +513,15 @@ static void test_revision(void) {
     check_add_mesh(&s, &ground, 0.5)->revision = 1;
     check_add_mesh(&s, &body, 0.5)->revision = 1;
     check_add_directional(&s, -1, -1, 0.1, 3);
-    s.view.position[1] = 3;
-    s.view.field_of_view = 0.4;
+    s.view.camera.position[1] = 3;
+    check_perspective(&s.view.camera, 0.4);
     for (int n = 0; n < 6; ++n) {
         const int read = n == 0 || n >= 3; /* then: another colour; another placement; another revision */
         const long calls = ground.calls + body.calls;
         if (n == 3) s.mesh[1].color[0] = 0.25f;
         if (n == 4) s.mesh[1].placement = check_box(0.1, 0, 0, 1.1, 1, 1);
         if (n == 5) s.mesh[0].revision = 2;
-        s.view.position[0] = 0.1 * n; /* the camera may move */
+        s.view.camera.position[0] = 0.1 * n; /* the camera may move */
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan)) || !check_render(context, &s, image_a))
             return;
         sps_stats(context, &stats);

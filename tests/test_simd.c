@@ -229,9 +229,9 @@ static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer
     const double origin[3] = {-1.1, -0.9, 0.1}, u[3] = {2.2, 0.3, 0.2}, v[3] = {0.1, 1.1, -0.9};
     sps_volume *volume;
     check_clear(s, WIDTH, HEIGHT);
-    check_set3(s->view.position, 0.7, 0.9, 5);
-    s->view.field_of_view = n == 5 ? 0 : 0.5;
-    s->view.ortho_height = 2.7;
+    check_set3(s->view.camera.position, 0.7, 0.9, 5);
+    check_orthographic(&s->view.camera, 2.7);
+    check_perspective(&s->view.camera, n == 5 ? 0 : 0.5);
     s->view.quality = SPS_QUALITY_HIGH;
     s->view.shadow_size = 50;
     if (n == 5) s->view.slab = 0.2;

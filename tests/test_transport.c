@@ -26,10 +26,10 @@ static float one = 1;
 /* An orthographic camera that looks along `way` at the origin. */
 static void aim(check_scene *s, const double way[3], double height) {
     const double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
-    for (int i = 0; i < 3; ++i) s->view.position[i] = -10 * way[i] / length;
-    check_set3(s->view.up, 0, 1, 0);
-    if (fabs(way[0]) + fabs(way[2]) < 0.01 * length) check_set3(s->view.up, 1, 0, 0);
-    s->view.ortho_height = height;
+    for (int i = 0; i < 3; ++i) s->view.camera.position[i] = -10 * way[i] / length;
+    check_set3(s->view.camera.up, 0, 1, 0);
+    if (fabs(way[0]) + fabs(way[2]) < 0.01 * length) check_set3(s->view.camera.up, 1, 0, 0);
+    check_orthographic(&s->view.camera, height);
 }
 
 /* The value of a channel that is farthest from `exact`, of all pixels. */
@@ -99,7 +99,7 @@ static void test_ripple(void) {
         check_scene s;
         sps_volume *volume;
         check_clear(&s, 21, 21);
-        s.view.ortho_height = 0.1 * 21 / 20.5;
+        check_orthographic(&s.view.camera, 0.1 * 21 / 20.5);
         s.view.quality = qualities[n];
         volume = check_add_volume(&s, 15, 13, 15, check_box(-0.75, -0.65, -0.75, 0.75, 0.65, 0.75));
         volume->read_fn = check_read_constant;
@@ -369,8 +369,8 @@ static void test_ball_chords(void) {
     check_field field;
     sps_volume *ball;
     check_clear(&s, 15, 15);
-    check_set3(s.view.position, 0, 0, 5);
-    s.view.field_of_view = 0.34;
+    check_set3(s.view.camera.position, 0, 0, 5);
+    check_perspective(&s.view.camera, 0.34);
     s.view.quality = SPS_QUALITY_ULTRA;
     ball = check_add_volume(&s, 26, 26, 26,
                             check_box(-13 * edge, -13 * edge, -13 * edge, 13 * edge, 13 * edge, 13 * edge));
@@ -405,7 +405,7 @@ static void test_thin_things_stay(void) {
         sps_volume *volume;
         check_clear(&s, 15, 15);
         aim(&s, way, 1.5);
-        pitch = s.view.ortho_height / 15;
+        pitch = s.view.camera.ortho_height / 15;
         /* one voxel, and a wire of twelve */
         volume = check_add_volume(&s, 1, 1, n & 1 ? 12 : 1, check_box(0, 0, 0, 0.02, 0.02, n & 1 ? 0.24 : 0.02));
         volume->placement.origin[0] = pitch * n / 12;
@@ -482,8 +482,8 @@ static void test_background(void) {
     double pitch;
     check_clear(&s, 9, 7);
     add_slab(&s, 41, 4, 0.7);
-    check_set3(s.view.position, 0, 0, 2);
-    s.view.field_of_view = 0.8;
+    check_set3(s.view.camera.position, 0, 0, 2);
+    check_perspective(&s.view.camera, 0.8);
     s.scene.background_fn = sky;
     pitch = 2 * tan(0.4) / 7;
     if (!check_render(context, &s, image_a)) return;
@@ -612,8 +612,8 @@ static void hold_blobs(check_scene *s) {
 static void lively(check_scene *s, int width, int height) {
     check_clear(s, width, height);
     add_blobs(s, 4);
-    check_set3(s->view.position, 0.5, 1, 4);
-    s->view.field_of_view = 0.42;
+    check_set3(s->view.camera.position, 0.5, 1, 4);
+    check_perspective(&s->view.camera, 0.42);
     check_add_directional(s, 1, -0.8, -0.5, 3);
 }
 
@@ -741,11 +741,11 @@ static void test_turned_scene(void) {
         double *vectors[6], old[3];
         sps_volume *v = &s.volume[0];
         vectors[0] = v->placement.origin, vectors[1] = v->placement.axis[0], vectors[2] = v->placement.axis[1];
-        vectors[3] = v->placement.axis[2], vectors[4] = s.view.position, vectors[5] = s.light[0].direction;
+        vectors[3] = v->placement.axis[2], vectors[4] = s.view.camera.position, vectors[5] = s.light[0].direction;
         memcpy(old, vectors[pass], sizeof old);
         for (int i = 0; i < 3; ++i) vectors[pass][i] = turn[i][0] * old[0] + turn[i][1] * old[1] + turn[i][2] * old[2];
     }
-    check_set3(s.view.up, turn[0][1], turn[1][1], turn[2][1]);
+    check_set3(s.view.camera.up, turn[0][1], turn[1][1], turn[2][1]);
     hold_blobs(&s); /* eval_fn would see turned positions */
     if (!check_render(context, &s, image_b)) return;
     CHECK_NEAR(check_largest(image_a, image_b, 4 * 480), 0, 0.002 * most);
@@ -759,12 +759,11 @@ static void test_orthographic_limit(void) {
     check_scene s;
     double most;
     lively(&s, 24, 24);
-    check_set3(s.view.position, 0, 0, 1e4);
-    s.view.field_of_view = 2 * atan(1e-4);
+    check_set3(s.view.camera.position, 0, 0, 1e4);
+    check_perspective(&s.view.camera, 2 * atan(1e-4));
     if (!check_render(context, &s, image_a)) return;
-    check_set3(s.view.position, 0, 0, 20);
-    s.view.field_of_view = 0;
-    s.view.ortho_height = 2;
+    check_set3(s.view.camera.position, 0, 0, 20);
+    check_orthographic(&s.view.camera, 2);
     if (!check_render(context, &s, image_b)) return;
     most = largest_of(image_b, 4 * 576);
     CHECK_NEAR(check_largest(image_a, image_b, 4 * 576), 0, most * 2.4e-3 / 3 + 1e-5);
@@ -773,21 +772,21 @@ static void test_orthographic_limit(void) {
 /* Rows of a view matrix (right, up, back) and its translation. */
 static void view_rows(const sps_view *view, double rows[3][4]) {
     double length = 0;
-    for (int i = 0; i < 3; ++i) rows[2][i] = view->position[i] - view->target[i];
+    for (int i = 0; i < 3; ++i) rows[2][i] = view->camera.position[i] - view->camera.target[i];
     spsi_normalise(rows[2]);
-    spsi_cross(view->up, rows[2], rows[0]);
+    spsi_cross(view->camera.up, rows[2], rows[0]);
     length = spsi_length(rows[0]);
     for (int i = 0; i < 3; ++i) rows[0][i] /= length;
     spsi_cross(rows[2], rows[0], rows[1]);
-    for (int k = 0; k < 3; ++k) rows[k][3] = -spsi_dot(rows[k], view->position);
+    for (int k = 0; k < 3; ++k) rows[k][3] = -spsi_dot(rows[k], view->camera.position);
 }
 
 /* Clip matrices as engines make them: 0 GL perspective, 1 D3D reversed and infinite, 2 GL orthographic,
    3 D3D orthographic, 4 as 0 but scaled as a whole, which changes nothing. */
 static void engine_matrix(const sps_view *view, int style, double m[16]) {
     double rows[3][4];
-    const double aspect = (double)view->width / view->height, f = 1 / tan(0.5 * view->field_of_view);
-    const double high = 2 / view->ortho_height, low = 0.1, far = 50;
+    const double aspect = (double)view->width / view->height, f = 1 / tan(0.5 * view->camera.field_of_view);
+    const double high = 1, low = 0.1, far = 50; /* orthographic: 2 / 2, its image's height */
     const int flat = style == 2 || style == 3;
     view_rows(view, rows);
     for (int i = 0; i < 4; ++i) {
@@ -806,9 +805,8 @@ static void engine_matrix(const sps_view *view, int style, double m[16]) {
 /* A view along no axis, for matrices to match. */
 static void lively_aslant(check_scene *s) {
     lively(s, 25, 16);
-    check_set3(s->view.up, 0.2, 1, 0.1);
-    check_set3(s->view.target, 0.1, 0, -0.1);
-    s->view.ortho_height = 2;
+    check_set3(s->view.camera.up, 0.2, 1, 0.1);
+    check_set3(s->view.camera.target, 0.1, 0, -0.1);
 }
 
 /* Both ways lead to the same rays in double precision; images differ by rounding of floats. */
@@ -818,9 +816,10 @@ static void test_engine_matrices(void) {
         double matrix[16];
         lively_aslant(&s);
         engine_matrix(&s.view, style, matrix);
-        if (style == 2 || style == 3) s.view.field_of_view = 0;
+        if (style == 2 || style == 3) check_orthographic(&s.view.camera, 2);
+        const sps_camera plain = s.view.camera;
         if (!check_render_depth(context, &s, image_a, depth_a)) return;
-        s.view.world_to_clip = matrix;
+        check_matrix(&s.view.camera, matrix);
         if (!check_render_depth(context, &s, image_b, depth_b)) return;
         if (!CHECK_NEAR(check_largest(image_a, image_b, 4 * 400), 0, 2e-5)) printf("    style %d\n", style);
         CHECK(largest_of(image_a, 4 * 400) > 0.1);
@@ -828,9 +827,9 @@ static void test_engine_matrices(void) {
         for (int i = 0; i < 400; ++i)
             if (image_a[4 * i + 3] > 0.01f && !CHECK_NEAR((double)depth_a[i], (double)depth_b[i] + start, 1e-3))
                 printf("    style %d, pixel %d\n", style, i);
-        s.view.near_distance = spsi_length(s.view.position) - start; /* through the middle of the volume */
+        s.view.near_distance = spsi_length(s.view.camera.position) - start; /* through the middle of the volume */
         if (!check_render(context, &s, image_b)) return;
-        s.view.world_to_clip = NULL;
+        s.view.camera = plain;
         s.view.near_distance += start;
         if (!check_render(context, &s, image_c)) return;
         if (!CHECK_NEAR(check_largest(image_b, image_c, 4 * 400), 0, 2e-5)) printf("    style %d, cut\n", style);
@@ -844,11 +843,11 @@ static void test_reversed_orthographic_matrix(void) {
     double matrix[16];
     lively_aslant(&s);
     engine_matrix(&s.view, 2, matrix);
-    s.view.field_of_view = 0;
-    for (int k = 0; k < 3; ++k) s.view.position[k] = 2 * s.view.target[k] - s.view.position[k];
+    check_orthographic(&s.view.camera, 2);
+    for (int k = 0; k < 3; ++k) s.view.camera.position[k] = 2 * s.view.camera.target[k] - s.view.camera.position[k];
     if (!check_render(context, &s, image_a)) return;
     for (int i = 8; i < 12; ++i) matrix[i] *= -1;
-    s.view.world_to_clip = matrix;
+    check_matrix(&s.view.camera, matrix);
     if (!check_render(context, &s, image_b)) return;
     for (int i = 0; i < 400; ++i) {
         const int mirrored = i + 24 - 2 * (i % 25);
@@ -956,9 +955,8 @@ static void test_orders_agree(void) {
     for (int fine = 0; fine < 2; ++fine) {
         check_scene s;
         lively(&s, 16, 16);
-        check_set3(s.view.position, 0, 0, 10);
-        s.view.field_of_view = 0;
-        s.view.ortho_height = 2;
+        check_set3(s.view.camera.position, 0, 0, 10);
+        check_orthographic(&s.view.camera, 2);
         s.view.slab = fine ? 2 : 4;
         s.view.shadow_size = 128;
         check_set3(s.light[0].direction, 0.8, -0.6, 1e-7);
@@ -1109,10 +1107,10 @@ static void test_transfer_surface(void) {
 static void test_camera_inside(void) {
     check_scene s;
     lively(&s, 16, 12);
-    check_set3(s.view.position, -0.2, 0.05, 0.3);
-    check_set3(s.view.target, 0.3, -0.3, -0.6);
+    check_set3(s.view.camera.position, -0.2, 0.05, 0.3);
+    check_set3(s.view.camera.target, 0.3, -0.3, -0.6);
     check_set3(s.light[0].direction, 0.3, -1, -0.8);
-    s.view.field_of_view = 0.9;
+    check_perspective(&s.view.camera, 0.9);
     s.view.shadow_size = 100;
     if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.5, image_c, NULL)) return;
     printf("camera inside: error %.2e", check_rms(image_a, image_c, 4 * 192) / largest_of(image_c, 4 * 192));
@@ -1144,8 +1142,8 @@ static void test_alignment(void) {
         volume->extinction = 3;
         check_color(volume->albedo, 0.9, 0.7, 0.5);
     }
-    check_set3(s.view.position, 1.5, 1, 4);
-    s.view.field_of_view = 0.6;
+    check_set3(s.view.camera.position, 1.5, 1, 4);
+    check_perspective(&s.view.camera, 0.6);
     s.view.quality = SPS_QUALITY_ULTRA;
     check_add_directional(&s, 0.7, -1, -0.4, 3);
     if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.1, image_c, NULL)) return;
@@ -1204,8 +1202,8 @@ static void test_scaled_and_moved(void) {
         if (n == 0 && !check_render(context, &s, image_a)) return;
         for (int i = 0; i < 3; ++i) {
             double *points[4];
-            points[0] = &s.volume[0].placement.origin[i], points[1] = &s.view.position[i];
-            points[2] = &s.view.target[i], points[3] = &s.light[1].position[i];
+            points[0] = &s.volume[0].placement.origin[i], points[1] = &s.view.camera.position[i];
+            points[2] = &s.view.camera.target[i], points[3] = &s.light[1].position[i];
             for (int k = 0; k < 4; ++k) *points[k] = *points[k] * scales[n] + moves[n] * (i + 1);
             for (int k = 0; k < 3; ++k) s.volume[0].placement.axis[k][i] *= scales[n];
             s.volume[0].emission[i] /= (float)scales[n];
@@ -1229,7 +1227,7 @@ static void test_mirrored(void) {
     lively(&s, 20, 16);
     if (!check_render(context, &s, image_a)) return;
     blobs_field.value_fn = mirrored_blobs;
-    s.view.position[0] *= -1;
+    s.view.camera.position[0] *= -1;
     s.light[0].direction[0] *= -1;
     if (!check_render(context, &s, image_b)) return;
     for (int i = 0; i < 320; ++i) memcpy(image_c + 4 * i, image_b + 4 * (i / 20 * 20 + 19 - i % 20), 4 * sizeof(float));

@@ -58,13 +58,13 @@ static spsi_rays look(const double eye[3], const double at[3], double field_of_v
     spsi_rays rays;
     memset(&view, 0, sizeof view);
     memset(&rays, 0, sizeof rays);
-    memcpy(view.position, eye, sizeof view.position);
-    memcpy(view.target, at, sizeof view.target);
-    view.up[1] = 1;
+    memcpy(view.camera.position, eye, sizeof view.camera.position);
+    memcpy(view.camera.target, at, sizeof view.camera.target);
+    view.camera.up[1] = 1;
     view.width = view.height = rays.width = rays.height = SIDE;
-    view.field_of_view = field_of_view;
-    view.ortho_height = height;
-    CHECK(spsi_rays_from_camera(&rays, &view));
+    check_orthographic(&view.camera, height);
+    check_perspective(&view.camera, field_of_view);
+    CHECK(spsi_rays_from_camera(&rays, &view.camera));
     return rays;
 }
 
@@ -299,18 +299,19 @@ static void test_pictures_and_maps(void) {
         check_scene s;
         check_clear(&s, SIDE, SIDE);
         check_add_mesh(&s, &net, 0.8);
-        for (int k = 0; k < 2; ++k) s.view.position[k] = floor(121 * check_next(&random) - 60) / 10;
-        s.view.position[2] = 6 + floor(40 * check_next(&random)) / 10;
-        s.view.field_of_view = 0.7;
+        for (int k = 0; k < 2; ++k) s.view.camera.position[k] = floor(121 * check_next(&random) - 60) / 10;
+        s.view.camera.position[2] = 6 + floor(40 * check_next(&random)) / 10;
+        check_perspective(&s.view.camera, 0.7);
         if (!check_render(context, &s, image)) return;
         for (int i = 0; i < SIDE * SIDE; ++i) holes += image[4 * i + 3] < 1;
         if (n % 10 == 0) {
+            const sps_tmap_light light = check_light_of(&s.view);
             sps_tmap_settings settings;
             sps_tmap *map;
             memset(&settings, 0, sizeof settings);
             settings.far_depth = 60;
             s.mesh[0].transparency = 0.5f;
-            if (!CHECK_OK(context, sps_tmap_create(context, &s.view, &settings, &map))) return;
+            if (!CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map))) return;
             if (!CHECK_OK(context, sps_tmap_add(map, &s.scene)) || !CHECK_OK(context, sps_tmap_finish(map))) return;
             for (int i = 0; i < SIDE * SIDE; ++i) wrong += sps_tmap_starts(map)[i + 1] - sps_tmap_starts(map)[i] != 1;
             sps_tmap_destroy(map);
@@ -339,9 +340,9 @@ static void test_closed_body(void) {
         for (int i = 0; i < 8; ++i)
             check_add_corners(&net, corner[i & 1], corner[2 + (i >> 1 & 1)], corner[4 + (i >> 2)]);
         for (int k = 0; k < 3; ++k) target[k] = edge ? (corner[from][k] + corner[to][k]) / 2 : corner[from][k];
-        for (int k = 0; k < 3; ++k) s.view.position[k] = 0.7 * (check_next(&random) - 0.5);
-        memcpy(s.view.target, target, sizeof target);
-        s.view.field_of_view = 0.2 + 2.5 * check_next(&random);
+        for (int k = 0; k < 3; ++k) s.view.camera.position[k] = 0.7 * (check_next(&random) - 0.5);
+        memcpy(s.view.camera.target, target, sizeof target);
+        check_perspective(&s.view.camera, 0.2 + 2.5 * check_next(&random));
         check_add_mesh(&s, &net, 0.8);
         if (!check_render(context, &s, image)) return;
         for (int i = 0; i < SIDE * SIDE; ++i) holes += image[4 * i + 3] < 1;

@@ -336,12 +336,13 @@ typedef struct sps_particles {
    sort, which takes 4 to 30 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
    says which to take. */
 typedef enum sps_tmap_technique {
+    SPS_TMAP_DEFAULT = 0, /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats */
     /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. (In all
        maps particles of a radius up to one texel are weighed so that their mass is right wherever they lie among the
        texels; from 1.5 texels on they are as they are. Volumes are as exact as `quality` cuts kernels, see
        sps_tmap_bracket.) 16 bytes a stretch and 4 a texel; a query adds up the stretches that begin before it. No
        components. */
-    SPS_TMAP_DEEP = 0,
+    SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off
        along a texel's own ray, the one whose error is set by the caller. (Between four texels, the mean of optical
        depths may be more off where some of them are all but black.) 8 bytes a node and 4 a texel; a query searches.
@@ -391,7 +392,7 @@ typedef enum sps_tmap_window {
     SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): a Fourier map's optical depth never falls on its way; most blur */
 } sps_tmap_window;
 
-/* All zero but far_depth is valid: an exact map. */
+/* All zero but far_depth is valid: deep opacity, cubic, with 8 components. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
@@ -3203,8 +3204,9 @@ static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_tex
     return spsi_min(spsi_mul(behind, spsi_texels_at(texels, spsi_set(1))), spsi_texels_at(texels, spsi_set(2)));
 }
 
-/* By sps_tmap_technique. */
+/* By sps_tmap_technique; the default one's is that of another. */
 static const spsi_technique spsi_techniques[] = {
+    {"no map", 0, 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
     {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
     {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
     {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_depths, NULL, NULL},
@@ -3231,6 +3233,15 @@ static float spsi_texel_depth(const sps_tmap_settings *settings, const float *te
     if (technique->depth) return technique->depth(settings, texel, u);
     spsi_store(lanes, technique->depths(settings, &texels, spsi_set(u)));
     return lanes[0];
+}
+
+/* Settings with the technique that the default one stands for. */
+static sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings) {
+    sps_tmap_settings resolved = *settings;
+    if (settings->technique != SPS_TMAP_DEFAULT) return resolved;
+    resolved.technique = SPS_TMAP_DEEP_OPACITY;
+    resolved.cubic = 1;
+    return resolved;
 }
 
 /* 1: texels begin with the u of their first and their last occluder. */
@@ -3284,7 +3295,7 @@ typedef struct spsi_lamp { /* a light that is not black */
     int has_map;             /* on gas by a map, */
     int map_size;            /* texels on its longer side; 0: as quality says, */
     int map_omnidirectional; /* 1: in six faces wherever the light is, */
-    sps_tmap_settings map;   /* as the caller has them */
+    sps_tmap_settings map;   /* whose technique is resolved */
 } spsi_lamp;
 
 typedef struct spsi_bounds {
@@ -3554,6 +3565,7 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
 
 /* Checks all settings of a map but the range of its depths. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
+    sps_tmap_settings resolved;
     if (settings->start_canary || settings->end_canary)
         return spsi_fail_setting(
             context, SPS_ERROR_ARGUMENT, light, settings->start_canary ? "start_canary" : "end_canary",
@@ -3570,7 +3582,8 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
     if (!(settings->surface_bias >= 0 && settings->surface_bias <= SPSI_COORDINATE_MAX))
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "surface_bias", settings->surface_bias,
                                  "it must be 0..1e15");
-    return spsi_check_components(context, light, settings);
+    resolved = spsi_settings_resolve(settings);
+    return spsi_check_components(context, light, &resolved);
 }
 
 /* Checks the map that a light shades gas by. Its range is the gas's own, and surfaces have a map of their own. */
@@ -3954,7 +3967,7 @@ static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp)
     lamp->has_map = lamp->shadows && light->shadow_map;
     lamp->sliced = lamp->shadows && !lamp->has_map && frame->extinguishes;
     if (!lamp->has_map) return;
-    lamp->map = *light->shadow_map;
+    lamp->map = spsi_settings_resolve(light->shadow_map);
     lamp->map_omnidirectional = light->shadow_map_omnidirectional;
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
@@ -10740,8 +10753,8 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
 /* Fills a map that is zeroed but for its context. */
 static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->light = -1;
-    map->settings = *settings;
-    map->technique = &spsi_techniques[settings->technique];
+    map->settings = spsi_settings_resolve(settings);
+    map->technique = &spsi_techniques[map->settings.technique];
     map->view.width = light->width;
     map->view.height = light->height;
     map->view.camera = light->camera;

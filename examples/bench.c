@@ -375,6 +375,7 @@ typedef struct map_trial {
 static double map_insert_count(const ex_session *session, const map_trial *trial) {
     sps_tmap_settings settings; /* an exact map has them all in its lists */
     memset(&settings, 0, sizeof settings);
+    settings.technique = SPS_TMAP_DEEP;
     settings.far_depth = 10;
     sps_tmap *map = ex_tmap_build(session, program, &trial->light, &settings, &trial->scene);
     const double count = sps_tmap_starts(map)[MAP_SIZE * MAP_SIZE];

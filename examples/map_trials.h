@@ -262,6 +262,7 @@ static void aim_light(set_up *s) {
     }
     s->light_view.camera = ex_camera_at(lamp, middle, 2 * widest * 1.02 * 180 / EX_PI);
     s->light_view.width = s->light_view.height = s->map_size;
+    s->range.technique = SPS_TMAP_DEEP;
     s->range.near_depth = depth[0] - 0.02 * (depth[1] - depth[0]);
     s->range.far_depth = depth[1] + 0.02 * (depth[1] - depth[0]);
 }

@@ -624,7 +624,7 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
 /* All lights' shadows of gas. */
 static void set_shadows(arguments *all) {
     if (all->shadow == 0) return;
-    all->map.technique = (sps_tmap_technique)(all->shadow - 1); /* the names are in their order, but for sheets */
+    all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
     all->map.window = (sps_tmap_window)all->map_window;
     all->map.epsilon = (float)all->map_epsilon;
     for (int i = 0; i < all->light_count; ++i) {

@@ -18,7 +18,7 @@
 #define RIPPLE 0.0024
 #define DARK   ((double)1e15f)
 
-enum { SIDE = 9, MOST = 256, TECHNIQUES = SPS_TMAP_BEER + 1 };
+enum { SIDE = 9, MOST = 256, TECHNIQUES = SPS_TMAP_BEER }; /* but for the default */
 
 static float one = 1;
 
@@ -730,7 +730,7 @@ static void test_opaque(void) {
         const double bias = given ? 0.01 : spot ? 2.5 : 2; /* t - 10 = 2 t / 10 at 12.5 */
         fixture f;
         sps_tmap *map;
-        begin(&f, n / 4);
+        begin(&f, 1 + n / 4);
         see(&f, spot ? SPOT : ORTHO, SIDE);
         if (given) f.settings.surface_bias = bias;
         if (given) add_square(&f, 0, -30, -0.5, 30, -6); /* behind the first, which is the one that counts */
@@ -859,7 +859,7 @@ static void test_surfaces_at_the_ends(void) {
    or planes are asked, and behind everything for all techniques that are exact there. -log T is a float. */
 static void test_translucent(void) {
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int n = 0; n < 3; ++n) {
             static const double transparency[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
             const int keeps_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
@@ -1040,7 +1040,9 @@ static void test_techniques(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int way = ORTHO; way <= SPOT; ++way)
         for (int n = 0; n < TECHNIQUES + 5; ++n) {
-            const int technique = n < TECHNIQUES ? n : n < TECHNIQUES + 2 ? SPS_TMAP_COMPRESSED : n - TECHNIQUES + 1;
+            const int technique = n < TECHNIQUES       ? 1 + n
+                                  : n < TECHNIQUES + 2 ? SPS_TMAP_COMPRESSED
+                                                       : n - TECHNIQUES + 2;
             const float epsilon =
                 technique == SPS_TMAP_COMPRESSED ? epsilons[n < TECHNIQUES ? 1 : 2 * (n - TECHNIQUES)] : 0;
             fixture f;
@@ -1250,7 +1252,7 @@ static int same_map(const sps_tmap *a, const sps_tmap *b) {
 /* The same bits for any number of workers, on every run, and if what is in the scene comes in several calls. */
 static void test_same_bits(void) {
     static const int workers[5] = {0, 0, 1, 2, 7};
-    for (int technique = 0; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int round = 0; round < 2; ++round) {
             check_hooks hooks[6];
             sps_context *contexts[6];
@@ -1297,7 +1299,7 @@ static void test_same_bits(void) {
 /* Shuffled particles: the same bits from lists, which are sorted, and the same to the rounding of sums of 25 floats. */
 static void test_shuffled(void) {
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         check_random random = {17};
         fixture f;
         sps_tmap *maps[2];
@@ -1369,9 +1371,9 @@ static void test_seams_of_fine_particles(void) {
 }
 
 static void test_seams(void) {
-    static const double slack[TECHNIQUES] = {1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-3, 1e-2, 1e-3, 1e-3};
+    static const double slack[TECHNIQUES + 1] = {0, 1e-3, 1e-3, 0, 1e-3, 1e-3, 2e-3, 1e-3, 1e-2, 1e-3, 1e-3};
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         fixture f;
         sps_tmap *map;
         begin(&f, technique);
@@ -1434,7 +1436,7 @@ static void begin_little(fixture *f, int technique) {
    surfaces, which only the occluders tell. */
 static void test_bytes(void) {
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
-        const int technique = n / 4, opaque = n % 2, round = n / 2 % 2;
+        const int technique = 1 + n / 4, opaque = n % 2, round = n / 2 % 2;
         check_hooks hooks;
         sps_context *context;
         fixture f;
@@ -1514,10 +1516,10 @@ static void test_bytes_of_half_empty_maps(void) {
 /* A budget takes components away that are left to the technique, one step after another, to its least, and keeps room
    for surfaces, of which nobody knows yet, if it can; what was asked for by number it does not touch. */
 static void test_budget_of_components(void) {
-    static const int least[TECHNIQUES] = {0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
-                     step[TECHNIQUES] = {0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
+    static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
+                                        step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = SPS_TMAP_DEPTH; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEPTH; technique <= TECHNIQUES; ++technique)
         for (int ranged = 0; ranged < (technique == SPS_TMAP_FOURIER ? 2 : 1); ++ranged) {
             const int fewest = least[technique] + 2 * ranged;
             size_t empty;
@@ -1559,7 +1561,7 @@ static void test_budget_of_components(void) {
  * takes. */
 static void test_budget_of_lists(void) {
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         size_t bytes;
         fixture f;
         sps_tmap *map;
@@ -1602,7 +1604,7 @@ static void check_renders(sps_context *context) {
 /* Each allocation fails in turn: an error, nothing lost, and all goes on. The first failure of an add leaves the map as
    it was. */
 static void test_allocations(void) {
-    for (int technique = 0; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int last = 0, n = 1; !last; ++n) {
             check_hooks hooks;
             sps_context *context;
@@ -1646,7 +1648,7 @@ static void test_allocations(void) {
 
 /* A limit of memory is an error until there is enough, and is never passed. */
 static void test_memory_limit(void) {
-    for (int technique = 0; technique < TECHNIQUES; technique += 3) {
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 3) {
         int built = 0, refused = 0;
         for (size_t limit = 100000; !built; limit += limit / 4) {
             check_hooks hooks;
@@ -1709,7 +1711,7 @@ static void test_settings(void) {
                   {"settings.components is 5; an adaptive map has 4, 6 .. 64", SPS_TMAP_ADAPTIVE, 5},
                   {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4}};
     static const char *const texts[] = {
-        "settings.technique is 10", "settings.technique is 15",  "settings.window is 3",
+        "settings.technique is 11", "settings.technique is 15",  "settings.window is 3",
         "settings.epsilon is 0.51", "settings.epsilon is nan",   "settings.surface_bias is -1",
         "settings.start_canary is", "settings.end_canary is",    "settings.far_depth is 0",
         "settings.far_depth is 2",  "settings.near_depth is -1", "settings.far_depth is 2e+15",
@@ -1723,7 +1725,7 @@ static void test_settings(void) {
     for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
         fixture f;
         begin(&f, SPS_TMAP_FOURIER);
-        if (i == 0) f.settings.technique = (sps_tmap_technique)TECHNIQUES;
+        if (i == 0) f.settings.technique = (sps_tmap_technique)(TECHNIQUES + 1);
         if (i == 1) f.settings.technique = (sps_tmap_technique)15;
         if (i == 2) f.settings.window = (sps_tmap_window)3;
         if (i == 3) f.settings.epsilon = 0.51f;
@@ -1945,7 +1947,7 @@ static void test_crowded_tiles(void) {
 static void test_company(void) {
     enum { POINTS = 3 * 16 + 5 }; /* some vectors of any width, and a part of one */
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
-        const int technique = n / 4, round = n % 2, variant = n / 2 % 2;
+        const int technique = 1 + n / 4, round = n % 2, variant = n / 2 % 2;
         float together[2][POINTS], apart[2][POINTS], alone[2];
         double points[3 * POINTS];
         check_random random = {(uint64_t)n + 5};
@@ -2024,7 +2026,7 @@ static void test_lookups(void) {
         sps_context *context = sps_create(NULL, NULL);
         sps_tmap *map;
         fixture f;
-        begin(&f, n / 4);
+        begin(&f, 1 + n / 4);
         see(&f, way, 13);
         scatter(&f, 0, 20, 3, 61);
         scatter(&f, 1, 20, 3, 62);
@@ -2054,7 +2056,7 @@ static void test_lookups(void) {
 static void test_no_numbers(void) {
     const double infinite = HUGE_VAL, bad[] = {infinite, -infinite, infinite - infinite};
     for (int way = 0; way < WAYS; ++way)
-        for (int technique = 0; technique < TECHNIQUES; ++technique) {
+        for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
             sps_context *context = sps_create(NULL, NULL);
             sps_tmap *map;
             fixture f;
@@ -2463,7 +2465,7 @@ static int rising_progress(void *user, float fraction) {
 
 /* Progress rises from face to face and from one band of rows to the next, and ends at 1. */
 static void test_progress(void) {
-    for (int technique = 0; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int round = 0; round < 2; ++round) {
             float seen[2] = {0, 0};
             sps_config config;
@@ -2486,7 +2488,7 @@ static void test_progress(void) {
 /* Every call of every provider fails in turn, then every look at progress says stop: a failed map answers nothing, and
    the context goes on. */
 static void test_callbacks(void) {
-    for (int technique = 0; technique < TECHNIQUES; technique += 3)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 3)
         for (int cancels = 0; cancels < 2; ++cancels)
             for (int last = 0, n = 1; !last; ++n) {
                 sps_config config;
@@ -2554,7 +2556,7 @@ static void test_depths(void) {
     static const double depths[5] = {1e-8, 1e-3, 1e8, 1e18, 0};
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 5 * TECHNIQUES; ++n) {
-        const int technique = n / 5;
+        const int technique = 1 + n / 5;
         const double exact = fmin(depths[n % 5], 1e15);
         fixture f;
         sps_tmap *map;
@@ -2614,7 +2616,7 @@ static void test_sizes(void) {
 /* Ranges of no width to speak of, or far from all gas: it is before or behind as a whole. */
 static void test_ranges(void) {
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int n = 0; n < 5; ++n) {
             static const double ranges[5][2] = {
                 {10, 1 + 1e-12}, {0.1, 5}, {100, 2}, {12, 1 + 1e-12}, {1e-3, 1 + 1e-12}};
@@ -2648,7 +2650,7 @@ static void test_ranges(void) {
 
 static void test_nothing(void) {
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int n = 0; n < 4; ++n) {
             fixture f;
             sps_tmap *map;
@@ -2662,7 +2664,7 @@ static void test_nothing(void) {
             CHECK_NEAR(query(map, 0, 0, n == 2 ? 10 : n == 3 ? 15 : -5), n == 2 ? query(map, 0, 0, 10) : 0, 1e-15);
             if (n < 2) CHECK_NEAR(through(map, 0, 0, -5), 1, 1e-15);
             if (n < 2) CHECK(sps_tmap_surfaces(map) == NULL);
-            if (n < 2 && technique < 2) CHECK(sps_tmap_starts(map)[n ? 150 : SIDE * SIDE] == 0);
+            if (n < 2 && technique <= SPS_TMAP_COMPRESSED) CHECK(sps_tmap_starts(map)[n ? 150 : SIDE * SIDE] == 0);
             sps_tmap_destroy(map);
             end(&f);
         }
@@ -2849,6 +2851,7 @@ static void begin_picture(picture *p, int width, int height, int voxels) {
     volume = check_add_volume(&p->s, voxels, voxels, voxels, check_box(-1, -1, -1, 1, 1, 1));
     p->field.value_fn = small_blob;
     p->field.user = p;
+    p->settings.technique = SPS_TMAP_DEEP;
     volume->eval_fn = check_eval_field, volume->user = &p->field;
     volume->extinction = 5;
     check_color(volume->albedo, 0.9, 0.7, 0.5);
@@ -2920,9 +2923,9 @@ static void test_map_against_sheets(void) {
 /* Every technique makes an image, and those that keep most details come close to the deep map's. A depth map rounds T
    to 0 or 1, which is 12^-1/2 rms where all T are alike many. */
 static void test_pictures(void) {
-    static const double error[TECHNIQUES] = {0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 1e-2, 2e-2, 4e-3, 5e-2};
+    static const double error[TECHNIQUES + 1] = {0, 0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 1e-2, 2e-2, 4e-3, 5e-2};
     sps_context *context = sps_create(NULL, NULL);
-    for (int technique = 0; technique < TECHNIQUES; ++technique) {
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
         picture p;
         sps_plan_report plan;
         begin_picture(&p, WIDE, HIGH, 9);
@@ -2937,7 +2940,7 @@ static void test_pictures(void) {
                 CHECK(fabsf(image_b[i]) <= 100);
                 break;
             }
-        if (technique > 0) {
+        if (technique != SPS_TMAP_DEEP) {
             const double rms = check_rms(image_a, image_b, 4 * PIXELS);
             if (!CHECK(rms <= error[technique] * brightest(image_a, PIXELS)))
                 printf("    technique %d: %g\n", technique, rms);
@@ -3164,7 +3167,7 @@ static void test_needless_maps(void) {
    one call to the next serve maps and images alike. */
 static void test_picture_bits(void) {
     static const int workers[4] = {0, 1, 2, 7};
-    for (int technique = 0; technique < TECHNIQUES; technique += 3)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 3)
         for (int w = 0; w < 4; ++w) {
             check_hooks hooks;
             sps_context *context;
@@ -3222,7 +3225,7 @@ static void test_held_voxels(void) {
 
 /* A light's settings are refused by name; so is a mesh that lets light pass, in all that makes an image. */
 static void test_picture_refusals(void) {
-    static const char *const texts[] = {"light[0].shadow_map.technique is 10",
+    static const char *const texts[] = {"light[0].shadow_map.technique is 11",
                                         "light[0].shadow_map.components is 2",
                                         "light[0].shadow_map_omnidirectional is 1",
                                         "light[0].shadow_map.far_depth is 3",
@@ -3244,7 +3247,7 @@ static void test_picture_refusals(void) {
         begin_picture(&p, 8, 6, 8);
         lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
         p.settings.technique = SPS_TMAP_OPACITY;
-        if (i == 0) p.settings.technique = (sps_tmap_technique)TECHNIQUES;
+        if (i == 0) p.settings.technique = (sps_tmap_technique)(TECHNIQUES + 1);
         if (i == 1) p.settings.technique = SPS_TMAP_BEER, p.settings.components = 2;
         if (i == 2) p.s.light[0].shadow_map_omnidirectional = 1;
         if (i == 3) p.settings.far_depth = 3;
@@ -3314,7 +3317,7 @@ static void test_planned_lists(void) {
 
 /* Each allocation of an image with maps fails in turn. */
 static void test_picture_allocations(void) {
-    for (int technique = 0; technique < TECHNIQUES; technique += 4)
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 4)
         for (int last = 0, n = 1; !last; ++n) {
             check_hooks hooks;
             sps_context *context;

@@ -309,6 +309,7 @@ static void test_pictures_and_maps(void) {
             sps_tmap_settings settings;
             sps_tmap *map;
             memset(&settings, 0, sizeof settings);
+            settings.technique = SPS_TMAP_DEEP;
             settings.far_depth = 60;
             s.mesh[0].transparency = 0.5f;
             if (!CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map))) return;

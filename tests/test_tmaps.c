@@ -1266,7 +1266,7 @@ static void test_same_bits(void) {
                 begin_mixed(&f, technique);
                 f.s.volume[0].size[0] = f.s.volume[0].size[1] = f.s.volume[0].size[2] = 6;
                 if (round) see(&f, ROUND, 7);
-                if (!round && technique % 3 == 1) f.light.width = 67, f.light.height = 65; /* four tiles */
+                if (!round && technique % 3 == 2) f.light.width = 67, f.light.height = 65; /* four tiles */
                 f.settings.texel_range = technique == SPS_TMAP_FOURIER && round;
                 if (w < 5) {
                     maps[w] = must_build(&f, contexts[w]);
@@ -1692,6 +1692,38 @@ static void check_refused(fixture *f, const char *text) {
     sps_destroy(context);
 }
 
+/* Settings of zeros, but for the range, are deep opacity by cubics in 8 components, in a map of its own and in a
+   light's; sps_tmap_get_settings says so. More components may be wished for, and planes be given. */
+static void test_default_technique(void) {
+    static const float planes[4] = {0.1f, 0.3f, 0.6f, 1};
+    sps_context *context = sps_create(NULL, NULL);
+    for (int n = 0; n < 3; ++n) { /* as it is; with more components; with planes */
+        sps_tmap_settings resolved;
+        sps_tmap *maps[2];
+        for (int i = 0; i < 2; ++i) {
+            fixture f;
+            begin_little(&f, i ? SPS_TMAP_DEEP_OPACITY : SPS_TMAP_DEFAULT);
+            f.settings.cubic = i;
+            if (n > 0) f.settings.components = n == 1 ? 11 : 6;
+            if (n == 2) f.settings.planes = planes;
+            maps[i] = must_build(&f, context);
+            end(&f);
+        }
+        if (!maps[0] || !maps[1]) break;
+        sps_tmap_get_settings(maps[0], &resolved);
+        CHECK(resolved.technique == SPS_TMAP_DEEP_OPACITY && resolved.cubic == 1);
+        CHECK(resolved.components == (n == 0 ? 8 : n == 1 ? 11 : 6));
+        CHECK(sps_tmap_bytes(maps[0]) == sps_tmap_bytes(maps[1]));
+        CHECK(memcmp(sps_tmap_texels(maps[0]), sps_tmap_texels(maps[1]),
+                     SIDE * SIDE * (size_t)resolved.components * sizeof(float)) == 0);
+        for (int i = 0; i < 200; ++i)
+            CHECK_NEAR(query(maps[0], i % 7 - 3, i % 5 - 2, 9 - 0.09 * i),
+                       query(maps[1], i % 7 - 3, i % 5 - 2, 9 - 0.09 * i), 0);
+        for (int i = 0; i < 2; ++i) sps_tmap_destroy(maps[i]);
+    }
+    sps_destroy(context);
+}
+
 /* Settings, each with the sentence that says what is wrong. */
 static void test_settings(void) {
     static const struct {
@@ -1709,7 +1741,8 @@ static void test_settings(void) {
                   {"settings.components is 6; a moment map has 5, 7 .. 9", SPS_TMAP_MOMENT, 6},
                   {"settings.components is 11; a moment", SPS_TMAP_MOMENT, 11},
                   {"settings.components is 5; an adaptive map has 4, 6 .. 64", SPS_TMAP_ADAPTIVE, 5},
-                  {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4}};
+                  {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4},
+                  {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEFAULT, 2}};
     static const char *const texts[] = {
         "settings.technique is 11", "settings.technique is 15",  "settings.window is 3",
         "settings.epsilon is 0.51", "settings.epsilon is nan",   "settings.surface_bias is -1",
@@ -2934,8 +2967,8 @@ static void test_pictures(void) {
         lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
         lit_by_map(&p, check_add_point(&p.s, 0.2, 0.4, 0.1, 0.4)); /* inside */
         CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plan));
-        check_render(context, &p.s, technique ? image_b : image_a);
-        for (int i = 0; i < 4 * PIXELS && technique; ++i)
+        check_render(context, &p.s, technique != SPS_TMAP_DEEP ? image_b : image_a);
+        for (int i = 0; i < 4 * PIXELS && technique != SPS_TMAP_DEEP; ++i)
             if (!(fabsf(image_b[i]) <= 100)) {
                 CHECK(fabsf(image_b[i]) <= 100);
                 break;
@@ -3122,6 +3155,25 @@ static void test_omnidirectional_light(void) {
     CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
     CHECK_NEAR(check_largest(image_a, image_b, 4 * PIXELS), 0, (2 * 0.0026 + 0.008) * brightest(image_a, PIXELS));
     check_free_triangles(&p.floor);
+}
+
+/* A light's settings of zeros are those of test_default_technique, in its plan as well. */
+static void test_default_picture(void) {
+    sps_context *context = sps_create(NULL, NULL);
+    sps_plan_report plans[2];
+    picture p;
+    begin_picture(&p, WIDE, HIGH, 16);
+    lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
+    for (int i = 0; i < 2; ++i) {
+        memset(&p.settings, 0, sizeof p.settings);
+        if (i) p.settings.technique = SPS_TMAP_DEEP_OPACITY, p.settings.cubic = 1, p.settings.components = 8;
+        CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plans[i]));
+        check_render(context, &p.s, i ? image_b : image_a);
+    }
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && brightest(image_a, PIXELS) > 0.05);
+    CHECK(plans[0].pass[SPS_PASS_LIGHT_MAPS].bytes == plans[1].pass[SPS_PASS_LIGHT_MAPS].bytes);
+    check_free_triangles(&p.floor);
+    sps_destroy(context);
 }
 
 /* Polygons alone take one sweep, however many lights shine on them, and no maps, nor are any planned. */
@@ -3379,6 +3431,7 @@ int main(void) {
     RUN(test_budget_of_lists);
     RUN(test_allocations);
     RUN(test_memory_limit);
+    RUN(test_default_technique);
     RUN(test_settings);
     RUN(test_planes);
     RUN(test_scenes);
@@ -3415,6 +3468,7 @@ int main(void) {
     RUN(test_light_inside);
     RUN(test_lights_together);
     RUN(test_omnidirectional_light);
+    RUN(test_default_picture);
     RUN(test_lights_on_polygons);
     RUN(test_needless_maps);
     RUN(test_picture_bits);

@@ -47,16 +47,16 @@ precision highp int;
 #endif
 
 /* The numbers of sps_tmap_technique. */
-#define TMAP_DEEP         0
-#define TMAP_COMPRESSED   1
-#define TMAP_DEPTH        2
-#define TMAP_OPACITY      3
-#define TMAP_DEEP_OPACITY 4
-#define TMAP_FOURIER      5
-#define TMAP_COSINE       6
-#define TMAP_MOMENT       7
-#define TMAP_ADAPTIVE     8
-#define TMAP_BEER         9
+#define TMAP_DEEP         1
+#define TMAP_COMPRESSED   2
+#define TMAP_DEPTH        3
+#define TMAP_OPACITY      4
+#define TMAP_DEEP_OPACITY 5
+#define TMAP_FOURIER      6
+#define TMAP_COSINE       7
+#define TMAP_MOMENT       8
+#define TMAP_ADAPTIVE     9
+#define TMAP_BEER         10
 
 /* What has to be known about a map, in the layout of a std140 block and of a constant buffer. */
 struct tmap {

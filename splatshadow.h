@@ -592,6 +592,38 @@ typedef struct sps_tmap_light {
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_light;
 
+/* What is known of a map: how large it is, and what it was made with. */
+typedef struct sps_tmap_info {
+    int width, height;  /* texels of a face */
+    int face_count;     /* 1, or 6 */
+    int is_finished;    /* 1: it can be queried and uploaded */
+    int item_floats;    /* in sps_tmap_texels, of a texel; of a deep or compressed map, of a stretch or a node */
+    size_t texel_count; /* of all faces, and the length of sps_tmap_surfaces; sps_tmap_starts has one more */
+    size_t float_count; /* the length of sps_tmap_texels; of deep and compressed maps 0 before sps_tmap_finish */
+    size_t bytes;       /* that the map holds; before sps_tmap_finish those that it will hold, except for what
+                           only the occluders tell: stretches or nodes, and 4 a texel if anything is opaque */
+    sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, components as they are; planes belong to the map */
+} sps_tmap_info;
+
+/* What a shader has to know about a face of a map: a std140 block or a constant buffer, 128 bytes to copy as they are.
+   struct tmap in examples/shaders/ begins with the same members. A world point's p = (x, y, z, 1) texel is
+   (row_x . p, row_y . p) / (row_w . p), whole numbers being texels' centers; row_distance . p is its distance from the
+   light as near_depth counts it. Rows are the matrix of sps_tmap_get_projection in floats. */
+typedef struct sps_tmap_constants {
+    float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
+    int32_t technique, components;                       /* sps_tmap_technique; 0 components: stretches or nodes */
+    int32_t has_range;  /* 1: a texel begins with the u of its first and last occluder */
+    int32_t has_planes; /* 1: settings.planes is not NULL */
+    int32_t cubic, running_maximum;
+    int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
+    int32_t width, height;       /* texels of a face */
+    float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
+    /* a surface shades what is farther behind it than bias + bias_per_distance * distance */
+    float bias, bias_per_distance;
+    int32_t face, face_count;
+    int32_t padding; /* 0 */
+} sps_tmap_constants;
+
 typedef struct sps_tmap sps_tmap; /* opaque; belongs to the context it was made with */
 
 typedef struct sps_context sps_context; /* opaque */
@@ -670,18 +702,25 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Optical depth between the light and world positions (packed triples), and exp(-that); either may be NULL. Gas is
    interpolated between four texels, surfaces shade by the share of these that they cover. 0, and transmittance 1,
-   outside of the map, behind the light, before near_depth, for a position that is not finite, and before
-   sps_tmap_finish. Behind surfaces, where all four have one, 1e15 and 0.
-   May be called from many threads. */
-SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
-                            float *transmittances);
+   outside of the map, behind the light, before near_depth, and for a position that is not finite. Behind surfaces,
+   where all four have one, 1e15 and 0. May be called from many threads, and so records no error in the context. Errors,
+   which leave both arrays untouched: ARGUMENT (map is NULL or not finished; positions is NULL, and count is not 0). */
+SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
+                                  float *transmittances);
+
+/* The same for positions in floats, as vertices have them: x, y, z each, `stride` bytes from one to the next (0: 12,
+   packed; they need not be aligned). */
+SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
+                                         float *optical_depths, float *transmittances);
 
 /* Optical depths between which the truth lies for certain but for rounding, as far as the rays of the texels tell: for
    deep, compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know no bounds. Of volumes
    they bound the field of kernels that are cut as `quality` says, slab by slab. From f(p) itself that may be as far as
    what comes from beyond the cut, at medium 0.9 % of the optical depth through the fullest voxels near the ray and
-   0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %), which no bracket holds: take a higher quality. */
-SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least, float *most);
+   0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %), which no bracket holds: take a higher quality.
+   least or most may be NULL. Threads and errors as for sps_tmap_query. */
+SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
+                                    float *most);
 
 /* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
    optical depth, 1 where it is densest in the middle), for a compressed one nodes (u, transmittance), of all texels one
@@ -704,15 +743,16 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 /* Where a world point is on a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y, z, 1). Its texel
    is (X / W, Y / W), whole numbers being texels' centres; D is its distance from the light as near_depth counts it, and
    where W is not above 0 it lies behind the light. A surface shades what is more than bias[0] + bias[1] * D behind it,
-   in the same units. All 0 where map is NULL or has no such face. matrix or bias may be NULL. */
-SPS_API void sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
+   in the same units. matrix or bias may be NULL. Errors, which leave both untouched: ARGUMENT (map is NULL or not
+   finished, or has no such face). */
+SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
-/* The settings as they were resolved: components above all. */
-SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *settings);
+/* Fills the block of constants for a shader that reads a face of the map (0, or 0..5). Errors, which leave it
+   untouched: ARGUMENT (map is NULL or not finished, or has no such face; constants is NULL). */
+SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants);
 
-/* Bytes that the map holds; before sps_tmap_finish, those that it will hold, but for what only the occluders tell:
-   stretches or nodes of lists, and 4 a texel if anything is opaque. */
-SPS_API size_t sps_tmap_bytes(const sps_tmap *map);
+/* Size and settings of the map, finished or not. Errors, which leave info untouched: ARGUMENT (either is NULL). */
+SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info);
 
 /* Frees the map; before its context. NULL is allowed. */
 SPS_API void sps_tmap_destroy(sps_tmap *map);
@@ -12336,29 +12376,63 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     return map->context->result;
 }
 
-SPS_API void sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
-                            float *transmittances) {
-    for (size_t first = 0; first < count; first += SPSI_LANES) {
-        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
-        float depths[SPSI_LANES] = {0};
-        double lit[SPSI_LANES];
-        for (int i = 0; i < some; ++i) lit[i] = 1;
-        if (map && map->finished) spsi_tmap_at(map, some, positions + 3 * first, depths, lit);
-        for (int i = 0; i < some; ++i) {
-            const double depth = (double)depths[i];
-            if (transmittances) transmittances[first + (size_t)i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-            if (optical_depths) optical_depths[first + (size_t)i] = (float)spsi_depth_with_surfaces(depth, lit[i]);
-        }
+/* Answers a vector of positions, or a part of one. */
+static void spsi_tmap_answer(const sps_tmap *map, int count, const double *positions, float *optical_depths,
+                             float *transmittances) {
+    float depths[SPSI_LANES] = {0};
+    double lit[SPSI_LANES];
+    for (int i = 0; i < count; ++i) lit[i] = 1;
+    spsi_tmap_at(map, count, positions, depths, lit);
+    for (int i = 0; i < count; ++i) {
+        const double depth = (double)depths[i];
+        if (transmittances) transmittances[i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
+        if (optical_depths) optical_depths[i] = (float)spsi_depth_with_surfaces(depth, lit[i]);
     }
 }
 
-SPS_API void sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least, float *most) {
+static int spsi_tmap_askable(const sps_tmap *map, size_t count, const void *positions) {
+    return map && map->finished && (positions || count == 0);
+}
+
+SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
+                                  float *transmittances) {
+    if (!spsi_tmap_askable(map, count, positions)) return SPS_ERROR_ARGUMENT;
+    for (size_t first = 0; first < count; first += SPSI_LANES) {
+        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
+        spsi_tmap_answer(map, some, positions + 3 * first, optical_depths ? optical_depths + first : NULL,
+                         transmittances ? transmittances + first : NULL);
+    }
+    return SPS_OK;
+}
+
+SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
+                                         float *optical_depths, float *transmittances) {
+    const char *next = (const char *)positions;
+    if (!spsi_tmap_askable(map, count, positions)) return SPS_ERROR_ARGUMENT;
+    for (size_t first = 0; first < count; first += SPSI_LANES) {
+        const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
+        double wide[3 * SPSI_LANES];
+        for (int i = 0; i < some; ++i, next += stride ? stride : 3 * sizeof(float)) {
+            float position[3];
+            memcpy(position, next, sizeof position);
+            for (int k = 0; k < 3; ++k) wide[3 * i + k] = (double)position[k];
+        }
+        spsi_tmap_answer(map, some, wide, optical_depths ? optical_depths + first : NULL,
+                         transmittances ? transmittances + first : NULL);
+    }
+    return SPS_OK;
+}
+
+SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
+                                    float *most) {
+    if (!spsi_tmap_askable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t i = 0; i < count; ++i) {
         double bracket[2] = {0, 0};
-        if (map && map->finished) spsi_tmap_bracket_at(map, positions + 3 * i, bracket);
+        spsi_tmap_bracket_at(map, positions + 3 * i, bracket);
         if (least) least[i] = (float)bracket[0];
         if (most) most[i] = (float)bracket[1];
     }
+    return SPS_OK;
 }
 
 SPS_API const float *sps_tmap_texels(const sps_tmap *map) {
@@ -12373,21 +12447,77 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
     return map && map->finished ? (const float *)map->surfaces.data : NULL;
 }
 
-SPS_API void sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
-    const int known = map && face >= 0 && face < map->face_count;
-    if (matrix) memset(matrix, 0, 16 * sizeof *matrix);
-    if (matrix && known) spsi_rays_matrix(&map->rays[face], matrix);
-    if (!bias) return;
-    bias[0] = known ? map->bias : 0;
-    bias[1] = known ? map->bias_per_t : 0;
+static int spsi_tmap_has_face(const sps_tmap *map, int face) {
+    return map && map->finished && face >= 0 && face < map->face_count;
 }
 
-SPS_API void sps_tmap_get_settings(const sps_tmap *map, sps_tmap_settings *settings) {
-    if (settings) memset(settings, 0, sizeof *settings);
-    if (map && settings) *settings = map->settings;
+SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
+    if (!spsi_tmap_has_face(map, face)) return SPS_ERROR_ARGUMENT;
+    if (matrix) spsi_rays_matrix(&map->rays[face], matrix);
+    if (bias) bias[0] = map->bias, bias[1] = map->bias_per_t;
+    return SPS_OK;
 }
 
-SPS_API size_t sps_tmap_bytes(const sps_tmap *map) { return map ? spsi_tmap_bytes(map) : 0; }
+/* Four rows of a matrix for a shader, whose x, y and w come first. */
+static void spsi_fill_rows(const double matrix[16], sps_tmap_constants *constants) {
+    for (int i = 0; i < 4; ++i) {
+        constants->row_x[i] = (float)matrix[i];
+        constants->row_y[i] = (float)matrix[4 + i];
+        constants->row_distance[i] = (float)matrix[8 + i];
+        constants->row_w[i] = (float)matrix[12 + i];
+    }
+}
+
+SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants) {
+    const sps_tmap_settings *settings;
+    double matrix[16], bias[2];
+    if (!constants || sps_tmap_get_projection(map, face, matrix, bias) != SPS_OK) return SPS_ERROR_ARGUMENT;
+    settings = &map->settings;
+    memset(constants, 0, sizeof *constants);
+    spsi_fill_rows(matrix, constants);
+    constants->technique = (int32_t)settings->technique;
+    constants->components = settings->components;
+    constants->has_range = map->has_range;
+    constants->has_planes = settings->planes != NULL;
+    constants->cubic = settings->cubic != 0;
+    constants->running_maximum = settings->running_maximum != 0;
+    constants->has_surfaces = map->surfaces.data != NULL;
+    constants->width = map->rays[face].width;
+    constants->height = map->rays[face].height;
+    constants->near_depth = (float)settings->near_depth;
+    constants->far_depth = (float)settings->far_depth;
+    constants->bias = (float)bias[0];
+    constants->bias_per_distance = (float)bias[1];
+    constants->face = face;
+    constants->face_count = map->face_count;
+    return SPS_OK;
+}
+
+/* Of a map made from lists: floats of a stretch or a node, and how many of these it has. */
+static int spsi_tmap_item_floats(const sps_tmap *map) {
+    return (int)((map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node)) / sizeof(float));
+}
+
+static size_t spsi_tmap_item_count(const sps_tmap *map) {
+    return ((const uint32_t *)map->starts.data)[spsi_tmap_texel_count(map)];
+}
+
+SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {
+    if (!map || !info) return SPS_ERROR_ARGUMENT;
+    memset(info, 0, sizeof *info);
+    info->width = map->rays[0].width;
+    info->height = map->rays[0].height;
+    info->face_count = map->face_count;
+    info->is_finished = map->finished;
+    info->item_floats = map->technique->lists ? spsi_tmap_item_floats(map) : map->settings.components;
+    info->texel_count = spsi_tmap_texel_count(map);
+    info->float_count = info->texel_count * (size_t)info->item_floats;
+    if (map->technique->lists)
+        info->float_count = map->finished ? spsi_tmap_item_count(map) * (size_t)info->item_floats : 0;
+    info->bytes = spsi_tmap_bytes(map);
+    info->settings = map->settings;
+    return SPS_OK;
+}
 
 #ifdef __GNUC__
 #pragma GCC diagnostic pop

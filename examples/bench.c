@@ -417,7 +417,7 @@ static map_figures map_measure(ex_session *session, map_trial *trial, const sps_
         ex_tmap_query(session, map, MAP_QUERIES, trial->positions, trial->depths, NULL);
         figures.build = fmin(figures.build, built - start);
         figures.query = fmin(figures.query, ex_now(NULL) - built);
-        figures.megabytes = 1e-6 * (double)sps_tmap_bytes(map);
+        figures.megabytes = 1e-6 * ex_tmap_bytes(map);
         sps_tmap_destroy(map);
     }
     return figures;

@@ -176,7 +176,7 @@ static void make_exact(ex_session *session, set_up *s, float *slabs_rgba) {
     s->exact_rgba = (float *)ex_allocate((size_t)WIDTH * HEIGHT, 4 * sizeof(float));
     query_map(session, s, map, s->exact, &query);
     for (int i = 0; i < POINTS; ++i) s->shade += i < GAS_POINTS ? (double)s->exact[i] / GAS_POINTS : 0;
-    s->exact_bytes = (double)sps_tmap_bytes(map);
+    s->exact_bytes = ex_tmap_bytes(map);
     measure_controls(s, map);
     sps_tmap_destroy(map);
     render(session, s, &s->range, s->exact_rgba, &mapped);
@@ -199,7 +199,7 @@ static void print_exact(const set_up *s) {
 static void measure(ex_session *session, set_up *s, trial *t, float *values, float *rgba, float *own) {
     const int is_largest = t == s->trials.list + s->trials.count - 1 || t[1].kind != t->kind;
     sps_tmap *map = build_map(session, s, &t->settings, &t->build);
-    t->bytes = (double)sps_tmap_bytes(map);
+    t->bytes = ex_tmap_bytes(map);
     query_map(session, s, map, values, &t->query);
     sps_tmap_destroy(map);
     if (is_largest) memcpy(own, values, GAS_POINTS * sizeof(float));

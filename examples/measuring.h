@@ -76,6 +76,12 @@ static inline void ex_query_block(void *data, int index, int worker) {
                    query->transmittances ? query->transmittances + first : NULL);
 }
 
+/* Bytes that a map holds. */
+static inline double ex_tmap_bytes(const sps_tmap *map) {
+    sps_tmap_info info;
+    return sps_tmap_get_info(map, &info) == SPS_OK ? (double)info.bytes : 0;
+}
+
 /* sps_tmap_query with all of the session's threads. */
 static inline void ex_tmap_query(ex_session *session, const sps_tmap *map, size_t count, const double *positions,
                                  float *optical_depths, float *transmittances) {

@@ -370,6 +370,20 @@ static inline void check_matrix(sps_camera *camera, const double matrix[16]) {
     camera->field_of_view = camera->ortho_height = 0;
 }
 
+/* A map's settings as they were resolved; zeros where there is no map. */
+static inline sps_tmap_settings check_settings_of(const sps_tmap *map) {
+    sps_tmap_info info;
+    memset(&info, 0, sizeof info);
+    sps_tmap_get_info(map, &info);
+    return info.settings;
+}
+
+/* The bytes that a map holds, or 0. */
+static inline size_t check_bytes_of(const sps_tmap *map) {
+    sps_tmap_info info;
+    return sps_tmap_get_info(map, &info) == SPS_OK ? info.bytes : 0;
+}
+
 /* The light of a map that sees what a view does. */
 static inline sps_tmap_light check_light_of(const sps_view *view) {
     sps_tmap_light light;

@@ -138,13 +138,6 @@ static sps_tmap *fixture_build(const fixture *f, sps_context *context) {
 /* ------------------------------------------------------------------------------------- what a program hands a shader
  */
 
-static tmap_vec4 row_of(const double matrix[16], int row) {
-    tmap_vec4 out;
-    out.x = (float)matrix[4 * row], out.y = (float)matrix[4 * row + 1], out.z = (float)matrix[4 * row + 2];
-    out.w = (float)matrix[4 * row + 3];
-    return out;
-}
-
 /* An engine that has drawn the map itself, with a clip matrix of its own, hands over the same. */
 static void check_own_matrix(const fixture *f, const double matrix[16]) {
     const double *m = f->light.camera.world_to_clip, *w = m + 12;
@@ -158,22 +151,21 @@ static void check_own_matrix(const fixture *f, const double matrix[16]) {
 }
 
 static void hand_over(const sps_tmap *map, const fixture *f) {
-    sps_tmap_settings s;
-    double matrix[16], bias[2];
-    sps_tmap_get_settings(map, &s);
+    const sps_tmap_settings s = check_settings_of(map);
+    sps_tmap_constants constants;
+    double matrix[16];
+    CHECK(sizeof tmap_bound >= sizeof constants && sps_tmap_get_constants(map, 0, &constants) == SPS_OK);
+    memcpy((void *)&tmap_bound, &constants, sizeof constants); /* as into a uniform block */
     starts = sps_tmap_starts(map), surfaces = sps_tmap_surfaces(map), planes = s.planes;
     bind_texels(sps_tmap_texels(map));
-    tmap_bound.technique_id = (int)s.technique, tmap_bound.components = s.components;
-    tmap_bound.has_range = s.technique == SPS_TMAP_DEEP_OPACITY || (s.technique == SPS_TMAP_FOURIER && s.texel_range);
-    tmap_bound.has_planes = planes != NULL, tmap_bound.cubic = s.cubic;
-    tmap_bound.running_maximum = s.running_maximum;
-    tmap_bound.has_surfaces = surfaces != NULL;
-    tmap_bound.width = f->light.width, tmap_bound.height = f->light.height;
-    tmap_bound.near_depth = (float)s.near_depth, tmap_bound.far_depth = (float)s.far_depth;
-    sps_tmap_get_projection(map, 0, matrix, bias);
-    tmap_bound.row_x = row_of(matrix, 0), tmap_bound.row_y = row_of(matrix, 1);
-    tmap_bound.row_distance = row_of(matrix, 2), tmap_bound.row_w = row_of(matrix, 3);
-    tmap_bound.bias = (float)bias[0], tmap_bound.bias_per_distance = (float)bias[1];
+    CHECK(tmap_bound.technique_id == (int)s.technique && tmap_bound.components == s.components);
+    CHECK(tmap_bound.has_range ==
+          (s.technique == SPS_TMAP_DEEP_OPACITY || (s.technique == SPS_TMAP_FOURIER && s.texel_range)));
+    CHECK(tmap_bound.has_planes == (planes != NULL) && tmap_bound.cubic == s.cubic);
+    CHECK(tmap_bound.running_maximum == s.running_maximum && tmap_bound.has_surfaces == (surfaces != NULL));
+    CHECK(tmap_bound.width == f->light.width && tmap_bound.height == f->light.height);
+    CHECK(tmap_bound.face == 0 && tmap_bound.face_count == (f->light.omnidirectional ? 6 : 1));
+    sps_tmap_get_projection(map, 0, matrix, NULL);
     if (f->light.camera.world_to_clip) check_own_matrix(f, matrix);
 }
 

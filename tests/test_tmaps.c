@@ -1449,11 +1449,11 @@ static void test_bytes(void) {
         if (!opaque) f.s.mesh[1].transparency = 0.3f;
         complete(&f);
         CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
-        before = sps_tmap_bytes(map);
+        before = check_bytes_of(map);
         CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
-        CHECK(sps_tmap_bytes(map) == before);
+        CHECK(check_bytes_of(map) == before);
         CHECK_OK(context, sps_tmap_finish(map));
-        bytes = sps_tmap_bytes(map);
+        bytes = check_bytes_of(map);
         if (technique > SPS_TMAP_COMPRESSED)
             CHECK(bytes == before + (opaque ? 4u : 0u) * SIDE * SIDE * (round ? 6 : 1));
         else
@@ -1493,10 +1493,10 @@ static void test_bytes_of_half_empty_maps(void) {
         }
         complete(&f);
         CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
-        before = sps_tmap_bytes(map);
+        before = check_bytes_of(map);
         CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
         CHECK_OK(context, sps_tmap_finish(map));
-        bytes = sps_tmap_bytes(map);
+        bytes = check_bytes_of(map);
         if (technique <= SPS_TMAP_COMPRESSED) {
             const uint32_t *starts = sps_tmap_starts(map), count = starts[TEXELS], middle = starts[TEXELS / 2];
             CHECK(half == 2 ? count == 0 : count > 5000 && middle == (half ? 0 : count));
@@ -1530,9 +1530,9 @@ static void test_budget_of_components(void) {
             begin(&f, technique);
             f.settings.texel_range = ranged;
             map = must_build(&f, context);
-            sps_tmap_get_settings(map, &resolved);
+            resolved = check_settings_of(map);
             usual = resolved.components;
-            empty = sps_tmap_bytes(map) - (size_t)(SIDE * SIDE * 4 * usual);
+            empty = check_bytes_of(map) - (size_t)(SIDE * SIDE * 4 * usual);
             sps_tmap_destroy(map);
             for (int n = usual + 1; n >= 0; --n) {
                 f.settings.byte_budget = empty + (size_t)(SIDE * SIDE * 4 * n);
@@ -1541,11 +1541,11 @@ static void test_budget_of_components(void) {
                 if (n < fewest) {
                     CHECK(!map && strstr(sps_error(context), "settings.byte_budget is "));
                 } else if (CHECK(map != NULL)) {
-                    sps_tmap_get_settings(map, &resolved);
+                    resolved = check_settings_of(map);
                     CHECK(resolved.components <= n && resolved.components >= fewest && resolved.components <= usual);
                     CHECK(resolved.components + step[technique] > n - 1 || n > usual);
                     CHECK(resolved.components < n || resolved.components == fewest);
-                    CHECK(sps_tmap_bytes(map) <= f.settings.byte_budget);
+                    CHECK(check_bytes_of(map) <= f.settings.byte_budget);
                 }
                 sps_tmap_destroy(map);
                 f.settings.components = usual;
@@ -1567,7 +1567,7 @@ static void test_budget_of_lists(void) {
         sps_tmap *map;
         begin_little(&f, technique);
         map = must_build(&f, context);
-        bytes = sps_tmap_bytes(map);
+        bytes = check_bytes_of(map);
         f.settings.components = map->settings.components;
         sps_tmap_destroy(map);
         for (int n = 0; n < 4; ++n) {
@@ -1575,7 +1575,7 @@ static void test_budget_of_lists(void) {
             f.settings.byte_budget = bytes - less[n];
             map = build(&f, context);
             if (n == 0) {
-                CHECK(map && sps_tmap_bytes(map) == bytes);
+                CHECK(map && check_bytes_of(map) == bytes);
             } else {
                 const char *takes = strstr(sps_error(context), "the map takes ");
                 CHECK(!map && strstr(sps_error(context), "settings.byte_budget is ") && takes);
@@ -1693,7 +1693,7 @@ static void check_refused(fixture *f, const char *text) {
 }
 
 /* Settings of zeros, but for the range, are deep opacity by cubics in 8 components, in a map of its own and in a
-   light's; sps_tmap_get_settings says so. More components may be wished for, and planes be given. */
+   light's; sps_tmap_get_info says so. More components may be wished for, and planes be given. */
 static void test_default_technique(void) {
     static const float planes[4] = {0.1f, 0.3f, 0.6f, 1};
     sps_context *context = sps_create(NULL, NULL);
@@ -1710,10 +1710,10 @@ static void test_default_technique(void) {
             end(&f);
         }
         if (!maps[0] || !maps[1]) break;
-        sps_tmap_get_settings(maps[0], &resolved);
+        resolved = check_settings_of(maps[0]);
         CHECK(resolved.technique == SPS_TMAP_DEEP_OPACITY && resolved.cubic == 1);
         CHECK(resolved.components == (n == 0 ? 8 : n == 1 ? 11 : 6));
-        CHECK(sps_tmap_bytes(maps[0]) == sps_tmap_bytes(maps[1]));
+        CHECK(check_bytes_of(maps[0]) == check_bytes_of(maps[1]));
         CHECK(memcmp(sps_tmap_texels(maps[0]), sps_tmap_texels(maps[1]),
                      SIDE * SIDE * (size_t)resolved.components * sizeof(float)) == 0);
         for (int i = 0; i < 200; ++i)
@@ -1805,7 +1805,7 @@ static void test_planes(void) {
         complete(&f);
         CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
         planes[0] = planes[1] = 7;
-        sps_tmap_get_settings(map, &resolved);
+        resolved = check_settings_of(map);
         CHECK(resolved.planes && resolved.planes != planes && resolved.planes[1] <= 0.5f);
         CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
         CHECK_OK(context, sps_tmap_finish(map));
@@ -2112,6 +2112,167 @@ static void test_no_numbers(void) {
         }
 }
 
+/* A face that is not there, or no map, or one that is not finished: an error, and nothing is written. */
+static void check_unanswered(const sps_tmap *map, int face) {
+    static const double at[3] = {0, 0, -5};
+    static const float at_floats[3] = {0, 0, -5};
+    float numbers[2] = {7, 7};
+    double matrix[16] = {7}, bias[2] = {7, 7};
+    sps_tmap_constants constants;
+    constants.row_x[0] = 7;
+    if (face == 0) {
+        CHECK(sps_tmap_query(map, 1, at, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
+        CHECK(sps_tmap_query(map, 0, NULL, NULL, NULL) == SPS_ERROR_ARGUMENT);
+        CHECK(sps_tmap_query_floats(map, 1, at_floats, 0, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
+        CHECK(sps_tmap_bracket(map, 1, at, numbers, numbers + 1) == SPS_ERROR_ARGUMENT);
+    }
+    CHECK(sps_tmap_get_projection(map, face, matrix, bias) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_get_constants(map, face, &constants) == SPS_ERROR_ARGUMENT);
+    CHECK(numbers[0] >= 7 && numbers[1] >= 7 && matrix[0] >= 7 && bias[0] >= 7 && bias[1] >= 7);
+    CHECK(constants.row_x[0] >= 7);
+}
+
+/* Positions in floats, packed, among other members of a vertex, and where no float may be: the same bits as in doubles.
+ */
+static void test_float_positions(void) {
+    enum { COUNT = 3 * 16 + 5 };
+    sps_context *context = sps_create(NULL, NULL);
+    static const size_t strides[4] = {0, 12, 32, 13};
+    for (int n = 0; n < 4; ++n) {
+        const size_t step = strides[n] ? strides[n] : 12;
+        char vertices[COUNT * 32 + 1];
+        double positions[3 * COUNT];
+        float expected[2][COUNT], found[2][COUNT];
+        check_random random = {7};
+        sps_tmap *map;
+        fixture f;
+        begin_little(&f, SPS_TMAP_DEFAULT);
+        map = must_build(&f, context);
+        memset(vertices, 0x7f, sizeof vertices); /* large numbers between them */
+        for (int i = 0; i < COUNT; ++i) {
+            float at[3];
+            for (int k = 0; k < 3; ++k) at[k] = (float)(8 * check_next(&random) - 4);
+            for (int k = 0; k < 3; ++k) positions[3 * i + k] = (double)at[k];
+            memcpy(vertices + (n == 3) + (size_t)i * step, at, sizeof at);
+        }
+        CHECK(sps_tmap_query(map, COUNT, positions, expected[0], expected[1]) == SPS_OK);
+        CHECK(sps_tmap_query_floats(map, COUNT, (const float *)(const void *)(vertices + (n == 3)), strides[n],
+                                    found[0], found[1]) == SPS_OK);
+        CHECK(memcmp(expected, found, sizeof expected) == 0 && expected[1][0] < 1);
+        memset(found, 0, sizeof found);
+        CHECK(sps_tmap_query_floats(map, COUNT, (const float *)(const void *)(vertices + (n == 3)), strides[n], NULL,
+                                    found[1]) == SPS_OK);
+        CHECK(memcmp(expected[1], found[1], sizeof found[1]) == 0 && !(found[0][0] > 0));
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
+/* What sps_tmap_get_info says of every technique's size: floats are as many as an upload would read, and bytes are
+   those and little else (test_bytes has them exactly). */
+static void test_info(void) {
+    sps_context *context = sps_create(NULL, NULL);
+    for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
+        for (int round = 0; round < 2; ++round) {
+            const int lists = technique <= SPS_TMAP_COMPRESSED;
+            const size_t texels = round ? 6 * SIDE * SIDE : 7 * SIDE;
+            sps_tmap_info info[2];
+            fixture f;
+            sps_tmap *map;
+            begin_little(&f, technique);
+            if (round) see(&f, ROUND, SIDE);
+            if (!round) f.light.height = 7;
+            complete(&f);
+            CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
+            CHECK(sps_tmap_get_info(map, &info[0]) == SPS_OK);
+            CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
+            CHECK_OK(context, sps_tmap_finish(map));
+            CHECK(sps_tmap_get_info(map, &info[1]) == SPS_OK);
+            for (int i = 0; i < 2; ++i) {
+                CHECK(info[i].width == SIDE && info[i].height == (round ? SIDE : 7));
+                CHECK(info[i].face_count == (round ? 6 : 1) && info[i].texel_count == texels);
+                CHECK(info[i].is_finished == i && info[i].settings.technique == (sps_tmap_technique)technique);
+                CHECK(info[i].settings.far_depth == f.settings.far_depth);
+                CHECK(info[i].item_floats == (technique == SPS_TMAP_DEEP ? 4
+                                              : lists                    ? 2
+                                                                         : info[i].settings.components));
+                if (!lists) CHECK(info[i].float_count == texels * (size_t)info[i].item_floats);
+            }
+            if (lists) {
+                CHECK(info[0].float_count == 0);
+                CHECK(info[1].float_count == sps_tmap_starts(map)[texels] * (size_t)info[1].item_floats);
+            }
+            CHECK(info[1].bytes >= info[1].float_count * sizeof(float));
+            sps_tmap_destroy(map);
+            end(&f);
+        }
+    sps_destroy(context);
+}
+
+/* The block has the layout of std140: vectors of four floats at multiples of 16 bytes, then numbers of 4 bytes. */
+#define AT(member, offset) typedef char at_##member[offsetof(sps_tmap_constants, member) == (offset) ? 1 : -1]
+AT(row_x, 0);
+AT(row_y, 16);
+AT(row_w, 32);
+AT(row_distance, 48);
+AT(technique, 64);
+AT(components, 68);
+AT(has_range, 72);
+AT(has_planes, 76);
+AT(cubic, 80);
+AT(running_maximum, 84);
+AT(has_surfaces, 88);
+AT(width, 92);
+AT(height, 96);
+AT(near_depth, 100);
+AT(far_depth, 104);
+AT(bias, 108);
+AT(bias_per_distance, 112);
+AT(face, 116);
+AT(face_count, 120);
+typedef char size_of_constants[sizeof(sps_tmap_constants) == 128 ? 1 : -1];
+
+static void check_row(const float row[4], const double exact[4]) {
+    for (int i = 0; i < 4; ++i) CHECK_NEAR((double)row[i], exact[i], 6e-8 * fabs(exact[i]));
+}
+
+/* Constants are the projection of a face, rounded to floats, and the settings. test_sampling looks maps up by them. */
+static void test_constants(void) {
+    static const float planes[6] = {0.1f, 0.2f, 0.4f, 0.6f, 0.8f, 1};
+    sps_context *context = sps_create(NULL, NULL);
+    for (int n = 0; n < 8; ++n) {
+        const int technique = n < 4 ? SPS_TMAP_OPACITY : SPS_TMAP_FOURIER;
+        fixture f;
+        sps_tmap *map;
+        begin_little(&f, technique);
+        see(&f, n % 4 == 3 ? ROUND : n % 4 == 2 ? ORTHO : SPOT_TURNED, SIDE);
+        f.settings.near_depth = 0.25;
+        if (technique == SPS_TMAP_OPACITY && n % 2) f.settings.planes = planes, f.settings.components = 6;
+        f.settings.cubic = n % 4 == 1, f.settings.running_maximum = n == 5, f.settings.texel_range = n == 6;
+        if (n == 2) f.s.scene.mesh_count = 0;
+        map = must_build(&f, context);
+        for (int face = 0; face < (n % 4 == 3 ? 6 : 1) && map; ++face) {
+            double m[16], bias[2];
+            sps_tmap_constants c;
+            CHECK(sps_tmap_get_projection(map, face, m, bias) == SPS_OK);
+            CHECK(sps_tmap_get_constants(map, face, &c) == SPS_OK);
+            check_row(c.row_x, m), check_row(c.row_y, m + 4), check_row(c.row_distance, m + 8);
+            check_row(c.row_w, m + 12);
+            CHECK_NEAR((double)c.bias, bias[0], 6e-8 * bias[0]);
+            CHECK_NEAR((double)c.bias_per_distance, bias[1], 6e-8 * bias[1]);
+            CHECK(c.technique == technique && c.components == map->settings.components);
+            CHECK(c.has_planes == (technique == SPS_TMAP_OPACITY && n % 2) && c.cubic == (n % 4 == 1));
+            CHECK(c.running_maximum == (n == 5) && c.has_range == (n == 6) && c.has_surfaces == (n != 2));
+            CHECK(c.width == SIDE && c.height == SIDE && c.near_depth == 0.25f && c.far_depth == 20);
+            CHECK(c.face == face && c.face_count == (n % 4 == 3 ? 6 : 1) && c.padding == 0);
+        }
+        sps_tmap_destroy(map);
+        end(&f);
+    }
+    sps_destroy(context);
+}
+
 /* X / W, Y / W, D and W of a world point. */
 static void project(const double m[16], const double point[3], double out[4]) {
     for (int i = 0; i < 4; ++i)
@@ -2145,13 +2306,10 @@ static void test_projection(void) {
             }
             CHECK_NEAR(bias[0], own_bias ? 0.3 : spot ? 0 : 2, rounding);
             CHECK_NEAR(bias[1], own_bias || !spot ? 0 : 0.2, rounding);
-            sps_tmap_get_projection(map, 1, m, NULL);
-            sps_tmap_get_projection(map, -1, NULL, bias);
-            CHECK(!(fabs(m[0]) > 0) && !(fabs(m[15]) > 0) && !(bias[0] > 0) && !(bias[1] > 0));
+            check_unanswered(map, 1);
+            check_unanswered(map, -1);
             sps_tmap_destroy(map);
         }
-    sps_tmap_get_projection(NULL, 0, m, bias);
-    CHECK(!(fabs(m[0]) > 0) && !(bias[0] > 0));
     sps_destroy(context);
 }
 
@@ -2412,6 +2570,7 @@ static void test_states(void) {
     float depths[2] = {7, 7}, passes[2] = {7, 7}, least[2] = {7, 7}, most[2] = {7, 7};
     sps_context *context = sps_create(NULL, NULL);
     sps_tmap_settings resolved;
+    sps_tmap_info info;
     sps_tmap *map = (sps_tmap *)(void *)&resolved;
     fixture f;
     begin_little(&f, SPS_TMAP_OPACITY);
@@ -2422,30 +2581,36 @@ static void test_states(void) {
     CHECK(sps_tmap_create(context, &f.light, NULL, &map) == SPS_ERROR_ARGUMENT);
     CHECK(sps_tmap_create(context, &f.light, &f.settings, NULL) == SPS_ERROR_ARGUMENT);
     CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
-    sps_tmap_query(map, 2, points, depths, passes);
-    sps_tmap_bracket(map, 2, points, least, most);
-    CHECK(depths[1] <= 0 && passes[0] >= 1 && passes[1] >= 1 && least[1] <= 0 && most[1] <= 0);
+    check_unanswered(map, 0);
+    CHECK(sps_tmap_get_info(map, &info) == SPS_OK && info.is_finished == 0 && info.width == SIDE);
     CHECK(!sps_tmap_texels(map) && !sps_tmap_starts(map) && !sps_tmap_surfaces(map));
     CHECK(sps_tmap_add(map, NULL) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "scene"));
     CHECK_OK(context, sps_tmap_add(map, &f.s.scene));
     CHECK_OK(context, sps_tmap_finish(map));
     CHECK(sps_tmap_finish(map) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "finished"));
     CHECK(sps_tmap_add(map, &f.s.scene) == SPS_ERROR_ARGUMENT && strstr(sps_error(context), "finished"));
-    sps_tmap_query(map, 2, points, depths, NULL);
-    sps_tmap_query(map, 2, points, NULL, passes);
-    sps_tmap_bracket(map, 2, points, least, NULL);
-    sps_tmap_bracket(map, 2, points, NULL, most);
+    CHECK(sps_tmap_query(map, 2, points, depths, NULL) == SPS_OK);
+    CHECK(sps_tmap_query(map, 2, points, NULL, passes) == SPS_OK);
+    CHECK(sps_tmap_bracket(map, 2, points, least, NULL) == SPS_OK);
+    CHECK(sps_tmap_bracket(map, 2, points, NULL, most) == SPS_OK);
     CHECK(depths[0] > 0 && passes[0] < 1 && least[0] <= depths[0] && most[0] >= depths[0]);
     CHECK(sps_tmap_starts(map) == NULL && sps_tmap_texels(map));
-    sps_tmap_query(map, 0, NULL, NULL, NULL);
-    sps_tmap_query(NULL, 1, points, depths, passes);
-    CHECK(depths[0] <= 0 && passes[0] >= 1);
-    sps_tmap_get_settings(map, &resolved);
+    CHECK(sps_tmap_query(map, 0, NULL, NULL, NULL) == SPS_OK && sps_tmap_bracket(map, 0, NULL, NULL, NULL) == SPS_OK);
+    CHECK(sps_tmap_query_floats(map, 0, NULL, 0, NULL, NULL) == SPS_OK);
+    CHECK(sps_tmap_query(map, 1, NULL, depths, passes) == SPS_ERROR_ARGUMENT && depths[0] > 0 && passes[0] < 1);
+    CHECK(sps_tmap_query_floats(map, 1, NULL, 0, depths, passes) == SPS_ERROR_ARGUMENT && depths[0] > 0);
+    CHECK(sps_tmap_bracket(map, 1, NULL, least, most) == SPS_ERROR_ARGUMENT);
+    CHECK(*sps_error(context) != 0); /* of sps_tmap_add: queries leave it alone */
+    check_unanswered(NULL, 0);
+    check_unanswered(map, 1);
+    check_unanswered(map, -1);
+    CHECK(sps_tmap_get_constants(map, 0, NULL) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_get_info(NULL, &info) == SPS_ERROR_ARGUMENT && info.width == SIDE);
+    CHECK(sps_tmap_get_info(map, NULL) == SPS_ERROR_ARGUMENT);
+    CHECK(sps_tmap_get_info(map, &info) == SPS_OK && info.is_finished == 1);
+    resolved = check_settings_of(map);
     CHECK(resolved.components == 8 && resolved.epsilon > 0.009f && resolved.far_depth >= 20);
-    sps_tmap_get_settings(map, NULL);
-    sps_tmap_get_settings(NULL, &resolved);
-    CHECK(resolved.components == 0 && resolved.far_depth <= 0);
-    CHECK(sps_tmap_finish(NULL) == SPS_ERROR_ARGUMENT && sps_tmap_bytes(NULL) == 0);
+    CHECK(sps_tmap_finish(NULL) == SPS_ERROR_ARGUMENT);
     CHECK(!sps_tmap_texels(NULL) && !sps_tmap_starts(NULL) && !sps_tmap_surfaces(NULL));
     sps_tmap_destroy(NULL);
     sps_tmap_destroy(map);
@@ -2795,13 +2960,13 @@ static void test_wide(void) {
     size_t empty;
     begin(&f, SPS_TMAP_BEER);
     map = must_build(&f, context);
-    empty = sps_tmap_bytes(map) - SIDE * SIDE * 12;
+    empty = check_bytes_of(map) - SIDE * SIDE * 12;
     sps_tmap_destroy(map);
     f.light.width = 16384, f.light.height = 1;
     check_orthographic(&f.light.camera, 0.001);
     add(&f, 0, 5, 0, 0, 2, 3);
     map = must_build(&f, context);
-    CHECK(map && sps_tmap_bytes(map) == empty + 16384 * 12);
+    CHECK(map && check_bytes_of(map) == empty + 16384 * 12);
     CHECK_NEAR(query(map, 5, 0, -10), 3, 3e-6);
     CHECK_NEAR(query(map, 6.0005, 0, -10), 3 * sqrt(1 - 1.0005 * 1.0005 / 4), 1e-5);
     CHECK_NEAR(query(map, -7.9, 0, -10), 0, 0);
@@ -2848,7 +3013,7 @@ static void test_stray(void) {
         for (int n = 1; n < 3; ++n)
             CHECK_NEAR(query(maps[n], i % 7 - 3, i % 5 - 2, 9 - 0.09 * i),
                        query(maps[0], i % 7 - 3, i % 5 - 2, 9 - 0.09 * i), 0);
-    if (maps[0] && maps[2]) CHECK(sps_tmap_bytes(maps[0]) == sps_tmap_bytes(maps[2]));
+    if (maps[0] && maps[2]) CHECK(check_bytes_of(maps[0]) == check_bytes_of(maps[2]));
     for (int n = 0; n < 3; ++n) sps_tmap_destroy(maps[n]);
     sps_destroy(context);
 }
@@ -3441,6 +3606,9 @@ int main(void) {
     RUN(test_company);
     RUN(test_lookups);
     RUN(test_no_numbers);
+    RUN(test_float_positions);
+    RUN(test_info);
+    RUN(test_constants);
     RUN(test_projection);
     RUN(test_projection_round);
     RUN(test_outside);

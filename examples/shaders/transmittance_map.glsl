@@ -58,17 +58,20 @@ precision highp int;
 #define TMAP_ADAPTIVE     9
 #define TMAP_BEER         10
 
-/* What has to be known about a map, in the layout of a std140 block and of a constant buffer. */
+/* What has to be known about a map, in the layout of a std140 block and of a constant buffer: sps_tmap_get_constants
+   fills the same 128 bytes. */
 struct tmap {
     tmap_vec4 row_x, row_y, row_w, row_distance; /* of sps_tmap_get_projection's matrix; a cube map needs none */
-    int technique_id, components;                /* sps_tmap_get_settings; so are cubic and running_maximum */
-    int has_range;                               /* 1: a deep opacity map, or texel_range is set */
-    int has_planes;                              /* 1: planes is not NULL */
+    int technique_id, components;
+    int has_range;  /* 1: a deep opacity map, or texel_range is set */
+    int has_planes; /* 1: planes is not NULL */
     int cubic, running_maximum;
-    int has_surfaces;              /* 1: sps_tmap_surfaces is not NULL */
-    int width, height;             /* texels of a face */
-    float near_depth, far_depth;   /* sps_tmap_get_settings */
-    float bias, bias_per_distance; /* of surfaces: sps_tmap_get_projection */
+    int has_surfaces;  /* 1: sps_tmap_surfaces is not NULL */
+    int width, height; /* texels of a face */
+    float near_depth, far_depth;
+    float bias, bias_per_distance; /* of surfaces */
+    int face, face_count;          /* the face that the rows are for */
+    int padding;
     TMAP_ARRAYS
 };
 
@@ -407,7 +410,7 @@ TMAP_FUNCTION float tmap_row_times(tmap_vec4 row, tmap_vec3 p) {
 TMAP_FUNCTION tmap_place tmap_project(tmap map, tmap_vec3 position) {
     tmap_place p;
     float w = tmap_row_times(map.row_w, position);
-    p.face = 0;
+    p.face = map.face;
     p.x = tmap_row_times(map.row_x, position) / w;
     p.y = tmap_row_times(map.row_y, position) / w;
     p.distance = tmap_row_times(map.row_distance, position);

@@ -278,6 +278,30 @@ typedef struct sps_volume {
     uint32_t end_canary;          /* leave 0 */
 } sps_volume;
 
+/* How a voxel is stored, in the byte order of the machine. There is no default: 0 is an error. */
+typedef enum sps_voxel_format {
+    SPS_VOXEL_U8 = 1, /* 0..255 */
+    SPS_VOXEL_U16,    /* 0..65535 */
+    SPS_VOXEL_F16,    /* IEEE 754 half precision */
+    SPS_VOXEL_F32     /* float */
+} sps_voxel_format;
+
+/* A dense array of voxels in the caller's memory, for volumes that need no callback of their own:
+       volume.read_fn = sps_grid_read, volume.range_fn = sps_grid_range, volume.user = &grid;
+   The struct and its voxels stay the caller's and must stay as they are until the call that reads them returns
+   (sps_tmap_add: until sps_tmap_finish has). Any number of volumes, contexts and threads may read one grid at once. */
+typedef struct sps_grid {
+    uint32_t start_canary; /* leave 0 */
+    const void *voxels;    /* voxel (0,0,0); need not be aligned */
+    sps_voxel_format format;
+    int size[3];         /* voxels along x, y, z, as in sps_volume */
+    ptrdiff_t stride[3]; /* bytes from a voxel to the next along x, y, z, which may be negative; 0: as if packed, x
+                            fastest: a voxel's bytes, size[0] times stride[0], size[1] times stride[1] */
+    float scale;         /* value = stored * scale + offset; 0 means 1. Of a byte, 1 / 255.0f makes 0..1 */
+    float offset;
+    uint32_t end_canary; /* leave 0 */
+} sps_grid;
+
 typedef struct sps_triangle {
     float position[3][3]; /* local to the mesh's placement */
     float normal[3][3];   /* read where has_normals; need not be of unit length; zero: the triangle's own */
@@ -302,6 +326,22 @@ typedef struct sps_mesh {
     uint64_t revision;
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
+
+/* Triangles over vertices in the caller's memory, for meshes that need no callback of their own:
+       mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed, mesh.triangle_count = indexed.triangle_count;
+   The struct and its arrays stay the caller's, as sps_grid's do, and need not be aligned. */
+typedef struct sps_indexed_mesh {
+    uint32_t start_canary;  /* leave 0 */
+    size_t vertex_count;    /* above 0 */
+    const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
+    const float *normals,
+        *colors; /* three floats of each vertex, or NULL: then mesh.has_normals, has_colors must be 0 */
+    size_t position_stride, normal_stride, color_stride; /* bytes from a vertex to the next; 0: 12, packed */
+    size_t triangle_count;
+    const uint16_t *indices_u16; /* three of each triangle; set one of these, or none: then vertices 0, 1, 2 are the */
+    const uint32_t *indices_u32; /* first triangle, 3, 4, 5 the second, and so on */
+    uint32_t end_canary;         /* leave 0 */
+} sps_indexed_mesh;
 
 /* A ball of gas. */
 typedef struct sps_particle {
@@ -679,6 +719,19 @@ SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
+
+/* The read_fn and the range_fn of a volume whose `user` is an sps_grid. range_fn looks at each voxel of the block, and
+   answers 0..1e18 where one is not finite, negative or above 1e18. Threads: see sps_grid. Both return 0, or, so that
+   the call fails with CALLBACK: 1: grid or its voxels are NULL, a canary is not 0, a size is below 1, the format is
+   unknown, or scale or offset is not finite; 2: the block reaches beyond the grid, which is smaller than the volume. */
+SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
+SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
+
+/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. What it has no normals or colors for comes as zeros.
+   Threads: see sps_grid. Returns 0, or, so that the call fails with CALLBACK: 1: indexed or its positions are NULL, a
+   canary is not 0, vertex_count is 0, or both kinds of indices are set; 2: there are fewer triangles than the mesh has;
+   3: an index is not below vertex_count. */
+SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
 /* A transmittance map: what an engine looks shadows up in. Add occluders, finish, query. Everything that settings and
    light point to is copied. A call on a map counts as one on its context, but for queries and what else reads a
@@ -12322,6 +12375,121 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     if (!(step > 0 && step <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, "step", step, "it must be above 0");
     return spsi_march_frame(context, frame, step, image);
+}
+
+/* A half as a float, which holds every one of them. */
+static float spsi_half(uint16_t half) {
+    const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
+    const float small = (float)fraction * (1 / 16777216.0f); /* subnormal: 2^-24 each */
+    uint32_t bits = (exponent == 31 ? 255 : exponent + 112) << 23 | fraction << 13;
+    float value;
+    if (exponent == 0) memcpy(&bits, &small, sizeof bits);
+    bits |= (uint32_t)(half >> 15) << 31;
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* Values of a row of voxels that lie `step` bytes apart. */
+static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t step, int count, float *out) {
+    const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1;
+    for (int i = 0; i < count; ++i, from += step) {
+        uint16_t word;
+        if (grid->format == SPS_VOXEL_U8) out[i] = (float)*(const unsigned char *)from;
+        if (grid->format == SPS_VOXEL_F32) memcpy(&out[i], from, sizeof out[i]);
+        if (grid->format == SPS_VOXEL_U8 || grid->format == SPS_VOXEL_F32) continue;
+        memcpy(&word, from, sizeof word);
+        out[i] = grid->format == SPS_VOXEL_F16 ? spsi_half(word) : (float)word;
+    }
+    for (int i = 0; i < count; ++i) out[i] = out[i] * scale + grid->offset;
+}
+
+/* What sps_grid_read and sps_grid_range return of a block. */
+static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
+    if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
+    if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;
+    if (!(fabsf(grid->scale) <= FLT_MAX) || !(fabsf(grid->offset) <= FLT_MAX)) return 1;
+    for (int i = 0; i < 3; ++i)
+        if (grid->size[i] < 1) return 1;
+    for (int i = 0; i < 3; ++i)
+        if (lo[i] < 0 || size[i] > grid->size[i] || lo[i] > grid->size[i] - size[i]) return 2;
+    return 0;
+}
+
+/* Bytes between neighbours along x, y, z. */
+static void spsi_grid_strides(const sps_grid *grid, ptrdiff_t stride[3]) {
+    static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4};
+    for (int i = 0; i < 3; ++i) {
+        const ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
+        stride[i] = grid->stride[i] ? grid->stride[i] : packed;
+    }
+}
+
+SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out) {
+    const sps_grid *from = (const sps_grid *)grid;
+    const int wrong = spsi_grid_check(from, lo, size);
+    ptrdiff_t stride[3];
+    if (wrong) return wrong;
+    spsi_grid_strides(from, stride);
+    for (int z = lo[2]; z < lo[2] + size[2]; ++z)
+        for (int y = lo[1]; y < lo[1] + size[1]; ++y, out += size[0])
+            spsi_voxel_row(from, (const char *)from->voxels + z * stride[2] + y * stride[1] + lo[0] * stride[0],
+                           stride[0], size[0], out);
+    return 0;
+}
+
+SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]) {
+    float row[SPSI_BLOCK];
+    int valid = 1;
+    out_min_max[0] = SPSI_VALUE_MAX, out_min_max[1] = 0;
+    for (int z = 0; z < size[2]; ++z)
+        for (int y = 0; y < size[1]; ++y)
+            for (int x = 0; x < size[0]; x += SPSI_BLOCK) {
+                const int at[3] = {lo[0] + x, lo[1] + y, lo[2] + z},
+                          part[3] = {spsi_least(SPSI_BLOCK, size[0] - x), 1, 1};
+                const int wrong = sps_grid_read(grid, at, part, row);
+                if (wrong) return wrong;
+                for (int i = 0; i < part[0]; ++i) {
+                    valid &= row[i] >= 0 && row[i] <= SPSI_VALUE_MAX;
+                    out_min_max[0] = spsi_lower(row[i], out_min_max[0]);
+                    out_min_max[1] = spsi_higher(row[i], out_min_max[1]);
+                }
+            }
+    if (!valid) out_min_max[0] = 0, out_min_max[1] = SPSI_VALUE_MAX;
+    return 0;
+}
+
+/* The number of a triangle's vertex. */
+static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
+    uint16_t narrow;
+    uint32_t wide;
+    if (mesh->indices_u16) {
+        memcpy(&narrow, (const char *)mesh->indices_u16 + i * sizeof narrow, sizeof narrow);
+        return narrow;
+    }
+    if (!mesh->indices_u32) return i;
+    memcpy(&wide, (const char *)mesh->indices_u32 + i * sizeof wide, sizeof wide);
+    return wide;
+}
+
+/* Three floats of a vertex. */
+static void spsi_mesh_vector(const float *list, size_t stride, size_t vertex, float out[3]) {
+    if (list) memcpy(out, (const char *)list + vertex * (stride ? stride : 3 * sizeof *out), 3 * sizeof *out);
+}
+
+SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out) {
+    const sps_indexed_mesh *mesh = (const sps_indexed_mesh *)indexed;
+    if (!mesh || !mesh->positions || mesh->start_canary || mesh->end_canary || mesh->vertex_count == 0) return 1;
+    if (mesh->indices_u16 && mesh->indices_u32) return 1;
+    if (count > mesh->triangle_count || first > mesh->triangle_count - count) return 2;
+    for (size_t i = 0; i < 3 * count; ++i) {
+        const size_t vertex = spsi_mesh_index(mesh, 3 * first + i);
+        sps_triangle *triangle = &out[i / 3];
+        if (vertex >= mesh->vertex_count) return 3;
+        spsi_mesh_vector(mesh->positions, mesh->position_stride, vertex, triangle->position[i % 3]);
+        spsi_mesh_vector(mesh->normals, mesh->normal_stride, vertex, triangle->normal[i % 3]);
+        spsi_mesh_vector(mesh->colors, mesh->color_stride, vertex, triangle->color[i % 3]);
+    }
+    return 0;
 }
 
 SPS_API void sps_tmap_destroy(sps_tmap *map) {

@@ -34,20 +34,21 @@ QUICK START (examples/hello.c is this text)
 
 CONTENTS (search for the tag)
 
-    >>types            public types                       >>functions        public functions
-    >>config        1  macros and the C library           >>simd          2  vectors of floats
-    >>maths         3  vectors and matrices               >>memory        4  allocator, errors, tasks
-    >>kernel        5  the voxel kernel                   >>view          6  rays of a camera or a light
-    >>transfer      7  transfer functions, phase          >>transmittance 8  optical depth along a ray
-    >>scene         9  checking and measuring a scene     >>gather        10 voxels, particles into lists
-    >>trees         11 trees of boxes, for rays           >>polygons      12 triangles, shadow rays
-    >>balls         13 particles as rays see them         >>tmaps         14 maps, and how they are asked
-    >>slicing       15 slabs and sweeps                   >>splat         16 footprints into sheets
-    >>lightsheets   17 optical depth towards a light      >>shading       18 light leaving a sheet
-    >>sweep         19 chunks of slabs, tiles             >>occluders     20 filling transmittance maps
-    >>frame         21 sweep after sweep, the image       >>plan          22 what a scene calls for
-    >>reference     23 brute-force ray marching           >>public        24 the public functions
-    >>licence
+    >>types            public types                  >>functions        public functions
+    >>config        1  macros and the C library      >>simd          2  vectors of floats
+    >>maths         3  vectors and matrices          >>memory        4  allocator, errors, tasks
+    >>kernel        5  the voxel kernel              >>view          6  rays of a camera or a light
+    >>transfer      7  transfer functions, phase     >>transmittance 8  curves of transmittance
+    >>scene         9  checking and resolving        >>gather        10 voxels, particles into lists
+    >>trees         11 trees of boxes, for rays      >>polygons      12 triangles, shadow rays
+    >>lamps         13 lights and their rays         >>depthmaps     14 polygons before gas
+    >>balls         15 particles as rays see them    >>slicing       16 slabs and sweeps
+    >>splat         17 footprints into sheets        >>targets       18 filling sheets, by tile
+    >>lightsheets   19 sheets as optical depth       >>tmaps         20 transmittance maps
+    >>shadows       21 what keeps light off          >>shading       22 light leaving a sheet
+    >>sweep         23 chunks of slabs, tiles        >>frame         24 sweep after sweep, the image
+    >>plan          25 what a scene calls for        >>reference     26 brute-force ray marching
+    >>public        27 the public functions          >>licence
 
 WHAT IT DOES NOT DO
     No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
@@ -1294,7 +1295,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LIGHT_BALLS,
     SPSI_BUFFER_TILES,        /* what is known of each tile */
     SPSI_BUFFER_RUN,          /* what the tasks of a sweep share */
-    SPSI_BUFFER_TMAP_VOLUMES, /* what splatting volumes into a map takes, >>occluders */
+    SPSI_BUFFER_TMAP_VOLUMES, /* what splatting volumes into a map takes, >>tmaps */
     SPSI_BUFFER_LIGHT_TMAPS,  /* lights' transmittance maps */
     SPSI_BUFFER_TOTAL,        /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,          /* directions and colours of one row of background */
@@ -1303,7 +1304,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
     SPSI_BUFFER_BALL_ORDER,  /* by depth, and */
-    SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>occluders; */
+    SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>tmaps; */
     SPSI_BUFFER_BALL_STARTS, /* where each tile's begin in */
     SPSI_BUFFER_BALL_LIST,   /* the list of all tiles' */
     SPSI_BUFFER_BAND,        /* sums or stretches of a band of tiles of a map */
@@ -1858,6 +1859,51 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
         spsi_along(rays->origin, rays->c, spsi_clip_start(m, middle, rays->c, spsi_length(rays->b)), rays->origin);
     }
     return spsi_rays_complete(rays);
+}
+
+/* --- what is linear along rays --- */
+
+/* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), d being
+   t - depth_reference. Slab coordinates, light ray coordinates and positions are all of this kind. */
+typedef struct spsi_linear {
+    float base[3], slope[3];
+} spsi_linear;
+
+/* The linear quantity row . (p - origin) + offset. */
+static void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
+                              spsi_linear *linear) {
+    const double a = spsi_dot(row, rays->a), b = spsi_dot(row, rays->b), c = spsi_dot(row, rays->c);
+    const double t = rays->depth_reference;
+    double from[3];
+    spsi_along(rays->origin, origin, -1, from);
+    memset(linear, 0, sizeof *linear);
+    linear->base[0] = (float)(spsi_dot(row, from) + offset + t * c);
+    linear->base[1] = (float)(a * (rays->perspective ? t : 1));
+    linear->base[2] = (float)(b * (rays->perspective ? t : 1));
+    linear->slope[0] = (float)c;
+    if (!rays->perspective) return;
+    linear->slope[1] = (float)a;
+    linear->slope[2] = (float)b;
+}
+
+static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float y) {
+    return spsi_fma(x, spsi_set(linear->base[1]), spsi_set(linear->base[0] + y * linear->base[2]));
+}
+
+static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, float y) {
+    return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
+}
+
+/* World length of a unit of t along the rays of a row of pixels. */
+static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) {
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 3; ++i) {
+        const float fixed = (float)(rays->c[i] + (rays->perspective ? (double)y * rays->b[i] : 0));
+        const spsi_v part =
+            rays->perspective ? spsi_fma(x, spsi_set((float)rays->a[i]), spsi_set(fixed)) : spsi_set(fixed);
+        sum = spsi_fma(part, part, sum);
+    }
+    return spsi_sqrt(sum);
 }
 
 /* ============================================================================================= >>transfer
@@ -5569,8 +5615,355 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     return SPS_OK;
 }
 
+/* ================================================================================================ >>lamps
+   13 Lights as they shine: where their light comes from, and grids of rays that cover what it may meet. */
+
+#define SPSI_PARTICLE_EDGE 0.7 /* radii */
+
+/* The way light travels at a point. */
+static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], double direction[3]) {
+    if (!lamp->is_point)
+        memcpy(direction, lamp->direction, sizeof lamp->direction);
+    else
+        spsi_along(point, lamp->position, -1, direction);
+    spsi_normalise(direction);
+}
+
+/* The least length of any volume's voxels across a ray. */
+static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
+    double least = HUGE_VAL;
+    for (int i = 0; i < frame->medium_count; ++i)
+        least = fmin(least, spsi_voxel_breadth(&frame->media[i], right, down));
+    return least;
+}
+
+/* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
+   for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
+   Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
+   come and go in pairs at the borders: errors that jump would be seen. Returns 0 if a point light does not
+   see the bounds within a cone. */
+static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
+                         spsi_rays *rays) {
+    double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
+    double eye[3], pitch, extent, distance;
+    int columns, rows;
+    spsi_bounds_centre(bounds, centre);
+    spsi_lamp_direction(lamp, centre, forward);
+    spsi_basis(forward, right, down);
+    rays->perspective = lamp->is_point;
+    memcpy(eye, rays->perspective ? lamp->position : centre, sizeof eye);
+    for (int corner = 0; corner < 8; ++corner) {
+        double offset[3], depth, at[2];
+        spsi_bounds_corner(bounds, corner, offset);
+        spsi_along(offset, eye, -1, offset);
+        depth = rays->perspective ? spsi_dot(offset, forward) : 1;
+        if (!(depth > 0.2 * spsi_length(offset)) && rays->perspective) return 0;
+        at[0] = spsi_dot(offset, right) / depth;
+        at[1] = spsi_dot(offset, down) / depth;
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], at[k]), high[k] = fmax(high[k], at[k]);
+    }
+    spsi_along(centre, eye, -1, centre);
+    distance = rays->perspective ? spsi_dot(centre, forward) : 1;
+    extent = fmax(high[0] - low[0], high[1] - low[1]);
+    pitch = fmin(fmax(texel / distance, extent / (most - 4)), extent / 12);
+    if (size > 0) pitch = extent / spsi_most(1, size - 4);
+    if (!(pitch > 0)) pitch = 1;
+    if (size == 0) size = spsi_least(most, 2 * (int)ceil(0.5 * extent / pitch * (1 - 1e-9)) + 4);
+    columns = (int)floor(0.5 * (extent - (high[0] - low[0])) / pitch);
+    rows = (int)floor(0.5 * (extent - (high[1] - low[1])) / pitch);
+    rays->width = spsi_most(2, size - 2 * columns);
+    rays->height = spsi_most(2, size - 2 * rows);
+    spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
+    {
+        double *corner = rays->perspective ? rays->c : rays->origin;
+        spsi_along(corner, right, 0.5 * (low[0] + high[0]), corner);
+        spsi_along(corner, down, 0.5 * (low[1] + high[1]), corner);
+    }
+    rays->depth_reference = rays->perspective ? distance : 0;
+    rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
+    return spsi_rays_complete(rays);
+}
+
+/* The texels that a light's sheets may have on their longer side, where shadow_size does not say. */
+static int spsi_light_texels_most(const spsi_frame *frame) {
+    return frame->medium_count > 0 ? 4096 : frame->depth_map_texels;
+}
+
+/* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
+   divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
+static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
+    double centre[3], forward[3], right[3], down[3], across[3], size, own;
+    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_lamp_direction(lamp, centre, forward);
+    spsi_basis(forward, right, down);
+    size = spsi_voxel_across(frame, right, down) / frame->shadow_texels;
+    if (frame->particle_count == 0) return size;
+    own = 0.5 * SPSI_PARTICLE_EDGE * frame->particle_radius / frame->shadow_texels;
+    spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
+    return fmin(size, fmax(own, spsi_length(across) / frame->depth_map_texels));
+}
+
+/* The way from a point to a light, in lengths that a packet's reach counts in. */
+static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
+    if (lamp->is_point) {
+        spsi_along(lamp->position, point, -1, toward);
+        return;
+    }
+    spsi_lamp_direction(lamp, point, toward);
+    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
+}
+
+/* ============================================================================================ >>depthmaps
+   14 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 18 bytes a texel. */
+
+#define SPSI_CELL  16   /* texels on a side of a depth map's cells */
+#define SPSI_STEEP 1024 /* texels that a depth map's planes rise by from one to the next, at most */
+
+/* Polygons as gas sees them between itself and a light: for each texel the nearest one's plane, which is evaluated
+   on the gas's own ray. So a plane shades nothing in front of it, however slanted; a texel's size shows only at a
+   polygon's edge. */
+typedef struct spsi_depth_map {
+    int face_count; /* 0: no polygons; 1; 6 for a point light among the gas */
+    spsi_rays rays[SPSI_CUBE_FACES];
+    float *depths[SPSI_CUBE_FACES];    /* at texels' centres, from the depth reference; infinity: nothing there */
+    float *slopes[SPSI_CUBE_FACES][2]; /* what the plane rises by from a texel to the next along x and y */
+    float *nearest[SPSI_CUBE_FACES];   /* per cell: the least depth in it and in the cells around it */
+    int cells[SPSI_CUBE_FACES];        /* in a row of these */
+    /* ray coordinates of the map, along the eye's rays; t from its depth reference */
+    spsi_linear along[SPSI_CUBE_FACES][3];
+} spsi_depth_map;
+
+/* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
+static int spsi_depth_map_size(const spsi_frame *frame) {
+    return spsi_most(frame->view.shadow_size, frame->depth_map_texels);
+}
+
+/* Cells on a side of a map of `size` texels. */
+static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
+
+static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
+    size_t floats = 0;
+    for (int face = 0; face < map->face_count; ++face) {
+        const spsi_rays *rays = &map->rays[face];
+        floats += 3 * spsi_ray_count(rays);
+        floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
+    }
+    return floats;
+}
+
+/* Lays a depth map out in memory, and returns what is left of that. */
+static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
+    for (int face = 0; face < map->face_count; ++face) {
+        const spsi_rays *rays = &map->rays[face];
+        const size_t texels = spsi_ray_count(rays);
+        map->depths[face] = memory;
+        map->slopes[face][0] = memory + texels;
+        map->slopes[face][1] = memory + 2 * texels;
+        map->nearest[face] = memory + 3 * texels;
+        map->cells[face] = spsi_depth_map_cells(rays->width);
+        memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
+    }
+    return memory;
+}
+
+/* Aims a light's depth map: one that is fitted to the gas, however far the polygons reach, or six where gas lies all
+   round a point light. */
+static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, spsi_depth_map *map) {
+    const int size = spsi_most(8, spsi_depth_map_size(frame));
+    map->face_count = 1;
+    if (spsi_rays_fit(lamp, &frame->volume_bounds, 1, size, size, &map->rays[0])) return;
+    map->face_count = SPSI_CUBE_FACES;
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
+        spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
+}
+
+/* --- filling one --- */
+
+typedef struct spsi_planes_job {
+    const spsi_faces *faces;
+    const spsi_depth_map *map;
+    float *alone; /* per cell: the least depth in it */
+    int face;
+} spsi_planes_job;
+
+/* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from a
+   texel to the next, times t itself in perspective. */
+typedef struct spsi_map_plane {
+    int number; /* of its face; -1: none */
+    double a, b, normal[3];
+} spsi_map_plane;
+
+static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
+    const spsi_face *face = &faces->list[number];
+    double u[3], v[3];
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, plane->normal);
+    plane->a = spsi_dot(plane->normal, rays->a);
+    plane->b = spsi_dot(plane->normal, rays->b);
+    plane->number = number;
+}
+
+/* The slope -t (n.a) / (n.r), cut where the ray grazes the plane. */
+static float spsi_map_slope(double across, double facing, double t, double steepest) {
+    const double slope = -t * across / facing;
+    return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
+}
+
+/* Puts the slopes of one row's planes where the rasteriser has left the numbers of their faces, and lowers the row's
+   cells to the least that its planes come to within a texel. */
+static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
+    const spsi_depth_map *map = job->map;
+    const spsi_rays *rays = &map->rays[job->face];
+    const size_t first = (size_t)y * (size_t)rays->width;
+    const double texel = spsi_length(rays->a);
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}};
+    for (int x = 0; x < rays->width; ++x) {
+        float *along_x = &map->slopes[job->face][0][first + (size_t)x];
+        float *along_y = &map->slopes[job->face][1][first + (size_t)x];
+        const float depth = map->depths[job->face][first + (size_t)x];
+        double ray[3], facing, t = 1;
+        int number;
+        memcpy(&number, along_y, sizeof number);
+        *along_x = *along_y = 0;
+        if (number < 0) continue;
+        if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
+        spsi_ray_direction(rays, x, y, ray);
+        facing = spsi_dot(plane.normal, ray);
+        if (rays->perspective) t = (double)depth + rays->depth_reference;
+        *along_x = spsi_map_slope(plane.a, facing, t, SPSI_STEEP * t * texel);
+        *along_y = spsi_map_slope(plane.b, facing, t, SPSI_STEEP * t * texel);
+        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(*along_x) - fabsf(*along_y));
+    }
+}
+
+/* One row of cells. */
+static void spsi_planes_task(void *data, int index, int worker) {
+    const spsi_planes_job *job = (const spsi_planes_job *)data;
+    const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
+    float *cells = job->alone + (size_t)index * (size_t)columns;
+    (void)worker;
+    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
+    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
+        spsi_planes_row(job, y, cells);
+}
+
+/* The least depth in each cell and in the cells around it, from those of each alone. */
+static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const float *alone) {
+    const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
+    for (int row = 0; row < rows; ++row)
+        for (int column = 0; column < columns; ++column) {
+            float least = SPSI_INFINITY;
+            for (int y = spsi_most(row - 1, 0); y <= spsi_least(row + 1, rows - 1); ++y)
+                for (int x = spsi_most(column - 1, 0); x <= spsi_least(column + 1, columns - 1); ++x)
+                    least = spsi_lower(least, alone[y * columns + x]);
+            map->nearest[face][row * columns + column] = least;
+        }
+}
+
+/* Rasterises the polygons into a depth map, as a light sees them in front of the gas. */
+static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
+    spsi_planes_job job;
+    job.faces = faces;
+    job.map = map;
+    for (job.face = 0; job.face < map->face_count; ++job.face) {
+        const spsi_rays *rays = &map->rays[job.face];
+        spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
+        job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
+        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
+        spsi_depth_map_spread(map, job.face, job.alone);
+    }
+}
+
+/* --- looking it up --- */
+
+/* The share of the way from d0 to d1 that one face of a depth map leaves in the light; 1 outside of its grid. What a
+   texel's plane leaves before it is linear along the way: `ahead` in its middle, rising by `rise` to either end. In
+   perspective a plane of slope g reaches g / (1 - g / t) beyond the texel's own depth t. */
+static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
+                                          spsi_v d1) {
+    const spsi_rays *rays = &map->rays[face];
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
+                 origin = spsi_set((float)rays->depth_reference);
+    spsi_v q[2][3], middle[3], rise[3], ix, iy, share[4], depth[4], slope[2][4];
+    spsi_m inside;
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
+        const spsi_v change = spsi_linear_slope(&map->along[face][i], at, y);
+        q[0][i] = spsi_fma(d0, change, base);
+        q[1][i] = spsi_fma(d1, change, base);
+    }
+    inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX),
+                       rays->perspective ? spsi_add(spsi_min(q[0][2], q[1][2]), origin) : zero);
+    for (int end = 0; end < 2 && rays->perspective; ++end) {
+        const spsi_v t = spsi_max(spsi_add(q[end][2], origin), spsi_set(FLT_MIN * 16));
+        for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], t);
+    }
+    for (int i = 0; i < 3; ++i) {
+        const float size = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
+        middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
+        rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
+        if (i == 2) break;
+        inside = spsi_and(inside, spsi_and(spsi_less(zero, middle[i]), spsi_less(middle[i], spsi_set(size))));
+        middle[i] = spsi_clamp(middle[i], zero, spsi_set(size));
+    }
+    ix = spsi_min(spsi_floor(middle[0]), spsi_set((float)(rays->width - 2)));
+    iy = spsi_min(spsi_floor(middle[1]), spsi_set((float)(rays->height - 2)));
+    spsi_lookup_quad(map->depths[face], rays->width, ix, iy, depth);
+    for (int i = 0; i < 2; ++i) spsi_lookup_quad(map->slopes[face][i], rays->width, ix, iy, slope[i]);
+    middle[0] = spsi_sub(middle[0], ix);
+    middle[1] = spsi_sub(middle[1], iy);
+    for (int i = 0; i < 4; ++i) {
+        const spsi_v dx = spsi_sub(middle[0], spsi_set((float)(i & 1))),
+                     dy = spsi_sub(middle[1], spsi_set((float)(i >> 1)));
+        const spsi_v bent = rays->perspective ? spsi_div(one, spsi_add(depth[i], origin)) : zero;
+        spsi_v up = spsi_fma(slope[0][i], dx, spsi_mul(slope[1][i], dy)), ahead, per;
+        ahead = spsi_div(up, spsi_max(spsi_sub(one, spsi_mul(up, bent)), spsi_set(1e-6f)));
+        ahead = spsi_sub(spsi_add(depth[i], ahead), middle[2]);
+        per = spsi_abs(spsi_sub(spsi_fma(slope[0][i], rise[0], spsi_mul(slope[1][i], rise[1])), rise[2]));
+        share[i] = spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
+    }
+    return spsi_select(
+        inside, spsi_mix(spsi_mix(share[0], share[1], middle[0]), spsi_mix(share[2], share[3], middle[0]), middle[1]),
+        one);
+}
+
+/* Whether a face of a depth map may hold something that shades any of the ways from d0 to d1: a look at one cell that
+   spares most slabs the sixteen texels. Both ends lie within a cell of the middle's, or the answer is yes. */
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
+                                           spsi_v d1) {
+    const spsi_rays *rays = &map->rays[face];
+    const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
+    spsi_v q[2][3], cell[2], deepest;
+    int clear = 0, wide = 0; /* bits: lanes that miss the face; lanes whose ends are too far apart to tell */
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
+        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
+        q[0][i] = spsi_fma(d0, slope, base);
+        q[1][i] = spsi_fma(d1, slope, base);
+    }
+    deepest = spsi_max(q[0][2], q[1][2]);
+    if (rays->perspective) {
+        for (int end = 0; end < 2; ++end) q[end][2] = spsi_add(q[end][2], spsi_set((float)rays->depth_reference));
+        clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
+        wide = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
+        for (int end = 0; end < 2; ++end)
+            for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], spsi_max(q[end][2], near_t));
+    }
+    for (int i = 0; i < 2; ++i) {
+        const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
+        clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~wide;
+        wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
+        cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
+        cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
+    }
+    wide |= spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest));
+    return (wide & ~clear) != 0;
+}
+
 /* ================================================================================================ >>balls
-   13 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
+   15 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
    t = C.e / e.e, of half length sqrt(1 - d^2) r, d r = |C x e| / |e|. All of it is counted from the ball's own centre,
    in pixels and in t, where these are short polynomials with no difference of large numbers: floats do. Balls that the
    rays' origin is in, or close to, are met one ray at a time. Cost: 15 operations for a vector of pixels. */
@@ -5783,329 +6176,14 @@ static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
     return spsi_fma(s, spsi_sub(spsi_set(0.75f), spsi_mul(spsi_set(0.25f), spsi_mul(s, s))), half);
 }
 
-/* =============================================================================================== >>tmaps
-   14 Transmittance maps: a light's texels, and how they are asked. Each of up to six faces is a grid of rays; u is the
-   share of the way from near_depth to far_depth along t. Six faces share the rays of their common edges, and t is the
-   largest coordinate from the light, the same seen from either side: so nothing changes suddenly from face to face.
-   What is opaque is kept apart, as a depth per texel: no technique could hold it without harm to all else. */
-
-#define SPSI_NO_SURFACE 1e30f /* u of none: no point is so far behind far_depth */
-#define SPSI_GUARD_BAND 0.05  /* of all depth, free at either end of a Fourier series, whose ends are neighbours */
-
-struct sps_tmap {
-    sps_context *context;
-    const spsi_technique *technique;
-    int light;                  /* whose shadow_map it is; -1: nobody's */
-    sps_tmap_settings settings; /* resolved */
-    sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
-    sps_view view;              /* the light's */
-    double matrix[16];          /* its camera's world_to_clip */
-    int has_components;         /* 1: the caller has said how many, 0: the technique */
-    int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
-    int has_vectors;            /* 1: vectors of texels are asked at once */
-    int face_count, replace_invalid;
-    int finished, failed;
-    spsi_rays rays[SPSI_CUBE_FACES];
-    double per_depth;        /* 1 / (far - near) */
-    double bias, bias_per_t; /* of surfaces, in t */
-    spsi_buffer planes;
-    spsi_buffer volumes, meshes, particles; /* as they were added, until the map is finished */
-    int volume_count, mesh_count, particles_count;
-    spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
-    spsi_buffer starts;   /* of lists: each texel's first item, and one more */
-    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
-};
-
-static size_t spsi_tmap_texel_count(const sps_tmap *map) {
-    return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
-}
-
-/* What a technique is asked by in one texel: its floats, the range apart, and u within that. */
-typedef struct spsi_texel {
-    const float *floats;
-    float u; /* below 0: before everything */
-} spsi_texel;
-
-static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
-    spsi_texel texel;
-    texel.floats = (const float *)map->texels.data + index * (size_t)map->settings.components;
-    texel.u = u;
-    if (!map->has_range) return texel;
-    {
-        const float first = texel.floats[0], length = texel.floats[1] - first;
-        texel.u = u < first ? -1 : length > 0 ? spsi_lower((u - first) / length, 1) : 1;
-        texel.floats += 2;
-    }
-    return texel;
-}
-
-/* Optical depth of gas before u in one texel. */
-static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
-    if (map->technique->lists) {
-        const uint32_t *starts = (const uint32_t *)map->starts.data + index;
-        const uint32_t count = starts[1] - starts[0];
-        return map->settings.technique == SPS_TMAP_DEEP
-                   ? spsi_stretches_depth((const spsi_stretch *)map->texels.data + starts[0], count, u)
-                   : spsi_compressed_depth((const spsi_node *)map->texels.data + starts[0], count, u);
-    }
-    {
-        const spsi_texel texel = spsi_tmap_texel(map, index, u);
-        return texel.u < 0 ? 0 : spsi_texel_depth(&map->inner, texel.floats, texel.u);
-    }
-}
-
-/* Bounds of that. */
-static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
-    bounds[0] = 0;
-    bounds[1] = SPSI_DEPTH_MAX;
-    if (map->settings.technique == SPS_TMAP_DEEP) {
-        bounds[0] = bounds[1] = spsi_tmap_depth(map, index, u);
-    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
-        const float through = expf(-spsi_tmap_depth(map, index, u)), epsilon = map->inner.epsilon;
-        bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
-        bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
-    } else if (map->technique->bracket) {
-        const spsi_texel texel = spsi_tmap_texel(map, index, u);
-        bounds[1] = 0;
-        if (!(texel.u < 0)) map->technique->bracket(&map->inner, texel.floats, texel.u, bounds);
-    }
-}
-
-/* The four texels about a point. */
-typedef struct spsi_place_in_map {
-    int column[2], row[2]; /* rows of all faces, one below the other */
-    double weight[4], t;
-    float u;
-} spsi_place_in_map;
-
-static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *place, int i) {
-    return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
-}
-
-/* Returns 0 outside of the map, before near_depth, and for a point that is not finite. */
-static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
-    const int width = map->rays[0].width, height = map->rays[0].height;
-    double q[3], offset[3];
-    int x, y, face = 0;
-    if (map->face_count > 1) {
-        spsi_along(point, map->rays[0].origin, -1, offset);
-        face = spsi_cube_face_of(offset);
-    }
-    spsi_project(&map->rays[face], point, q);
-    if (!(fabs(q[0]) <= DBL_MAX && fabs(q[1]) <= DBL_MAX && fabs(q[2]) <= DBL_MAX)) return 0;
-    place->t = q[2];
-    place->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
-    if (!(place->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
-    if (map->face_count > 1) /* rounding must not lead out of the face */
-        q[0] = fmin(fmax(q[0], 0), width - 1), q[1] = fmin(fmax(q[1], 0), height - 1);
-    if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
-    x = (int)floor(q[0]);
-    y = (int)floor(q[1]);
-    for (int i = 0; i < 2; ++i) {
-        place->column[i] = spsi_least(spsi_most(x + i, 0), width - 1);
-        place->row[i] = face * height + spsi_least(spsi_most(y + i, 0), height - 1);
-    }
-    for (int i = 0; i < 4; ++i) place->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
-    return 1;
-}
-
-/* The share of the four texels whose surfaces do not come before the point. */
-static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
-    const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
-    const double u = (place->t - map->settings.near_depth) * map->per_depth; /* may be behind far_depth */
-    const float *surfaces = (const float *)map->surfaces.data;
-    double lit = 0, sum = 0;
-    if (!surfaces) return 1;
-    for (int i = 0; i < 4; ++i) {
-        sum += place->weight[i];
-        if (!((double)surfaces[spsi_place_texel(map, place, i)] + bias < u)) lit += place->weight[i];
-    }
-    return lit < sum ? lit / sum : 1;
-}
-
-/* The same of a vector of points, of which those outside of the map have no weights. */
-typedef struct spsi_places {
-    spsi_v column[2], row[2], weight[4], u;
-} spsi_places;
-
-/* Optical depth of gas before u in a vector of texels, looked up at once. */
-static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    spsi_texels texels;
-    spsi_v first, length, within;
-    texels.floats = (const float *)map->texels.data;
-    texels.stride = map->rays[0].width * map->settings.components;
-    texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
-    texels.y = row;
-    if (!map->has_range) return map->technique->depths(&map->inner, &texels, u);
-    first = spsi_texels_at(&texels, zero);
-    length = spsi_sub(spsi_texels_at(&texels, one), first);
-    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
-    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
-    texels.x = spsi_add(texels.x, spsi_set(2));
-    return spsi_select(spsi_less(u, first), zero, map->technique->depths(&map->inner, &texels, within));
-}
-
-/* The same, one texel after the other, but for those without weight. */
-static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
-    spsi_store(columns, column);
-    spsi_store(rows, row);
-    spsi_store(us, u);
-    spsi_store(weights, weight);
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const size_t texel = (size_t)rows[i] * (size_t)map->rays[0].width + (size_t)columns[i];
-        us[i] = weights[i] > 0 ? spsi_tmap_depth(map, texel, us[i]) : 0;
-    }
-    return spsi_load(us);
-}
-
-/* The same in the way that the map allows for. */
-static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    return map->has_vectors ? spsi_tmap_all_depths(map, column, row, u)
-                            : spsi_tmap_each_depth(map, column, row, u, weight);
-}
-
-/* Optical depth of gas at a vector of points: of four texels at the point's own u, not of what lies between their
-   depths. */
-static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 4; ++i) {
-        const spsi_v column = places->column[i & 1], row = places->row[i >> 1], weight = places->weight[i];
-        sum = spsi_fma(weight, spsi_tmap_texel_depths(map, column, row, places->u, weight), sum);
-    }
-    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
-}
-
-/* Optical depth of gas at up to SPSI_LANES world points (packed triples), placed in double precision, and the shares of
-   light that surfaces leave. */
-static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
-    float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
-    float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
-    for (int n = 0; n < count; ++n) {
-        spsi_place_in_map place;
-        lit[n] = 1;
-        if (!spsi_tmap_locate(map, points + 3 * n, &place)) continue;
-        lit[n] = spsi_tmap_lit(map, &place);
-        for (int i = 0; i < 4; ++i) {
-            column[4 * n + i] = (float)place.column[i & 1];
-            row[4 * n + i] = (float)place.row[i >> 1];
-            weight[4 * n + i] = (float)place.weight[i];
-            u[4 * n + i] = place.u;
-        }
-    }
-    for (int i = 0; i < 4 * count; i += SPSI_LANES)
-        spsi_store(depth + i, spsi_tmap_texel_depths(map, spsi_load(column + i), spsi_load(row + i), spsi_load(u + i),
-                                                     spsi_load(weight + i)));
-    for (int n = 0; n < count; ++n) {
-        double sum = 0;
-        for (int i = 4 * n; i < 4 * n + 4; ++i) sum += (double)weight[i] * (double)depth[i];
-        depths[n] = (float)fmin(sum, (double)SPSI_DEPTH_MAX);
-    }
-}
-
-/* A vector of points as the rays of the faces that they lie in see them: x and y in texels, and t. */
-typedef struct spsi_seen_by_map {
-    spsi_v face, x, y, t;
-    spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
-} spsi_seen_by_map;
-
-static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_places *places) {
-    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
-    const spsi_v x = spsi_clamp(seen->x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
-    const spsi_v y = spsi_clamp(seen->y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
-    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
-    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
-    const spsi_m inside = spsi_and(seen->in_range, spsi_and(across, down));
-    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
-    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
-    const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
-    for (int i = 0; i < 2; ++i) {
-        const spsi_v next = spsi_set((float)i);
-        places->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
-        places->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
-    }
-    for (int i = 0; i < 4; ++i)
-        places->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
-}
-
-/* Points given in the coordinates of the map's only rays before any division, t counted from near_depth. */
-static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
-    const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
-    const spsi_v scale =
-        map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
-    /* room for rounding; what lies behind the light lies before near_depth, too */
-    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
-    seen->face = spsi_set(0);
-    seen->x = spsi_mul(q[0], scale);
-    seen->y = spsi_mul(q[1], scale);
-    seen->t = q[2];
-}
-
-/* Points given as world offsets from the light, seen through the one of six faces that each lies in. */
-static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
-    const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
-    const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, distance; /* along the face's axis, and the two after it */
-    for (int i = 0; i < 3; ++i)
-        axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
-    distance = spsi_abs(axes[0]);
-    per_distance = spsi_div(half, spsi_max(distance, spsi_set(FLT_MIN * 16)));
-    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
-    seen->face = spsi_add(seen->face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
-    seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
-    seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
-    seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
-    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
-    seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
-}
-
-/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see, or of six faces
-   spsi_tmap_see_round, takes. Floats do within a picture. */
-static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
-    spsi_seen_by_map seen;
-    spsi_places places;
-    if (map->face_count > 1)
-        spsi_tmap_see_round(map, q, &seen);
-    else
-        spsi_tmap_see(map, q, &seen);
-    spsi_places_build(map, &seen, &places);
-    places.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
-    return spsi_tmap_depths(map, &places);
-}
-
-/* Optical depth, surfaces included, from that of gas and the share that surfaces leave. */
-static double spsi_depth_with_surfaces(double depth, double lit) {
-    return lit > 0 ? fmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
-}
-
-/* Certain bounds of the optical depth at a world point, surfaces included. */
-static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
-    spsi_place_in_map place;
-    double lit;
-    bracket[0] = bracket[1] = 0;
-    if (!spsi_tmap_locate(map, point, &place)) return;
-    for (int i = 0; i < 4; ++i) {
-        float bounds[2];
-        if (!(place.weight[i] > 0)) continue;
-        spsi_tmap_bounds(map, spsi_place_texel(map, &place, i), place.u, bounds);
-        for (int k = 0; k < 2; ++k) bracket[k] += place.weight[i] * (double)bounds[k];
-    }
-    lit = spsi_tmap_lit(map, &place);
-    for (int k = 0; k < 2; ++k) bracket[k] = spsi_depth_with_surfaces(bracket[k], lit);
-}
-
 /* ============================================================================================== >>slicing
-   15 Slabs. They are perpendicular to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or
+   16 Slabs. They are perpendicular to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or
    to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
    always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
    4] */
 
-#define SPSI_PARTICLE_EDGE 0.7 /* radii */
-#define SPSI_COSINE_MIN    0.1 /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
-#define SPSI_COSINE_EVEN   0.35 /* below this slabs are halved; the middle ray has 0.71 or more */
+#define SPSI_COSINE_MIN  0.1  /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
+#define SPSI_COSINE_EVEN 0.35 /* below this slabs are halved; the middle ray has 0.71 or more */
 
 typedef struct spsi_slabs {
     double normal[3]; /* s */
@@ -6121,6 +6199,14 @@ static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
 
 static int spsi_chunk_count(const spsi_slabs *slabs) { return (slabs->count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
 
+/* The slab coordinate along rays. */
+static void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
+    static const double zero[3] = {0, 0, 0};
+    double row[3];
+    for (int i = 0; i < 3; ++i) row[i] = slabs->normal[i] / slabs->thickness;
+    spsi_linear_build(rays, row, zero, -slabs->start / slabs->thickness, linear);
+}
+
 typedef struct spsi_sweep {
     const spsi_lamp *lamp; /* whose sheets this sweep has; NULL: none */
     int first; /* 1: this sweep also carries coverage, ambient light, emission, and all lights that have no sheets */
@@ -6128,15 +6214,6 @@ typedef struct spsi_sweep {
     spsi_slabs slabs;
     spsi_rays rays; /* of the light's sheets */
 } spsi_sweep;
-
-/* The way light travels at a point. */
-static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], double direction[3]) {
-    if (!lamp->is_point)
-        memcpy(direction, lamp->direction, sizeof lamp->direction);
-    else
-        spsi_along(point, lamp->position, -1, direction);
-    spsi_normalise(direction);
-}
 
 /* The least cosine between s and the rays through a grid's corners. */
 static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
@@ -6341,80 +6418,6 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     return SPS_OK;
 }
 
-/* The least length of any volume's voxels across a ray. */
-static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
-    double least = HUGE_VAL;
-    for (int i = 0; i < frame->medium_count; ++i)
-        least = fmin(least, spsi_voxel_breadth(&frame->media[i], right, down));
-    return least;
-}
-
-/* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
-   for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
-   Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
-   come and go in pairs at the borders: errors that jump would be seen. Returns 0 if a point light does not
-   see the bounds within a cone. */
-static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
-                         spsi_rays *rays) {
-    double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
-    double eye[3], pitch, extent, distance;
-    int columns, rows;
-    spsi_bounds_centre(bounds, centre);
-    spsi_lamp_direction(lamp, centre, forward);
-    spsi_basis(forward, right, down);
-    rays->perspective = lamp->is_point;
-    memcpy(eye, rays->perspective ? lamp->position : centre, sizeof eye);
-    for (int corner = 0; corner < 8; ++corner) {
-        double offset[3], depth, at[2];
-        spsi_bounds_corner(bounds, corner, offset);
-        spsi_along(offset, eye, -1, offset);
-        depth = rays->perspective ? spsi_dot(offset, forward) : 1;
-        if (!(depth > 0.2 * spsi_length(offset)) && rays->perspective) return 0;
-        at[0] = spsi_dot(offset, right) / depth;
-        at[1] = spsi_dot(offset, down) / depth;
-        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], at[k]), high[k] = fmax(high[k], at[k]);
-    }
-    spsi_along(centre, eye, -1, centre);
-    distance = rays->perspective ? spsi_dot(centre, forward) : 1;
-    extent = fmax(high[0] - low[0], high[1] - low[1]);
-    pitch = fmin(fmax(texel / distance, extent / (most - 4)), extent / 12);
-    if (size > 0) pitch = extent / spsi_most(1, size - 4);
-    if (!(pitch > 0)) pitch = 1;
-    if (size == 0) size = spsi_least(most, 2 * (int)ceil(0.5 * extent / pitch * (1 - 1e-9)) + 4);
-    columns = (int)floor(0.5 * (extent - (high[0] - low[0])) / pitch);
-    rows = (int)floor(0.5 * (extent - (high[1] - low[1])) / pitch);
-    rays->width = spsi_most(2, size - 2 * columns);
-    rays->height = spsi_most(2, size - 2 * rows);
-    spsi_rays_aim(rays, eye, right, down, forward, pitch, pitch);
-    {
-        double *corner = rays->perspective ? rays->c : rays->origin;
-        spsi_along(corner, right, 0.5 * (low[0] + high[0]), corner);
-        spsi_along(corner, down, 0.5 * (low[1] + high[1]), corner);
-    }
-    rays->depth_reference = rays->perspective ? distance : 0;
-    rays->near_depth = rays->perspective ? 0 : -HUGE_VAL;
-    return spsi_rays_complete(rays);
-}
-
-/* The texels that a light's sheets may have on their longer side, where shadow_size does not say. */
-static int spsi_light_texels_most(const spsi_frame *frame) {
-    return frame->medium_count > 0 ? 4096 : frame->depth_map_texels;
-}
-
-/* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
-   divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
-static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
-    double centre[3], forward[3], right[3], down[3], across[3], size, own;
-    spsi_bounds_centre(&frame->volume_bounds, centre);
-    spsi_lamp_direction(lamp, centre, forward);
-    spsi_basis(forward, right, down);
-    size = spsi_voxel_across(frame, right, down) / frame->shadow_texels;
-    if (frame->particle_count == 0) return size;
-    own = 0.5 * SPSI_PARTICLE_EDGE * frame->particle_radius / frame->shadow_texels;
-    spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
-    return fmin(size, fmax(own, spsi_length(across) / frame->depth_map_texels));
-}
-
 /* Rays for the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
@@ -6464,7 +6467,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>splat
-   16 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
+   17 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
    is a 2D Gaussian in the pixel plane, and the share of it between two slab planes is the difference of
    spsi_kernel_share at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
    slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
@@ -7313,7 +7316,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 }
 
 /* ============================================================================================== >>targets
-   17 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
+   18 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
    map. The bricks and particles that a chunk of SPSI_CHUNK slabs holds are splatted into it tile by tile. A tile
    belongs to one task, which adds bricks and then particles in the order of their numbers, so every pixel is the same
    sum whatever the number of workers or the region. Bricks and particles wait in queues, in the order of the chunks in
@@ -7899,114 +7902,9 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
 }
 
 /* ========================================================================================== >>lightsheets
-   17 Optical depth towards a light, at the planes between the slabs of a chunk: plane k is what the light has passed
-   through when it enters slab k. The planes of texels that a chunk does not touch all hold the depth so far. Polygons
-   are not in here: what lies behind an opaque one is dark by its depth map, whatever the planes say there. */
-
-typedef struct spsi_planes {
-    float *depth[SPSI_CHUNK + 1]; /* width * height each */
-    int width, height, tiles_x, tiles_y;
-    uint64_t *open;        /* per tile: its patches that light still comes through */
-    unsigned char *uneven; /* per tile: its planes differ, so that they must be levelled before the next chunk */
-} spsi_planes;
-
-/* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), d being
-   t - depth_reference. Slab coordinates, light ray coordinates and positions are all of this kind. */
-typedef struct spsi_linear {
-    float base[3], slope[3];
-} spsi_linear;
-
-/* The linear quantity row . (p - origin) + offset. */
-static void spsi_linear_build(const spsi_rays *rays, const double row[3], const double origin[3], double offset,
-                              spsi_linear *linear) {
-    const double a = spsi_dot(row, rays->a), b = spsi_dot(row, rays->b), c = spsi_dot(row, rays->c);
-    const double t = rays->depth_reference;
-    double from[3];
-    spsi_along(rays->origin, origin, -1, from);
-    memset(linear, 0, sizeof *linear);
-    linear->base[0] = (float)(spsi_dot(row, from) + offset + t * c);
-    linear->base[1] = (float)(a * (rays->perspective ? t : 1));
-    linear->base[2] = (float)(b * (rays->perspective ? t : 1));
-    linear->slope[0] = (float)c;
-    if (!rays->perspective) return;
-    linear->slope[1] = (float)a;
-    linear->slope[2] = (float)b;
-}
-
-/* The slab coordinate. */
-static void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
-    static const double zero[3] = {0, 0, 0};
-    double row[3];
-    for (int i = 0; i < 3; ++i) row[i] = slabs->normal[i] / slabs->thickness;
-    spsi_linear_build(rays, row, zero, -slabs->start / slabs->thickness, linear);
-}
-
-static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float y) {
-    return spsi_fma(x, spsi_set(linear->base[1]), spsi_set(linear->base[0] + y * linear->base[2]));
-}
-
-static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, float y) {
-    return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
-}
-
-/* World length of a unit of t along the rays of a row of pixels. */
-static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) {
-    spsi_v sum = spsi_set(0);
-    for (int i = 0; i < 3; ++i) {
-        const float fixed = (float)(rays->c[i] + (rays->perspective ? (double)y * rays->b[i] : 0));
-        const spsi_v part =
-            rays->perspective ? spsi_fma(x, spsi_set((float)rays->a[i]), spsi_set(fixed)) : spsi_set(fixed);
-        sum = spsi_fma(part, part, sum);
-    }
-    return spsi_sqrt(sum);
-}
-
-/* Bilinear look-up; outside of the grid the nearest edge value is used (the border of a light's planes is 0). */
-static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
-    const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
-    const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
-    const spsi_v ix = spsi_min(spsi_floor(cx), spsi_set((float)(width - 2)));
-    const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 2)));
-    const spsi_v fx = spsi_sub(cx, ix), fy = spsi_sub(cy, iy);
-    spsi_v quad[4];
-    spsi_lookup_quad(grid, width, ix, iy, quad);
-    return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
-}
-
-/* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
-static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
-    const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
-    weights[0] = spsi_mul(spsi_mul(spsi_set(-0.5f), t), uu);
-    weights[1] = spsi_fma(tt, spsi_fma(spsi_set(1.5f), t, spsi_set(-2.5f)), one);
-    weights[2] = spsi_fma(uu, spsi_fma(spsi_set(1.5f), u, spsi_set(-2.5f)), one);
-    weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
-}
-
-/* Look-up by cubics through 4 x 4 values, within the range of the four nearest so that nothing overshoots. What is
-   classified bends within a voxel: straight lines from texel to texel would lie above the bend everywhere, and darken
-   surfaces by 3 % where there is a texel a voxel. The grid is at least 4 x 4; its border is left to the values there.
- */
-static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
-    const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
-    const spsi_v cy = spsi_clamp(y, spsi_set(1), spsi_set((float)(height - 2)));
-    const spsi_v ix = spsi_min(spsi_floor(cx), spsi_set((float)(width - 3)));
-    const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 3)));
-    spsi_v across[4], down[4], sum = spsi_set(0), low = spsi_set(SPSI_INFINITY), high = sum;
-    spsi_cubic_weights(spsi_sub(cx, ix), across);
-    spsi_cubic_weights(spsi_sub(cy, iy), down);
-    for (int r = 0; r < 4; ++r) {
-        spsi_v row = spsi_set(0);
-        for (int c = 0; c < 4; ++c) {
-            const spsi_v value = spsi_lookup(grid + (r - 1) * width + c - 1, width, ix, iy);
-            row = spsi_fma(across[c], value, row);
-            if (r == 0 || r == 3 || c == 0 || c == 3) continue;
-            low = spsi_min(low, value);
-            high = spsi_max(high, value);
-        }
-        sum = spsi_fma(down[r], row, sum);
-    }
-    return spsi_clamp(sum, low, high);
-}
+   19 The sheets of a light's rays as optical depth. Sheets of gases hold it already, but for the length of a ray per t.
+   A transfer function is not linear, so a slab's mean value says too little: what is classified is taken in SPSI_PARTS
+   parts, whose means come from the parabola through the means of three slabs. */
 
 #define SPSI_PARTS 4 /* of a slab, where it is classified or shaded by polygons */
 
@@ -8093,1627 +7991,328 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
     return depth;
 }
 
-/* Adds a tile's sheets to the planes, slab after slab. */
-static void spsi_light_accumulate(const spsi_light_shader *shader, const spsi_tile *tile, spsi_planes *planes) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    for (int y = tile->y0; y <= tile->y1; ++y)
-        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
-            const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
-            const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
-            const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-            const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
-            const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
-            const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
-            const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
-            spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
-            for (int k = 0; k <= SPSI_CHUNK; ++k) {
-                spsi_store_first(planes->depth[k] + to, depth, count);
-                if (k == SPSI_CHUNK) break;
-                const spsi_v sheet = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size,
-                                                      length, per_slab, slabs);
-                const spsi_v behind = spsi_min(spsi_add(depth, sheet), spsi_set(SPSI_DEPTH_MAX));
-                depth = spsi_select(spsi_less(depth, spsi_set(SPSI_LIGHT_END)), behind, depth);
-            }
-        }
-}
-
-/* Sets all planes of a tile to the depth so far, if the last chunk touched it. */
-static void spsi_planes_level(spsi_planes *planes, int tile) {
-    const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
-    const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
-    if (!planes->uneven[tile]) return;
-    planes->uneven[tile] = 0;
-    for (int y = y0; y < spsi_least(planes->height, y0 + SPSI_TILE_HEIGHT); ++y)
-        for (int k = 0; k < SPSI_CHUNK; ++k) {
-            const size_t at = (size_t)y * (size_t)planes->width + (size_t)x0;
-            memcpy(planes->depth[k] + at, planes->depth[SPSI_CHUNK] + at, (size_t)width * sizeof(float));
-        }
-}
-
-/* ============================================================================================== >>shading
-   18 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
-   A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
-   way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
-   polygon in the light's way ends that share; one in the eye's way cuts the slab (>>splat) and shares with it.
-   A transfer function is not linear, so a slab's mean value says too little: what is classified is shaded in SPSI_PARTS
-   parts, whose means come from the parabola through the means of three slabs; x is then a share of optical depth. */
-
-#define SPSI_CELL  16   /* texels on a side of a depth map's cells */
-#define SPSI_STEEP 1024 /* texels that a depth map's planes rise by from one to the next, at most */
-
-/* Polygons as gas sees them between itself and a light: for each texel the nearest one's plane, which is evaluated
-   on the gas's own ray. So a plane shades nothing in front of it, however slanted; a texel's size shows only at a
-   polygon's edge. */
-typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygons; 1; 6 for a point light among the gas */
-    spsi_rays rays[SPSI_CUBE_FACES];
-    float *depths[SPSI_CUBE_FACES];    /* at texels' centres, from the depth reference; infinity: nothing there */
-    float *slopes[SPSI_CUBE_FACES][2]; /* what the plane rises by from a texel to the next along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: the least depth in it and in the cells around it */
-    int cells[SPSI_CUBE_FACES];        /* in a row of these */
-    /* ray coordinates of the map, along the eye's rays; t from its depth reference */
-    spsi_linear along[SPSI_CUBE_FACES][3];
-} spsi_depth_map;
-
-/* What keeps one light's rays from gas and surfaces: gas by the sweep's planes or by a map, polygons by a depth map for
-   gas and by rays for polygons. */
-typedef struct spsi_shadow {
-    const spsi_lamp *lamp;
-    const sps_tmap *tmap;     /* NULL: the sweep's planes, if there are any */
-    const unsigned char *lit; /* whole image: spsi_surface_sight */
-    spsi_linear along[3];     /* coordinates on the planes, or in the map for spsi_tmap_lookup, along the eye's rays */
-    spsi_depth_map depth_map;
-} spsi_shadow;
-
-/* How one light comes to the slab at hand of a vector of pixels. */
-typedef struct spsi_arrival {
-    spsi_v light[2];        /* optical depth between the light and the two ends of the ray's way through the slab; */
-    int plane;              /* and it was looked up on this plane last, */
-    spsi_v plane_light;     /* and was this there */
-    spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave in the light */
-} spsi_arrival;
-
-typedef struct spsi_shader {
-    const spsi_frame *frame;
-    const spsi_sweep *sweep;
-    const spsi_faces *faces;
-    const spsi_planes *planes;
-    const spsi_shadow *shadows; /* of the lights that the sweep carries */
-    int shadow_count;
-    const spsi_hit *hits;    /* whole image */
-    spsi_linear slab;        /* slab coordinate */
-    spsi_linear position[3]; /* relative to `position_origin` */
-    double position_origin[3];
-    int unshadowed;                        /* 1: the sweep also carries lights without shadow */
-    int first_slab;                        /* of the chunk at hand */
-    int x_origin, y_origin;                /* pixel that comes first in the buffers below */
-    int pitch;                             /* pixels from row to row there */
-    float *depth, *radiance[3], *distance; /* optical depth and radiance so far; distance: NULL unless wanted */
-    float end_depth;                       /* optical depth at which a ray ends */
-} spsi_shader;
-
-/* Where the rays of a vector of pixels cross the slabs, and where they end. */
-typedef struct spsi_line {
-    int x, y;
-    spsi_v at;          /* x coordinates */
-    spsi_v base, scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
-    spsi_v slabs;       /* per d: 1 / |scale| */
-    spsi_v polygon;     /* d of the polygon, or infinity */
-} spsi_line;
-
-/* What a vector of pixels knows about its rays. */
-typedef struct spsi_pixels {
-    spsi_line line;
-    spsi_line around[8]; /* where there are gradients: neighbours at x - 1, x + 1, y - 1, y + 1, and at twice that */
-    spsi_v length;       /* world length per t */
-    spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
-    spsi_v toward[3];    /* unit direction from the eye */
-} spsi_pixels;
-
-/* What a vector of rays has gathered so far. */
-typedef struct spsi_gathered {
-    spsi_v depth, radiance[3], distance; /* distance: weighted by coverage */
-} spsi_gathered;
-
-/* One material's part of a sheet. */
-typedef struct spsi_sample {
-    spsi_v depth, value_length; /* optical depth; integral of value over world length */
-    spsi_v colour[3];           /* albedo or reflectance */
-    spsi_v surface, normal[3];  /* 0: gas .. 1: surface, with a unit normal */
-    int has_normal;
-} spsi_sample;
-
-#define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
-
-/* Bytes of `count` structs with vectors in them for each worker. */
-static size_t spsi_vectors_bytes(const sps_context *context, int count, size_t size) {
-    return (size_t)spsi_worker_count(context) * (size_t)count * size + SPSI_VECTOR_ALIGNMENT;
-}
-
-/* Room for them: too much for the stacks of some job systems. NULL: failed. */
-static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
-    char *memory = (char *)spsi_reserve(context, id, 1, spsi_vectors_bytes(context, count, size));
-    const uintptr_t beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
-    return memory ? memory + (beyond ? SPSI_VECTOR_ALIGNMENT - beyond : 0) : NULL;
-}
-
-static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
-    spsi_v slope;
-    line->x = x;
-    line->y = y;
-    line->at = spsi_add(spsi_set((float)x), spsi_iota());
-    slope = spsi_linear_slope(&shader->slab, line->at, (float)y);
-    slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
-    line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
-    line->scale = spsi_div(spsi_set(1), slope);
-    line->slabs = spsi_abs(slope);
-    line->polygon = spsi_hit_depths(shader->hits, shader->frame->eye.width, shader->frame->eye.height, x, y);
-}
-
-static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
-    const float fy = (float)y;
-    spsi_v at, inverse_length;
-    spsi_line_build(shader, x, y, &p->line);
-    at = p->line.at;
-    p->length = spsi_ray_lengths(&shader->frame->eye, at, fy);
-    inverse_length = spsi_div(spsi_set(1), p->length);
-    p->polygon_slab =
-        spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
-    for (int i = 0; i < 3; ++i)
-        p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
-}
-
-static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
-    return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
-}
-
-/* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
-static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
-                                   spsi_v *leave) {
-    const spsi_rays *eye = &shader->frame->eye;
-    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
-    const float near_d = spsi_rays_begin(eye);
-    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
-    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
-}
-
-/* World position at depth d, relative to the shader's position origin. */
-static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
-    for (int i = 0; i < 3; ++i)
-        position[i] =
-            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
-}
-
-/* Optical depth between a light and the rays' points at depth d, on plane k. */
-static inline spsi_v spsi_lookup_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                                       int k, spsi_v d) {
-    const spsi_planes *planes = shader->planes;
-    spsi_v q[3];
-    for (int i = 0; i < 3; ++i)
-        q[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, (float)p->line.y),
-                        spsi_linear_base(&shadow->along[i], p->line.at, (float)p->line.y));
-    if (shadow->tmap) return spsi_tmap_lookup(shadow->tmap, q);
-    if (shader->sweep->rays.perspective) {
-        const spsi_v t = spsi_max(q[2], spsi_set(FLT_MIN * 16));
-        q[0] = spsi_div(q[0], t);
-        q[1] = spsi_div(q[1], t);
-    }
-    if (shader->frame->classifies && planes->width >= 4 && planes->height >= 4)
-        return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
-    return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
-}
-
-/* The share of the way from d0 to d1 that one face of a depth map leaves in the light; 1 outside of its grid. What a
-   texel's plane leaves before it is linear along the way: `ahead` in its middle, rising by `rise` to either end. In
-   perspective a plane of slope g reaches g / (1 - g / t) beyond the texel's own depth t. */
-static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                          spsi_v d1) {
-    const spsi_rays *rays = &map->rays[face];
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
-                 origin = spsi_set((float)rays->depth_reference);
-    spsi_v q[2][3], middle[3], rise[3], ix, iy, share[4], depth[4], slope[2][4];
-    spsi_m inside;
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        const spsi_v change = spsi_linear_slope(&map->along[face][i], at, y);
-        q[0][i] = spsi_fma(d0, change, base);
-        q[1][i] = spsi_fma(d1, change, base);
-    }
-    inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX),
-                       rays->perspective ? spsi_add(spsi_min(q[0][2], q[1][2]), origin) : zero);
-    for (int end = 0; end < 2 && rays->perspective; ++end) {
-        const spsi_v t = spsi_max(spsi_add(q[end][2], origin), spsi_set(FLT_MIN * 16));
-        for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], t);
-    }
-    for (int i = 0; i < 3; ++i) {
-        const float size = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
-        middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
-        rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
-        if (i == 2) break;
-        inside = spsi_and(inside, spsi_and(spsi_less(zero, middle[i]), spsi_less(middle[i], spsi_set(size))));
-        middle[i] = spsi_clamp(middle[i], zero, spsi_set(size));
-    }
-    ix = spsi_min(spsi_floor(middle[0]), spsi_set((float)(rays->width - 2)));
-    iy = spsi_min(spsi_floor(middle[1]), spsi_set((float)(rays->height - 2)));
-    spsi_lookup_quad(map->depths[face], rays->width, ix, iy, depth);
-    for (int i = 0; i < 2; ++i) spsi_lookup_quad(map->slopes[face][i], rays->width, ix, iy, slope[i]);
-    middle[0] = spsi_sub(middle[0], ix);
-    middle[1] = spsi_sub(middle[1], iy);
-    for (int i = 0; i < 4; ++i) {
-        const spsi_v dx = spsi_sub(middle[0], spsi_set((float)(i & 1))),
-                     dy = spsi_sub(middle[1], spsi_set((float)(i >> 1)));
-        const spsi_v bent = rays->perspective ? spsi_div(one, spsi_add(depth[i], origin)) : zero;
-        spsi_v up = spsi_fma(slope[0][i], dx, spsi_mul(slope[1][i], dy)), ahead, per;
-        ahead = spsi_div(up, spsi_max(spsi_sub(one, spsi_mul(up, bent)), spsi_set(1e-6f)));
-        ahead = spsi_sub(spsi_add(depth[i], ahead), middle[2]);
-        per = spsi_abs(spsi_sub(spsi_fma(slope[0][i], rise[0], spsi_mul(slope[1][i], rise[1])), rise[2]));
-        share[i] = spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
-    }
-    return spsi_select(
-        inside, spsi_mix(spsi_mix(share[0], share[1], middle[0]), spsi_mix(share[2], share[3], middle[0]), middle[1]),
-        one);
-}
-
-/* Whether a face of a depth map may hold something that shades any of the ways from d0 to d1: a look at one cell that
-   spares most slabs the sixteen texels. Both ends lie within a cell of the middle's, or the answer is yes. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                           spsi_v d1) {
-    const spsi_rays *rays = &map->rays[face];
-    const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
-    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
-    spsi_v q[2][3], cell[2], deepest;
-    int clear = 0, wide = 0; /* bits: lanes that miss the face; lanes whose ends are too far apart to tell */
-    for (int i = 0; i < 3; ++i) {
-        const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
-        const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        q[0][i] = spsi_fma(d0, slope, base);
-        q[1][i] = spsi_fma(d1, slope, base);
-    }
-    deepest = spsi_max(q[0][2], q[1][2]);
-    if (rays->perspective) {
-        for (int end = 0; end < 2; ++end) q[end][2] = spsi_add(q[end][2], spsi_set((float)rays->depth_reference));
-        clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
-        wide = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
-        for (int end = 0; end < 2; ++end)
-            for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], spsi_max(q[end][2], near_t));
-    }
-    for (int i = 0; i < 2; ++i) {
-        const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
-        clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~wide;
-        wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
-        cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
-        cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
-    }
-    wide |= spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest));
-    return (wide & ~clear) != 0;
-}
-
-/* The mean value of a classified material in slab k along a line. Nothing cuts these sections. */
-static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const size_t at =
-        (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
-}
-
-/* The place of the middle of slab k on a line, relative to the shader's position origin. */
-static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
-    const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
-    spsi_position_at(shader, line->at, (float)line->y, middle, place);
-}
-
-static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
-    for (int i = 0; i < 3; ++i) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
-    }
-}
-
-static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
-    return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
-}
-
-/* A slab on a vector of rays. Where a volume is classified it is shaded in parts, in the light's order. */
-typedef struct spsi_slab {
-    int k, part_count, material_count;
-    spsi_sample *samples;                 /* material_count for each part */
-    spsi_v enter, leave;                  /* depths along the ray */
-    spsi_v first, last;                   /* shares of the slab, in the light's order, between which the ray is in it */
-    spsi_arrival *arrivals;               /* one for each of the shader's shadows */
-    spsi_v depth, part_depth[SPSI_PARTS]; /* optical depth of all samples */
-} spsi_slab;
-
-/* One part of a slab. */
-typedef struct spsi_part {
-    const spsi_sample *samples;
-    spsi_v middle, half;  /* depth along the ray, and half of the way through the part */
-    spsi_v depth;         /* optical depth */
-    spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
-    int number;           /* from the first that light comes to */
-    spsi_v before, after; /* optical depth between the eye and its first and last end, in the light's order */
-} spsi_part;
-
-/* How a classified value changes within a slab: a parabola with the means of the slab and of those before and after;
-   the differences to its neighbours likewise. The change along the ray takes five slabs: from three, a normal's share
-   along the ray would be short of what its shares aside are, and lean the surface away from the eye. */
-typedef struct spsi_profile {
-    spsi_parabola value;
-    spsi_parabola aside[2];             /* from x - 1 to x + 1, and from y - 1 to y + 1 */
-    spsi_parabola along;                /* from the slab before to the slab after */
-    spsi_v cofactor[3][3], determinant; /* of the three ways that belong to these, in voxels */
-} spsi_profile;
-
-/* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
-   outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2)
-   - 22 m0) / 8 and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
-static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
-    const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
-    const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
-    along->value =
-        spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
-    along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
-    along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
-    along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
-}
-
-/* How far apart neighbouring rays are in the middle of slab k, in proportion to its distance from the eye, in slabs;
-   negative behind the eye. 1 for parallel rays. */
-static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    return shader->frame->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
-}
-
-/* Whether the eye is in a slab, where rays meet and have no neighbours. */
-static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
-
-/* The difference in slab k between the neighbours to either side, divided by the rays' spread. With two on each side,
-   it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
-   those in the slabs before and behind. */
-static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, int axis) {
-    const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
-    const float spread = spsi_slab_spread(shader, tile, k);
-    spsi_v change;
-    if (spsi_slab_has_eye(spread))
-        return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
-                                                 spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
-    change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
-    if (shader->frame->gradient_reach >= 2) {
-        const spsi_v wide =
-            spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
-        change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
-    }
-    return spsi_mul(spsi_set(1 / spread), change);
-}
-
-/* Twice the change per pixel of a slab's mean, by its sheets of slopes: the mean is their sum by the way through the
-   slab, which changes by -slope' / slope of itself. */
-static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
-                                    const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
-                         (size_t)(k + margin) * tile->sheet_size +
-                         (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
-    for (int axis = 0; axis < 2; ++axis) {
-        const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
-        const spsi_v sum = spsi_mul(spsi_load(sheet + (size_t)axis * tile->channel_size), line->slabs);
-        slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
-    }
-}
-
-/* The sideways changes in slabs k - 1 to k + 1, whose means are given; from sheets of slopes if there are any. */
-static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                               int channel, const spsi_v means[3], spsi_parabola aside[2]) {
-    spsi_v change[3][2];
-    for (int n = 0; n < 3; ++n) {
-        const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
-        if (shader->frame->splats_slopes) /* no eye is near */
-            spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
-        for (int axis = 0; axis < 2; ++axis)
-            change[n][axis] = shader->frame->splats_slopes
-                                  ? spsi_mul(per_spread, change[n][axis])
-                                  : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
-    }
-    for (int axis = 0; axis < 2; ++axis)
-        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis]);
-}
-
-/* The way from the neighbour before to the one behind along x or y, divided by the rays' spread, or (axis 2) from the
-   slab before to the slab behind; in voxels. */
-static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
-                             float per_length, spsi_v way[3]) {
-    const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
-    const float per_spread = axis < 2 ? per_length / spsi_slab_spread(shader, tile, from) : per_length;
-    spsi_v place[2][3];
-    for (int side = 0; side < 2; ++side)
-        spsi_place_in_slab(shader, axis < 2 ? &p->around[2 * axis + side] : &p->line,
-                           axis < 2 ? from : k - 1 + 2 * side, place[side]);
-    for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
-}
-
-/* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not
-   perpendicular: the gradient is solved from way . g = difference. If they span no volume there is no gradient. */
-static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                                  int channel, const spsi_v means[3], spsi_profile *profile) {
-    const float per_length = 1 / shader->frame->materials[channel].voxel_length;
-    spsi_v way[3][3], outer[2];
-    for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
-    spsi_profile_along(means, outer, &profile->along);
-    spsi_profile_aside(shader, tile, p, k, channel, means, profile->aside);
-    for (int axis = 0; axis < 3; ++axis) spsi_profile_way(shader, tile, p, k, axis, per_length, way[axis]);
-    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
-    profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
-    profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
-                                       spsi_set(SPSI_INFINITY), profile->determinant);
-}
-
-/* A sample's normal and surface share. */
-static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
-                                 const spsi_portion *portion, spsi_sample *sample) {
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
-    const spsi_v scale = spsi_set(unit);
-    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
-    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
-    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
-    spsi_v g[3], size;
-    for (int c = 0; c < 3; ++c) {
-        g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
-        g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
-    }
-    size = spsi_sqrt(spsi_dot_v(g, g));
-    for (int c = 0; c < 3; ++c)
-        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
-    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
-    sample->has_normal = 1;
-}
-
-/* The parts of a slab of gas, which is even throughout. */
-static void spsi_samples_gas(const spsi_material *material, spsi_v value_length, int channel, spsi_slab *slab) {
-    const spsi_v sum = spsi_mul(value_length, spsi_set(1.0f / (float)slab->part_count));
-    for (int part = 0; part < slab->part_count; ++part) {
-        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        sample->has_normal = 0;
-        sample->surface = spsi_set(0);
-        sample->value_length = sum;
-        sample->depth = spsi_min(spsi_mul(sum, spsi_set(material->extinction)), spsi_set(SPSI_DEPTH_MAX));
-        for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->albedo[c]);
-        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-    }
-}
-
-/* The parts of a slab of what is classified, which follow its profile. Most slabs that hold values have no extinction
-   anywhere: these cost neither colours nor gradients. */
-static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
-                                    spsi_slab *slab) {
-    const spsi_material *material = &shader->frame->materials[channel];
-    const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
-    const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = shader->frame->has_gradient && material->shading == SPS_SHADING_SURFACE;
-    spsi_v means[3];
-    spsi_profile profile;
-    int has_gradient = 0;
-    memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
-    for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
-    profile.value = spsi_parabola_through(means[0], means[1], means[2]);
-    for (int part = 0; part < slab->part_count; ++part) {
-        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
-        const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
-        const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
-        spsi_v appearance[4] = {zero, zero, zero, zero};
-        if (spsi_bits(spsi_less(zero, spsi_classify_extinction(material, value))))
-            spsi_classify(material, value, appearance);
-        sample->has_normal = 0;
-        sample->surface = sample->value_length = zero;
-        sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
-        for (int c = 0; c < 3; ++c) sample->colour[c] = appearance[c];
-        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
-        if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
-        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
-        has_gradient = 1;
-        spsi_sample_gradient(material, &profile, &portion, sample);
-    }
-}
-
-/* Blinn-Phong highlight, normalised so that it sends back at most what arrives: (n + 8) / (8 pi) (n.h)^n. */
-static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
-    float lanes[SPSI_LANES];
-    spsi_store(lanes, cosine);
-    for (int i = 0; i < SPSI_LANES; ++i)
-        lanes[i] =
-            lanes[i] > 0 ? powf(lanes[i] < 1 ? lanes[i] : 1, exponent) * (exponent + 8) * (float)(0.125 / SPSI_PI) : 0;
-    return spsi_load(lanes);
-}
-
-/* What a sample sends towards the eye per unit of its optical depth and of irradiance travelling along `travel`. */
-static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
-                                 const spsi_v travel[3], spsi_v response[3]) {
-    const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
-    const spsi_v gas = spsi_phase(material, cosine);
-    spsi_v halfway[3], facing, diffuse, shine = spsi_set(0);
-    if (!sample->has_normal) {
-        for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->colour[c], gas);
-        return;
-    }
-    facing = spsi_max(spsi_set(0), spsi_sub(spsi_set(0), spsi_dot_v(sample->normal, travel)));
-    if (material->specular > 0) {
-        spsi_v size;
-        for (int c = 0; c < 3; ++c) halfway[c] = spsi_sub(spsi_set(0), spsi_add(travel[c], toward[c]));
-        size = spsi_sqrt(spsi_max(spsi_dot_v(halfway, halfway), spsi_set(1e-12f)));
-        shine = spsi_highlight(spsi_div(spsi_dot_v(sample->normal, halfway), size), material->shininess);
-        shine = spsi_mul(spsi_mul(shine, facing), spsi_mul(sample->surface, spsi_set(material->specular)));
-    }
-    diffuse = spsi_mix(gas, spsi_mul(facing, spsi_set((float)(1 / SPSI_PI))), sample->surface);
-    for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
-}
-
-/* atan2(y, x) for y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
-static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
-    const spsi_v size = spsi_abs(x), most = spsi_max(spsi_max(size, y), spsi_set(FLT_MIN));
-    const spsi_v ratio = spsi_div(spsi_min(size, y), most), square = spsi_mul(ratio, ratio);
-    spsi_v p = spsi_set(0.0028662257f);
-    p = spsi_fma(p, square, spsi_set(-0.0161657367f));
-    p = spsi_fma(p, square, spsi_set(0.0429096138f));
-    p = spsi_fma(p, square, spsi_set(-0.0752896400f));
-    p = spsi_fma(p, square, spsi_set(0.1065626393f));
-    p = spsi_fma(p, square, spsi_set(-0.1420889944f));
-    p = spsi_fma(p, square, spsi_set(0.1999355085f));
-    p = spsi_fma(p, square, spsi_set(-0.3333314528f));
-    p = spsi_mul(ratio, spsi_fma(p, square, spsi_set(1)));
-    p = spsi_select(spsi_less(size, y), spsi_sub(spsi_set((float)(SPSI_PI / 2)), p), p);
-    return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
-}
-
-/* The mean of 1 / r^2 along a stretch of a ray, r being the distance to a point: the angle under which the point sees
-   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point
-   to the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
-   which needs no q. [d(angle) = q ds / r^2] */
-static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
-    const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
-    const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
-    const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
-    const spsi_m small = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
-    const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
-    if (spsi_bits(small) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
-    return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
-}
-
-/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a
-   pixel's area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray
-   that passes nearer than the inverse of that, in pixels, is taken as passing there. */
-#define SPSI_LAMP_PIXELS 0.28364f
-
-/* World length of a pixel at depth d. */
-static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
-    const spsi_v size = spsi_set((float)sqrt(spsi_length(rays->a) * spsi_length(rays->b)));
-    return rays->perspective
-               ? spsi_mul(spsi_max(spsi_add(d, spsi_set((float)rays->depth_reference)), spsi_set(0)), size)
-               : size;
-}
-
-/* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
-   the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
-static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
-                         spsi_v travel[3], spsi_v *irradiance) {
-    double direction[3];
-    spsi_v foot[3], ends[2][3], s, q, half, square;
-    *irradiance = spsi_set(1);
-    if (!lamp->is_point) {
-        spsi_lamp_direction(lamp, shader->position_origin, direction);
-        for (int i = 0; i < 3; ++i) travel[i] = spsi_set((float)direction[i]);
-        return;
-    }
-    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, travel);
-    for (int i = 0; i < 3; ++i)
-        travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
-    half = spsi_mul(part->half, p->length);
-    s = spsi_dot_v(travel, p->toward);
-    for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(travel[i], spsi_mul(s, p->toward[i]));
-    q = spsi_mul(spsi_pixel_size(&shader->frame->eye, part->middle), spsi_set(SPSI_LAMP_PIXELS));
-    q = spsi_max(q, spsi_sqrt(spsi_dot_v(foot, foot)));
-    *irradiance = spsi_mean_inverse_square(q, s, half);
-    for (int end = 0; end < 2; ++end) {
-        for (int i = 0; i < 3; ++i)
-            ends[end][i] = spsi_fma(half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), travel[i]);
-        square = spsi_max(spsi_dot_v(ends[end], ends[end]), spsi_set(FLT_MIN));
-        for (int i = 0; i < 3; ++i) ends[end][i] = spsi_div(ends[end][i], spsi_sqrt(square));
-    }
-    for (int i = 0; i < 3; ++i) travel[i] = spsi_add(ends[0][i], ends[1][i]);
-    square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
-    for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
-}
-
-/* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
-static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
-                          spsi_v carried, spsi_v radiance[3]) {
-    spsi_v travel[3], irradiance;
-    spsi_lamp_at(shader, lamp, p, part, travel, &irradiance);
-    irradiance = spsi_mul(irradiance, carried);
-    for (int m = 0; m < shader->frame->material_count; ++m) {
-        const spsi_material *material = &shader->frame->materials[m];
-        spsi_v response[3], share;
-        if (!material->scatters) continue;
-        share = spsi_mul(irradiance, part->samples[m].depth);
-        spsi_sample_response(material, &part->samples[m], p->toward, travel, response);
-        for (int c = 0; c < shader->frame->channels; ++c)
-            radiance[c] =
-                spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(lamp->color[c])),
-                                               spsi_set(SPSI_RADIANCE_MAX)));
-    }
-}
-
-/* The shares of the parts of a ray's way through a slab that polygons leave in the light: a shadow's edge may cross the
-   way sideways, so one look at the whole would not do. */
-static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
-                            const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
-    const int backwards = shader->sweep->back_to_front;
-    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
-    for (int i = 0; i < SPSI_PARTS; ++i) lit[i] = spsi_set(1);
-    for (int face = 0; face < map->face_count; ++face) {
-        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, from, to)) continue;
-        for (int i = 0; i < SPSI_PARTS; ++i) {
-            const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
-            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, d0, d1));
-        }
-    }
-    if (slab->part_count > 1) return;
-    for (int i = 1; i < SPSI_PARTS; ++i) lit[0] = spsi_add(lit[0], lit[i]);
-    lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
-}
-
-/* What a light is when it enters and leaves a slab where the ray does. */
-static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
-                            const spsi_slab *slab, spsi_arrival *arrival) {
-    const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1);
-    const spsi_v a1 = spsi_lookup_light(shader, shadow, p, slab->k + 1, d1);
-    spsi_v a0 = arrival->plane_light;
-    if (arrival->plane != slab->k)
-        a0 = spsi_lookup_light(shader, shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
-    arrival->plane = slab->k + 1;
-    arrival->plane_light = a1;
-    arrival->light[0] = spsi_mix(a0, a1, slab->first);
-    arrival->light[1] = spsi_mix(a0, a1, slab->last);
-    spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
-}
-
-/* Light of one of the sweep's lights: through its planes or its map, ended by polygons. Within a slab, what is in the
-   light's way grows as what is in the eye's does: both are the same matter. */
-static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                              const spsi_pixels *p, const spsi_part *part, spsi_v radiance[3]) {
-    const spsi_v lit = arrival->lit[part->number], end_share = spsi_mix(part->first, part->last, lit);
-    spsi_v start, end;
-    if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
-    start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
-    end = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
-    spsi_add_lamp(shader, p, part, shadow->lamp, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
-}
-
-/* Ambient light, emission, and lights without shadow. */
-static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
-                                spsi_v radiance[3]) {
-    const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
-    for (int m = 0; m < shader->frame->material_count; ++m) {
-        const spsi_material *material = &shader->frame->materials[m];
-        const spsi_sample *sample = &part->samples[m];
-        for (int c = 0; c < shader->frame->channels; ++c) {
-            spsi_v sent = spsi_set(0);
-            if (material->scatters && shader->frame->has_ambient)
-                sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(shader->frame->ambient[c]));
-            if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
-            radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
-        }
-    }
-    for (int i = 0; i < shader->frame->lamp_count; ++i)
-        if (!shader->frame->lamps[i].shadows) spsi_add_lamp(shader, p, part, &shader->frame->lamps[i], mean, radiance);
-}
-
-/* --- polygons: one pixel at a time, in double precision --- */
-
-/* As spsi_bilinear, for one place. */
-static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
-    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
-    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
-    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
-    const double fx = cx - ix, fy = cy - iy;
-    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
-    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
-}
-
-/* Optical depth between a light and a point, by its map or the planes of the chunk at hand. */
-static double spsi_light_depth(const spsi_shader *shader, const spsi_shadow *shadow, const double point[3]) {
-    const spsi_sweep *sweep = shader->sweep;
-    const spsi_planes *planes = shader->planes;
-    double q[3], slab, before, after, lit;
-    float depth;
-    int k;
-    if (shadow->tmap) {
-        spsi_tmap_at(shadow->tmap, 1, point, &depth, &lit);
-        return (double)depth;
-    }
-    if (!planes->width) return 0;
-    spsi_project(&sweep->rays, point, q);
-    if (sweep->rays.perspective && !(q[2] > 0)) return 0;
-    slab = fmin(fmax(spsi_slab_at(&sweep->slabs, point) - shader->first_slab, 0), SPSI_CHUNK);
-    k = spsi_least((int)slab, SPSI_CHUNK - 1);
-    before = spsi_bilinear_at(planes->depth[k], planes->width, planes->height, q[0], q[1]);
-    after = spsi_bilinear_at(planes->depth[k + 1], planes->width, planes->height, q[0], q[1]);
-    return before + (slab - k) * (after - before);
-}
-
-/* The way from a point to a light, in lengths that a packet's reach counts in. */
-static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
-    if (lamp->is_point) {
-        spsi_along(lamp->position, point, -1, toward);
-        return;
-    }
-    spsi_lamp_direction(lamp, point, toward);
-    for (int i = 0; i < 3; ++i) toward[i] = -toward[i];
-}
-
-/* Irradiance per unit of a light's colour on a surface, before any shadow. The shading normal alone decides which side
-   is lit; asking the facet too would draw its outline where light grazes a curved mesh. */
-static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
-    double toward[3], square, cosine;
-    spsi_toward_lamp(lamp, surface->point, toward);
-    cosine = spsi_dot(surface->normal, toward);
-    if (!(cosine > 0)) return 0;
-    square = fmax(spsi_dot(toward, toward), DBL_MIN);
-    cosine /= sqrt(square) * spsi_length(surface->normal);
-    return lamp->is_point ? cosine / square : cosine;
-}
-
-/* Reflectance where a pixel meets a face. */
-static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, double colour[3]) {
-    const spsi_face *face = &faces->list[hit->face];
-    double w[3];
-    spsi_hit_weights(hit, w);
-    for (int c = 0; c < 3; ++c)
-        colour[c] =
-            w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
-}
-
-/* Whether a pixel's polygon is lit by a light. */
-typedef enum spsi_surface_sight {
-    SPSI_SURFACE_AWAY = 0, /* no polygon, or turned away from the light: no ray was traced */
-    SPSI_SURFACE_LIT,
-    SPSI_SURFACE_SHADED
-} spsi_surface_sight;
-
-#define SPSI_SIGHT_BLOCK 4  /* pixels on a side of a block, whose rays are a packet */
-#define SPSI_SIGHT_TILE  32 /* on a side of a task's: they meet much the same boxes and faces */
-
-typedef struct spsi_sight_job {
-    const spsi_frame *frame;
-    const spsi_faces *faces;
-    const spsi_hit *hits;
-    const spsi_lamp *lamp;
-    double toward[3]; /* a direction's way to the light */
-    unsigned char *lit;
-} spsi_sight_job;
-
-/* Traces the rays of those pixels of a block that are in the region. */
-static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
-    const int width = job->frame->eye.width, is_direction = !job->lamp->is_point;
-    const int *region = job->frame->view.region;
-    const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
-    const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
-    spsi_packet packet;
-    int asked;
-    spsi_packet_begin(job->faces, is_direction, 1, &packet);
-    for (int y = spsi_most(y0, region[1]); y < y1; ++y)
-        for (int x = spsi_most(x0, region[0]); x < x1; ++x) {
-            const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
-            spsi_surface surface;
-            double toward[3];
-            if (hit->face < 0) continue;
-            spsi_surface_at(&job->frame->eye, job->faces, hit, x, y, &surface);
-            if (!(spsi_surface_irradiance(job->lamp, &surface) > 0)) continue;
-            memcpy(toward, job->toward, sizeof toward);
-            if (!is_direction) spsi_along(job->lamp->position, surface.start, -1, toward);
-            spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start, toward,
-                            &packet);
-        }
-    asked = packet.open;
-    if (!asked) return;
-    spsi_packet_trace(job->faces, &packet);
-    for (int at = 0; at < SPSI_PACKET; ++at)
-        if (asked >> at & 1)
-            job->lit[(size_t)(y0 + at / SPSI_SIGHT_BLOCK) * (size_t)width + (size_t)(x0 + at % SPSI_SIGHT_BLOCK)] =
-                packet.open >> at & 1 ? SPSI_SURFACE_LIT : SPSI_SURFACE_SHADED;
-}
-
-/* Tiles of the image that a region's columns or rows are in. */
-static int spsi_sight_tiles(int first, int pixels) {
-    return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
-}
-
-/* One tile of blocks. These are aligned to the image, not to the region: within rounding, the rays that share a packet
-   decide which faces each is tested against. */
-static void spsi_sight_task(void *data, int index, int worker) {
-    const spsi_sight_job *job = (const spsi_sight_job *)data;
-    const int *region = job->frame->view.region;
-    const int columns = spsi_sight_tiles(region[0], region[2]);
-    const int x0 = (region[0] / SPSI_SIGHT_TILE + index % columns) * SPSI_SIGHT_TILE;
-    const int y0 = (region[1] / SPSI_SIGHT_TILE + index / columns) * SPSI_SIGHT_TILE;
-    (void)worker;
-    for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
-        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK) spsi_sight_block(job, x, y);
-}
-
-/* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. */
-static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
-                       const spsi_lamp *lamp, unsigned char *lit) {
-    const int *region = frame->view.region;
-    const double start = spsi_clock(context);
-    spsi_sight_job job;
-    job.frame = frame;
-    job.faces = faces;
-    job.hits = hits;
-    job.lamp = lamp;
-    job.lit = lit;
-    memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
-    spsi_toward_lamp(lamp, frame->mesh_bounds.low, job.toward);
-    spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
-                  spsi_sight_task, &job);
-    for (int y = region[1]; y < region[1] + region[3]; ++y)
-        for (int x = region[0]; x < region[0] + region[2]; ++x)
-            context->stats.shadow_rays +=
-                job.lit[(size_t)y * (size_t)frame->eye.width + (size_t)x] != SPSI_SURFACE_AWAY;
-    context->stats.seconds_shadow_rays += spsi_clock(context) - start;
-}
-
-/* The sweep's shadow of a light; NULL: another sweep's, or it casts none. */
-static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_lamp *lamp) {
-    for (int i = 0; i < shader->shadow_count; ++i)
-        if (shader->shadows[i].lamp == lamp) return &shader->shadows[i];
-    return NULL;
-}
-
-static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
-    const spsi_frame *frame = shader->frame;
-    const size_t at = (size_t)y * (size_t)frame->eye.width + (size_t)x;
-    double colour[3];
-    spsi_surface surface;
-    spsi_surface_at(&frame->eye, shader->faces, &shader->hits[at], x, y, &surface);
-    spsi_surface_colour(shader->faces, &shader->hits[at], colour);
-    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * frame->ambient[c] : 0;
-    for (int i = 0; i < frame->lamp_count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps[i];
-        const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
-        double arrives;
-        if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT : !shader->sweep->first || lamp->shadows) continue;
-        arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
-        if (shadow && arrives > 0) arrives *= exp(-spsi_light_depth(shader, shadow, surface.point));
-        for (int c = 0; c < 3; ++c)
-            radiance[c] += (float)fmin(colour[c] * arrives * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
-    }
-}
-
-/* Adds the polygons of a vector of pixels whose slab lies in [low, high) to what the ray has gathered, and makes the
-   ray opaque. */
-static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
-                              spsi_gathered *sum) {
-    const spsi_m here =
-        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
-    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
-    float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
-    if (!bits) return;
-    for (int i = 0; i < width; ++i)
-        if (bits >> i & 1) {
-            float sent[3];
-            spsi_surface_radiance(shader, p->line.x + i, p->line.y, sent);
-            for (int c = 0; c < 3; ++c) lanes[c][i] = sent[c];
-            opaque[i] = SPSI_DEPTH_MAX;
-        }
-    for (int c = 0; c < shader->frame->channels; ++c)
-        sum->radiance[c] = spsi_fma(spsi_load(lanes[c]), open, sum->radiance[c]);
-    {
-        const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
-        const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->eye.depth_reference));
-        const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
-        sum->distance = spsi_fma(is, d, sum->distance);
-        sum->depth = spsi_min(spsi_add(sum->depth, covered), spsi_set(SPSI_DEPTH_MAX));
-    }
-}
-
-/* --- a tile --- */
-
-/* What a worker puts down while it shades. */
-typedef struct spsi_scratch {
-    spsi_sample *samples;   /* one per material and part */
-    spsi_arrival *arrivals; /* one per shadow */
-} spsi_scratch;
-
-/* Reads slab k of a vector of pixels; returns 0 if it holds nothing. */
-static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
-                           spsi_slab *slab) {
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
-    const size_t at = (size_t)(k + margin) * tile->sheet_size +
-                      (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
-    const spsi_v zero = spsi_set(0), whole = spsi_abs(p->line.scale);
-    spsi_v any = zero, way;
-    for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
-    if (!spsi_bits(spsi_less(zero, any))) return 0;
-    slab->k = k;
-    spsi_slab_range(shader, &p->line, k, &slab->enter, &slab->leave);
-    way = spsi_sub(slab->leave, slab->enter);
-    if (!spsi_bits(spsi_less(zero, way))) return 0;
-    slab->first = zero;
-    slab->last = spsi_set(1);
-    if (spsi_bits(spsi_less(way, spsi_mul(whole, spsi_set(0.999f))))) {
-        const spsi_v a = spsi_plane_depth(&p->line, k);
-        const spsi_v from =
-            spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
-        slab->first = spsi_clamp(from, zero, spsi_set(1));
-        slab->last = spsi_clamp(spsi_add(from, spsi_div(way, whole)), slab->first, spsi_set(1));
-    }
-    slab->depth = zero;
-    for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = zero;
-    for (int m = 0; m < count; ++m)
-        if (shader->frame->materials[m].table)
-            spsi_samples_classified(shader, tile, p, m, slab);
-        else
-            spsi_samples_gas(&shader->frame->materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m, slab);
-    for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
-    if (!shader->frame->emits && !spsi_bits(spsi_less(zero, slab->depth))) return 0; /* values without extinction */
-    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
-        spsi_slab_light(shader, &shader->shadows[i], p, slab, &slab->arrivals[i]);
-    return 1;
-}
-
-/* The i-th part of a slab behind which (front to back), or in front of which, the ray has gathered `depth`. The first
-   part begins where the one before, `part` itself, has ended. */
-static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
-    const int backwards = shader->sweep->back_to_front;
-    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
-    const float count = (float)slab->part_count;
-    const spsi_v share = spsi_div(slab->part_depth[i], spsi_max(slab->depth, spsi_set(FLT_MIN)));
-    part->samples = slab->samples + i * slab->material_count;
-    part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
-    part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
-    part->depth = slab->part_depth[i];
-    part->first = i > 0 ? part->last : spsi_set(0);
-    part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
-    part->number = i;
-    part->before = backwards ? part->depth : depth;
-    part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
-}
-
-/* Composites one part of a slab. */
-static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
-                          spsi_gathered *sum) {
-    const spsi_v zero = spsi_set(0);
-    if (shader->sweep->back_to_front) {
-        const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
-        for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
-        sum->distance = spsi_mul(sum->distance, through);
-    }
-    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
-        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sum->radiance);
-    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
-    if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
-        const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
-        const spsi_v ahead = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
-        const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead, part->middle);
-        const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->eye.depth_reference));
-        sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
-    }
-    sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
-}
-
-/* A chunk of slabs, or, with a slab_count of 0, polygons only, in a tile that is being shaded. `low` and `high` bound,
-   in slabs from the very first, the polygons that belong to it. */
-typedef struct spsi_shading {
-    const spsi_shader *shader;
-    const spsi_tile *tile;
-    spsi_scratch scratch;
-    int slab_count;
-    float low, high;
-} spsi_shading;
-
-/* Composites slab k of a vector of `width` pixels, and the polygons in it; returns 0 if it held nothing. */
-static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int width, int k, spsi_slab *slab,
-                         spsi_gathered *sum) {
-    const spsi_shader *shader = shading->shader;
-    const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
-    const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
-    const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, shading->tile, p, k, slab);
-    spsi_part part;
-    if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
-    for (int i = 0; i < slab->part_count && held; ++i) {
-        spsi_part_build(shader, slab, i, sum->depth, &part);
-        if (shader->frame->emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, p, slab, &part, sum);
-    }
-    if (shader->hits && !backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
-    return held;
-}
-
-static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
-    sum->depth = spsi_load(shader->depth + from);
-    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all the same */
-    sum->distance = shader->distance ? spsi_load(shader->distance + from) : spsi_set(0);
-}
-
-static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi_gathered *sum) {
-    spsi_store(shader->depth + to, sum->depth);
-    for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->radiance[c] + to, sum->radiance[c]);
-    if (shader->distance) spsi_store(shader->distance + to, sum->distance);
-}
-
-/* Ends the rays that little comes through any more before plane k: what is left is taken as seen there, so that no
-   bright background shines through, and what is still added to them counts for nothing. Returns 0 if all have ended. */
-static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
-    const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
-    const int bits = spsi_bits(open);
-    if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
-        const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
-                                  spsi_set((float)shader->frame->eye.depth_reference));
-        const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-        sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
-        sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
-    }
-    return bits != 0;
-}
-
-/* Composites a chunk on a vector of `width` pixels. Returns the number of slabs that held something, times pixels. */
-static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
-    const spsi_shader *shader = shading->shader;
-    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-    spsi_gathered sum;
-    spsi_pixels p;
-    spsi_slab slab;
-    int held = 0;
-    slab.samples = shading->scratch.samples;
-    slab.arrivals = shading->scratch.arrivals;
-    slab.material_count = shader->frame->material_count;
-    slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
-    for (int i = 0; i < shader->shadow_count; ++i) slab.arrivals[i].plane = -1;
-    spsi_pixels_build(shader, x, y, &p);
-    for (int i = 0; i < 4 * shader->frame->gradient_reach && shading->slab_count > 0; ++i) {
-        const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
-        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &p.around[i]);
-    }
-    spsi_gathered_load(shader, at, &sum);
-    for (int k = 0; k < shading->slab_count; ++k) {
-        held += width * spsi_add_slab(shading, &p, width, k, &slab, &sum);
-        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &p, k + 1, &sum)) break;
-    }
-    if (shading->slab_count == 0) spsi_add_surfaces(shader, &p, width, shading->low, shading->high, &sum);
-    spsi_gathered_store(shader, at, &sum);
-    return held;
-}
-
-/* ================================================================================================ >>sweep
-   20 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
-   light's have just written. Chunks that hold nothing cost next to nothing; pixels of patches whose rays have all ended
-   are not shaded. */
-
-/* The tiles of the image that the region to render touches. */
-typedef struct spsi_region {
-    int x0, y0, columns, rows; /* in tiles */
-    uint64_t *open;            /* per tile: its patches whose rays have not all ended */
-    float (*polygon_range)[3]; /* per tile: slab coordinates of its polygons, and their least depth */
-} spsi_region;
-
-/* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
-typedef struct spsi_run {
-    sps_context *context;
-    const spsi_frame *frame;
-    const spsi_sweep *sweep;
-    spsi_contents contents;
-    spsi_target eye, light; /* light: where the sweep has planes */
-    spsi_target *targets[2];
-    int target_count;
-    spsi_planes planes;
-    spsi_light_shader light_shader;
-    spsi_shader shader;
-    spsi_shadow *shadows;
-    spsi_sample *samples;   /* one per material and part, per worker */
-    spsi_arrival *arrivals; /* one per shadow, per worker */
-    uint64_t *shaded;       /* per worker: pixels times slabs */
-    int slab_count;         /* to composite in this chunk; 0: polygons only */
-    float low, high;        /* polygons between these slab coordinates belong to this chunk */
-    spsi_region region;
-} spsi_run;
-
-static void spsi_light_task(void *data, int index, int worker) {
-    spsi_run *run = (spsi_run *)data;
-    spsi_planes *planes = &run->planes;
-    spsi_tile tile;
-    spsi_tile_place(&run->light, index % planes->tiles_x, index / planes->tiles_x, worker, &tile);
-    tile.open = planes->open[index];
-    if (!tile.open ||
-        !spsi_tile_splat(&run->light, &run->contents, index % planes->tiles_x, index / planes->tiles_x, &tile)) {
-        spsi_planes_level(planes, index);
-        return;
-    }
-    spsi_light_accumulate(&run->light_shader, &tile, planes);
-    planes->open[index] =
-        spsi_patches_open(planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)planes->width + (size_t)tile.x0,
-                          (size_t)planes->width, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, SPSI_LIGHT_END);
-    planes->uneven[index] = 1;
-    spsi_tile_count(&run->light, &tile, worker);
-}
-
-static void spsi_level_task(void *data, int index, int worker) {
-    (void)worker;
-    spsi_planes_level(&((spsi_run *)data)->planes, index);
-}
-
-/* The patches of a tile of the image whose rays have not all ended. */
-static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
-    const spsi_shader *shader = &run->shader;
-    const size_t at = (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
-    return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
-                             spsi_least(SPSI_TILE_WIDTH, run->frame->eye.width - x0),
-                             spsi_least(SPSI_TILE_HEIGHT, run->frame->eye.height - y0), shader->end_depth);
-}
-
-/* Cuts a tile's sections at polygons and at the near plane, where either may lie in the chunk. */
-static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
-    const spsi_rays *eye = &run->frame->eye;
-    const float *range = run->region.polygon_range[index];
-    if (range[0] <= range[1]) {
-        tile->limits = run->shader.hits;
-        tile->limit_width = eye->width;
-        tile->limit_height = eye->height;
-        tile->nearest_limit = range[2];
-        tile->clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
-    }
-    if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
-}
-
-static void spsi_eye_task(void *data, int index, int worker) {
-    spsi_run *run = (spsi_run *)data;
-    const spsi_region *region = &run->region;
-    const int column = region->x0 + index % region->columns, row = region->y0 + index / region->columns;
-    const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
-    const int width = run->frame->eye.width, height = run->frame->eye.height;
-    const float *range = region->polygon_range[index];
-    const int polygons = range[0] < run->high && range[1] >= run->low;
-    int touched = 0;
-    spsi_tile tile;
-    spsi_shading shading;
-    if (!region->open[index]) return;
-    spsi_tile_place(&run->eye, column, row, worker, &tile);
-    tile.open = region->open[index];
-    spsi_tile_limit(run, index, &tile);
-    if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
-    if (!touched && !polygons) return;
-    shading.shader = &run->shader;
-    shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS);
-    shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
-    shading.slab_count = touched ? SPSI_CHUNK : 0;
-    shading.low = run->low;
-    shading.high = run->high;
-    for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
-        for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
-            if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
-                run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
-    spsi_tile_count(&run->eye, &tile, worker);
-    if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
-}
-
-/* The slab coordinates of the polygons in a tile and its margin, and their least depth. */
-static void spsi_polygon_range_task(void *data, int index, int worker) {
-    spsi_run *run = (spsi_run *)data;
-    spsi_region *region = &run->region;
-    const int margin = run->eye.shape.margin;
-    const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
-    const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
-    const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
-    const int x1 = spsi_least(run->frame->eye.width, left + SPSI_TILE_WIDTH + margin);
-    const int y1 = spsi_least(run->frame->eye.height, top + SPSI_TILE_HEIGHT + margin);
-    float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
-    (void)worker;
-    for (int y = y0; y < y1 && run->shader.hits; ++y)
-        for (int x = x0; x < x1; x += SPSI_LANES) {
-            float lanes[SPSI_LANES], depths[SPSI_LANES];
-            const int width = spsi_least(SPSI_LANES, x1 - x);
-            spsi_pixels p;
-            spsi_pixels_build(&run->shader, x, y, &p);
-            spsi_store(lanes, p.polygon_slab);
-            spsi_store(depths, p.line.polygon);
-            for (int i = 0; i < width; ++i)
-                if (depths[i] < SPSI_INFINITY) {
-                    low = lanes[i] < low ? lanes[i] : low;
-                    high = lanes[i] > high ? lanes[i] : high;
-                    nearest = depths[i] < nearest ? depths[i] : nearest;
-                }
-        }
-    region->polygon_range[index][0] = low;
-    region->polygon_range[index][1] = high;
-    region->polygon_range[index][2] = nearest;
-    region->open[index] = ~UINT64_C(0);
-}
-
-/* --- setting up a sweep --- */
-
-static sps_result spsi_run_planes(sps_context *context, spsi_run *run) {
-    const spsi_sweep *sweep = run->sweep;
-    spsi_planes *planes = &run->planes;
-    const size_t texels = spsi_ray_count(&sweep->rays);
-    float *memory;
-    size_t tiles;
-    planes->width = planes->height = planes->tiles_x = planes->tiles_y = 0;
-    if (!sweep->lamp || !spsi_holds_gas(context, run->frame) || !run->frame->extinguishes) return SPS_OK;
-    planes->tiles_x = spsi_tile_columns(&sweep->rays);
-    planes->tiles_y = spsi_tile_rows(&sweep->rays);
-    tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* a tile's number and flag take less than one more texel */
-    planes->open =
-        (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, (SPSI_CHUNK + 1) * sizeof(float));
-    if (!planes->open) return context->result;
-    memory = (float *)(void *)(planes->open + tiles);
-    planes->width = sweep->rays.width;
-    planes->height = sweep->rays.height;
-    for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
-    planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
-    memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
-    memset(planes->uneven, 0, tiles);
-    memset(planes->open, 0xff, tiles * sizeof *planes->open);
-    return SPS_OK;
-}
-
-/* The eye, and the light whose planes the sweep has. */
-static sps_result spsi_run_targets(sps_context *context, spsi_run *run) {
-    const spsi_frame *frame = run->frame;
-    const spsi_sweep *sweep = run->sweep;
-    run->targets[0] = &run->eye;
-    run->targets[1] = &run->light;
-    run->target_count = run->planes.width > 0 ? 2 : 1;
-    if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye)) return context->result;
-    if (run->target_count == 1) return SPS_OK;
-    spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &run->light_shader);
-    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->light_cut, &run->light);
-}
-
-/* The i-th coordinate in what a shadow looks up, along the eye's rays; `axis` is the world's. */
-static void spsi_shadow_linear(const spsi_run *run, int i, const double axis[3], spsi_shadow *shadow) {
-    const spsi_rays *eye = &run->frame->eye, *light = &run->sweep->rays;
-    spsi_depth_map *map = &shadow->depth_map;
-    if (shadow->tmap) {
-        const spsi_rays *rays = &shadow->tmap->rays[0];
-        const int whole = shadow->tmap->face_count > 1;
-        spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
-                          i == 2 && !whole ? -rays->depth_reference : 0, &shadow->along[i]);
-    } else if (run->planes.width) {
-        spsi_linear_build(eye, light->inverse[i], light->origin, 0, &shadow->along[i]);
-    }
-    for (int face = 0; face < map->face_count; ++face)
-        spsi_linear_build(eye, map->rays[face].inverse[i], map->rays[face].origin,
-                          i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
-}
-
-/* The linear quantities that shading looks up along the eye's rays. */
-static void spsi_run_linears(spsi_run *run) {
-    const spsi_frame *frame = run->frame;
-    spsi_shader *shader = &run->shader;
-    spsi_linear_of_slabs(&frame->eye, &run->sweep->slabs, &shader->slab);
-    spsi_ray_point(&frame->eye, 0.5 * frame->eye.width, 0.5 * frame->eye.height, frame->eye.depth_reference,
-                   shader->position_origin);
-    for (int i = 0; i < 3; ++i) {
-        double axis[3] = {0, 0, 0};
-        axis[i] = 1;
-        spsi_linear_build(&frame->eye, axis, shader->position_origin, 0, &shader->position[i]);
-        for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_linear(run, i, axis, &run->shadows[n]);
-    }
-}
-
-/* The region's tiles, and where their pixels are kept. */
-static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
-    const int *pixels_of = run->frame->view.region;
-    const int x1 = (pixels_of[0] + pixels_of[2] - 1) / SPSI_TILE_WIDTH;
-    const int y1 = (pixels_of[1] + pixels_of[3] - 1) / SPSI_TILE_HEIGHT;
-    const size_t planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
-    spsi_region *region = &run->region;
-    spsi_shader *shader = &run->shader;
-    size_t tiles, pixels;
-    float *memory;
-    region->x0 = pixels_of[0] / SPSI_TILE_WIDTH;
-    region->y0 = pixels_of[1] / SPSI_TILE_HEIGHT;
-    region->columns = x1 - region->x0 + 1;
-    region->rows = y1 - region->y0 + 1;
-    tiles = (size_t)region->columns * (size_t)region->rows;
-    pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
-    region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, sizeof(uint64_t) + 3 * sizeof(float));
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
-    if (!region->open || !memory) return context->result;
-    memset(memory, 0, pixels * planes * sizeof(float));
-    region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
-    shader->x_origin = region->x0 * SPSI_TILE_WIDTH;
-    shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
-    shader->pitch = region->columns * SPSI_TILE_WIDTH;
-    shader->depth = memory;
-    for (int c = 0; c < 3; ++c)
-        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
-    shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
-    return SPS_OK;
-}
-
-/* What the workers write down while they shade. */
-static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
-    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES,
-                                                       run->frame->material_count * SPSI_PARTS, sizeof *run->samples);
-    run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
-                                                         sizeof *run->arrivals);
-    run->shaded = (uint64_t *)(void *)(run + 1); /* there is room for it behind */
-    memset(run->shaded, 0, (size_t)spsi_worker_count(context) * sizeof *run->shaded);
-    return run->samples && run->arrivals ? SPS_OK : context->result;
-}
-
-/* Bytes of a run and of what follows it. */
-static size_t spsi_run_bytes(const sps_context *context) {
-    return sizeof(spsi_run) + (size_t)spsi_worker_count(context) * sizeof(uint64_t);
-}
-
-/* Fills the run for one sweep. */
-static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                 const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run) {
-    spsi_shader *shader = &run->shader;
-    run->context = context;
-    run->frame = frame;
-    run->sweep = sweep;
-    shader->frame = frame;
-    shader->sweep = sweep;
-    shader->faces = faces;
-    shader->planes = &run->planes;
-    shader->shadows = run->shadows;
-    shader->hits = faces->count > 0 ? hits : NULL;
-    shader->unshadowed =
-        sweep->first && (frame->has_ambient || frame->emits || frame->lamp_count > frame->shadow_count);
-    shader->end_depth = (float)-log(frame->threshold);
-    if (spsi_run_planes(context, run) || spsi_run_targets(context, run)) return context->result;
-    spsi_run_linears(run);
-    if (spsi_run_region(context, run) || spsi_run_scratch(context, run) ||
-        spsi_contents_build(context, run->targets, run->target_count, &run->contents) ||
-        spsi_contents_add_particles(context, run->targets, run->target_count, &run->contents))
-        return context->result;
-    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
-    return SPS_OK;
-}
-
-/* --- running it --- */
-
-static int spsi_run_finished(const spsi_run *run) {
-    for (int i = 0; i < run->region.columns * run->region.rows; ++i)
-        if (run->region.open[i]) return 0;
-    return 1;
-}
-
-/* Composites the polygons of a stretch of slabs that holds no voxels. */
-static void spsi_run_polygons(spsi_run *run, float low, float high) {
-    if (!run->shader.hits || !(low < high)) return;
-    run->slab_count = 0;
-    run->low = low;
-    run->high = high;
-    spsi_parallel(run->context, run->planes.tiles_x * run->planes.tiles_y, spsi_level_task, run);
-    spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);
-}
-
-/* Splats and composites the chunk at hand. */
-static void spsi_run_chunk(spsi_run *run) {
-    sps_context *context = run->context;
-    double start;
-    run->shader.first_slab = run->contents.first_slab;
-    run->slab_count = SPSI_CHUNK;
-    run->low = (float)run->shader.first_slab;
-    run->high = run->low + SPSI_CHUNK;
-    spsi_targets_take_particles(context, &run->contents, run->targets, run->target_count);
-    start = spsi_clock(context);
-    spsi_parallel(context, run->planes.tiles_x * run->planes.tiles_y, spsi_light_task, run);
-    context->stats.seconds_light += spsi_clock(context) - start;
-    spsi_parallel(context, run->region.columns * run->region.rows, spsi_eye_task, run);
-}
-
-/* Adds the workers' counts and the tiles' flags to the statistics. */
-static void spsi_run_count(spsi_run *run) {
-    sps_stats_report *stats = &run->context->stats;
-    for (int i = 0; i < spsi_worker_count(run->context); ++i) {
-        stats->eye_footprints += run->eye.counts[i][0];
-        stats->eye_fragments += run->eye.counts[i][1];
-        stats->pixels_shaded += run->shaded[i];
-        if (run->target_count == 1) continue;
-        stats->light_footprints += run->light.counts[i][0];
-        stats->light_fragments += run->light.counts[i][1];
-    }
-    for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
-}
-
-static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
-    sps_context *context = run->context;
-    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slabs.count : 0;
-    const int chunks = held ? spsi_chunk_count(&run->sweep->slabs) : 0;
-    float done = -SPSI_INFINITY;
-    context->stats.slabs += (uint64_t)slabs;
-    for (int chunk = 0; chunk < chunks; ++chunk) {
-        if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
-        spsi_contents_advance(&run->contents, chunk);
-        if (run->contents.bricks.current == 0 && run->contents.particles.current == 0) {
-            context->stats.slabs_empty += (uint64_t)spsi_least(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
-            continue;
-        }
-        spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
-        spsi_run_chunk(run);
-        done = (float)((chunk + 1) * SPSI_CHUNK);
-        if (spsi_run_finished(run)) break;
-    }
-    spsi_run_polygons(run, done, SPSI_INFINITY);
-    spsi_run_count(run);
-    return SPS_OK;
-}
-
-/* --- a light's depth map --- */
-
-/* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
-static int spsi_depth_map_size(const spsi_frame *frame) {
-    return spsi_most(frame->view.shadow_size, frame->depth_map_texels);
-}
-
-/* Cells on a side of a map of `size` texels. */
-static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
-
-/* The least depth in each cell and in the cells around it, from those of each alone. */
-static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const float *alone) {
-    const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
-    for (int row = 0; row < rows; ++row)
-        for (int column = 0; column < columns; ++column) {
-            float least = SPSI_INFINITY;
-            for (int y = spsi_most(row - 1, 0); y <= spsi_least(row + 1, rows - 1); ++y)
-                for (int x = spsi_most(column - 1, 0); x <= spsi_least(column + 1, columns - 1); ++x)
-                    least = spsi_lower(least, alone[y * columns + x]);
-            map->nearest[face][row * columns + column] = least;
-        }
-}
-
-static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
-    size_t floats = 0;
-    for (int face = 0; face < map->face_count; ++face) {
-        const spsi_rays *rays = &map->rays[face];
-        floats += 3 * spsi_ray_count(rays);
-        floats += 2 * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return floats;
-}
-
-/* Lays a depth map out in memory, and returns what is left of that. */
-static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
-    for (int face = 0; face < map->face_count; ++face) {
-        const spsi_rays *rays = &map->rays[face];
-        const size_t texels = spsi_ray_count(rays);
-        map->depths[face] = memory;
-        map->slopes[face][0] = memory + texels;
-        map->slopes[face][1] = memory + 2 * texels;
-        map->nearest[face] = memory + 3 * texels;
-        map->cells[face] = spsi_depth_map_cells(rays->width);
-        memory = map->nearest[face] + 2 * (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(rays->height);
-    }
-    return memory;
-}
-
-typedef struct spsi_planes_job {
-    const spsi_faces *faces;
-    const spsi_depth_map *map;
-    float *alone; /* per cell: the least depth in it */
-    int face;
-} spsi_planes_job;
-
-/* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from a
-   texel to the next, times t itself in perspective. */
-typedef struct spsi_map_plane {
-    int number; /* of its face; -1: none */
-    double a, b, normal[3];
-} spsi_map_plane;
-
-static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
-    const spsi_face *face = &faces->list[number];
-    double u[3], v[3];
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, plane->normal);
-    plane->a = spsi_dot(plane->normal, rays->a);
-    plane->b = spsi_dot(plane->normal, rays->b);
-    plane->number = number;
-}
-
-/* The slope -t (n.a) / (n.r), cut where the ray grazes the plane. */
-static float spsi_map_slope(double across, double facing, double t, double steepest) {
-    const double slope = -t * across / facing;
-    return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
-}
-
-/* Puts the slopes of one row's planes where the rasteriser has left the numbers of their faces, and lowers the row's
-   cells to the least that its planes come to within a texel. */
-static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
-    const spsi_depth_map *map = job->map;
-    const spsi_rays *rays = &map->rays[job->face];
-    const size_t first = (size_t)y * (size_t)rays->width;
-    const double texel = spsi_length(rays->a);
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}};
-    for (int x = 0; x < rays->width; ++x) {
-        float *along_x = &map->slopes[job->face][0][first + (size_t)x];
-        float *along_y = &map->slopes[job->face][1][first + (size_t)x];
-        const float depth = map->depths[job->face][first + (size_t)x];
-        double ray[3], facing, t = 1;
-        int number;
-        memcpy(&number, along_y, sizeof number);
-        *along_x = *along_y = 0;
-        if (number < 0) continue;
-        if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
-        spsi_ray_direction(rays, x, y, ray);
-        facing = spsi_dot(plane.normal, ray);
-        if (rays->perspective) t = (double)depth + rays->depth_reference;
-        *along_x = spsi_map_slope(plane.a, facing, t, SPSI_STEEP * t * texel);
-        *along_y = spsi_map_slope(plane.b, facing, t, SPSI_STEEP * t * texel);
-        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(*along_x) - fabsf(*along_y));
-    }
-}
-
-/* One row of cells. */
-static void spsi_planes_task(void *data, int index, int worker) {
-    const spsi_planes_job *job = (const spsi_planes_job *)data;
-    const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
-    float *cells = job->alone + (size_t)index * (size_t)columns;
-    (void)worker;
-    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
-    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y)
-        spsi_planes_row(job, y, cells);
-}
-
-/* Aims a light's depth map: one that is fitted to the gas, however far the polygons reach, or six where gas lies all
-   round a point light. */
-static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, spsi_depth_map *map) {
-    const int size = spsi_most(8, spsi_depth_map_size(frame));
-    map->face_count = 1;
-    if (spsi_rays_fit(lamp, &frame->volume_bounds, 1, size, size, &map->rays[0])) return;
-    map->face_count = SPSI_CUBE_FACES;
-    for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
-        spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
-}
-
-/* Rasterises the polygons into a depth map, as a light sees them in front of the gas. */
-static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
-    spsi_planes_job job;
-    job.faces = faces;
-    job.map = map;
-    for (job.face = 0; job.face < map->face_count; ++job.face) {
-        const spsi_rays *rays = &map->rays[job.face];
-        spsi_rasterise(context, faces, rays, NULL, map->depths[job.face], (int *)(void *)map->slopes[job.face][1]);
-        job.alone = map->nearest[job.face] + (size_t)map->cells[job.face] * (size_t)spsi_depth_map_cells(rays->height);
-        spsi_parallel(context, spsi_depth_map_cells(rays->height), spsi_planes_task, &job);
-        spsi_depth_map_spread(map, job.face, job.alone);
-    }
-}
-
-/* The depth maps by which polygons shade gas in a sweep's lights. Surfaces do not look them up. */
-static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                        spsi_shadow *shadows, int count) {
-    size_t floats = 0, more;
-    float *memory;
-    if (faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
-    for (int i = 0; i < count; ++i) {
-        spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
-        more = spsi_depth_map_floats(&shadows[i].depth_map);
-        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* which cannot be reserved */
-    }
-    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
-    if (!memory) return context->result;
-    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
-    for (int i = 0; i < count; ++i) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
-    return SPS_OK;
-}
-
-/* =========================================================================================== >>occluders
-   20 Filling transmittance maps. A band of tiles at a time, each tile a task of its own that takes volumes, particles
+/* =============================================================================================== >>tmaps
+   20 Transmittance maps: a light's texels, how they are filled and how they are asked. Each of up to six faces is a
+   grid of rays; u is the share of the way from near_depth to far_depth along t. Six faces share the rays of their
+   common edges, and t is the largest coordinate from the light, the same seen from either side: so nothing changes
+   suddenly from face to face. What is opaque is kept apart, as a depth per texel: no technique could hold it without
+   harm to all else. Filling goes a band of tiles at a time, each tile a task of its own that takes volumes, particles
    and triangles in their order, so that bits do not depend on the number of workers. What meets a vector of texels is
    always a vector of stretches; what becomes of it depends on the visit: sums of a technique that takes them in any
    order; the texel's range, before that, where the technique wants it; or a list that is first counted, then filled,
    sorted, and made into a curve to which the technique is fitted. Volumes are splatted into slabs perpendicular to the
    light's axis, which is one visit of all voxels for sums and two for the rest. Cost: occluders times texels under them
    times components; 4 bytes for each of these in a band of 64 rows, or 16 for each stretch in it. */
+
+#define SPSI_NO_SURFACE 1e30f /* u of none: no point is so far behind far_depth */
+#define SPSI_GUARD_BAND 0.05  /* of all depth, free at either end of a Fourier series, whose ends are neighbours */
+
+struct sps_tmap {
+    sps_context *context;
+    const spsi_technique *technique;
+    int light;                  /* whose shadow_map it is; -1: nobody's */
+    sps_tmap_settings settings; /* resolved */
+    sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
+    sps_view view;              /* the light's */
+    double matrix[16];          /* its camera's world_to_clip */
+    int has_components;         /* 1: the caller has said how many, 0: the technique */
+    int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
+    int has_vectors;            /* 1: vectors of texels are asked at once */
+    int face_count, replace_invalid;
+    int finished, failed;
+    spsi_rays rays[SPSI_CUBE_FACES];
+    double per_depth;        /* 1 / (far - near) */
+    double bias, bias_per_t; /* of surfaces, in t */
+    spsi_buffer planes;
+    spsi_buffer volumes, meshes, particles; /* as they were added, until the map is finished */
+    int volume_count, mesh_count, particles_count;
+    spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
+    spsi_buffer starts;   /* of lists: each texel's first item, and one more */
+    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
+};
+
+static size_t spsi_tmap_texel_count(const sps_tmap *map) {
+    return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
+}
+
+/* What a technique is asked by in one texel: its floats, the range apart, and u within that. */
+typedef struct spsi_texel {
+    const float *floats;
+    float u; /* below 0: before everything */
+} spsi_texel;
+
+static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
+    spsi_texel texel;
+    texel.floats = (const float *)map->texels.data + index * (size_t)map->settings.components;
+    texel.u = u;
+    if (!map->has_range) return texel;
+    {
+        const float first = texel.floats[0], length = texel.floats[1] - first;
+        texel.u = u < first ? -1 : length > 0 ? spsi_lower((u - first) / length, 1) : 1;
+        texel.floats += 2;
+    }
+    return texel;
+}
+
+/* Optical depth of gas before u in one texel. */
+static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
+    if (map->technique->lists) {
+        const uint32_t *starts = (const uint32_t *)map->starts.data + index;
+        const uint32_t count = starts[1] - starts[0];
+        return map->settings.technique == SPS_TMAP_DEEP
+                   ? spsi_stretches_depth((const spsi_stretch *)map->texels.data + starts[0], count, u)
+                   : spsi_compressed_depth((const spsi_node *)map->texels.data + starts[0], count, u);
+    }
+    {
+        const spsi_texel texel = spsi_tmap_texel(map, index, u);
+        return texel.u < 0 ? 0 : spsi_texel_depth(&map->inner, texel.floats, texel.u);
+    }
+}
+
+/* Bounds of that. */
+static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
+    bounds[0] = 0;
+    bounds[1] = SPSI_DEPTH_MAX;
+    if (map->settings.technique == SPS_TMAP_DEEP) {
+        bounds[0] = bounds[1] = spsi_tmap_depth(map, index, u);
+    } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
+        const float through = expf(-spsi_tmap_depth(map, index, u)), epsilon = map->inner.epsilon;
+        bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
+        bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
+    } else if (map->technique->bracket) {
+        const spsi_texel texel = spsi_tmap_texel(map, index, u);
+        bounds[1] = 0;
+        if (!(texel.u < 0)) map->technique->bracket(&map->inner, texel.floats, texel.u, bounds);
+    }
+}
+
+/* The four texels about a point. */
+typedef struct spsi_place_in_map {
+    int column[2], row[2]; /* rows of all faces, one below the other */
+    double weight[4], t;
+    float u;
+} spsi_place_in_map;
+
+static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *place, int i) {
+    return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
+}
+
+/* Returns 0 outside of the map, before near_depth, and for a point that is not finite. */
+static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
+    const int width = map->rays[0].width, height = map->rays[0].height;
+    double q[3], offset[3];
+    int x, y, face = 0;
+    if (map->face_count > 1) {
+        spsi_along(point, map->rays[0].origin, -1, offset);
+        face = spsi_cube_face_of(offset);
+    }
+    spsi_project(&map->rays[face], point, q);
+    if (!(fabs(q[0]) <= DBL_MAX && fabs(q[1]) <= DBL_MAX && fabs(q[2]) <= DBL_MAX)) return 0;
+    place->t = q[2];
+    place->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
+    if (!(place->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
+    if (map->face_count > 1) /* rounding must not lead out of the face */
+        q[0] = fmin(fmax(q[0], 0), width - 1), q[1] = fmin(fmax(q[1], 0), height - 1);
+    if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
+    x = (int)floor(q[0]);
+    y = (int)floor(q[1]);
+    for (int i = 0; i < 2; ++i) {
+        place->column[i] = spsi_least(spsi_most(x + i, 0), width - 1);
+        place->row[i] = face * height + spsi_least(spsi_most(y + i, 0), height - 1);
+    }
+    for (int i = 0; i < 4; ++i) place->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
+    return 1;
+}
+
+/* The share of the four texels whose surfaces do not come before the point. */
+static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
+    const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
+    const double u = (place->t - map->settings.near_depth) * map->per_depth; /* may be behind far_depth */
+    const float *surfaces = (const float *)map->surfaces.data;
+    double lit = 0, sum = 0;
+    if (!surfaces) return 1;
+    for (int i = 0; i < 4; ++i) {
+        sum += place->weight[i];
+        if (!((double)surfaces[spsi_place_texel(map, place, i)] + bias < u)) lit += place->weight[i];
+    }
+    return lit < sum ? lit / sum : 1;
+}
+
+/* The same of a vector of points, of which those outside of the map have no weights. */
+typedef struct spsi_places {
+    spsi_v column[2], row[2], weight[4], u;
+} spsi_places;
+
+/* Optical depth of gas before u in a vector of texels, looked up at once. */
+static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_texels texels;
+    spsi_v first, length, within;
+    texels.floats = (const float *)map->texels.data;
+    texels.stride = map->rays[0].width * map->settings.components;
+    texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
+    texels.y = row;
+    if (!map->has_range) return map->technique->depths(&map->inner, &texels, u);
+    first = spsi_texels_at(&texels, zero);
+    length = spsi_sub(spsi_texels_at(&texels, one), first);
+    within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
+    within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
+    texels.x = spsi_add(texels.x, spsi_set(2));
+    return spsi_select(spsi_less(u, first), zero, map->technique->depths(&map->inner, &texels, within));
+}
+
+/* The same, one texel after the other, but for those without weight. */
+static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+    float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
+    spsi_store(columns, column);
+    spsi_store(rows, row);
+    spsi_store(us, u);
+    spsi_store(weights, weight);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const size_t texel = (size_t)rows[i] * (size_t)map->rays[0].width + (size_t)columns[i];
+        us[i] = weights[i] > 0 ? spsi_tmap_depth(map, texel, us[i]) : 0;
+    }
+    return spsi_load(us);
+}
+
+/* The same in the way that the map allows for. */
+static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+    return map->has_vectors ? spsi_tmap_all_depths(map, column, row, u)
+                            : spsi_tmap_each_depth(map, column, row, u, weight);
+}
+
+/* Optical depth of gas at a vector of points: of four texels at the point's own u, not of what lies between their
+   depths. */
+static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 4; ++i) {
+        const spsi_v column = places->column[i & 1], row = places->row[i >> 1], weight = places->weight[i];
+        sum = spsi_fma(weight, spsi_tmap_texel_depths(map, column, row, places->u, weight), sum);
+    }
+    return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
+}
+
+/* Optical depth of gas at up to SPSI_LANES world points (packed triples), placed in double precision, and the shares of
+   light that surfaces leave. */
+static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
+    float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
+    float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
+    for (int n = 0; n < count; ++n) {
+        spsi_place_in_map place;
+        lit[n] = 1;
+        if (!spsi_tmap_locate(map, points + 3 * n, &place)) continue;
+        lit[n] = spsi_tmap_lit(map, &place);
+        for (int i = 0; i < 4; ++i) {
+            column[4 * n + i] = (float)place.column[i & 1];
+            row[4 * n + i] = (float)place.row[i >> 1];
+            weight[4 * n + i] = (float)place.weight[i];
+            u[4 * n + i] = place.u;
+        }
+    }
+    for (int i = 0; i < 4 * count; i += SPSI_LANES)
+        spsi_store(depth + i, spsi_tmap_texel_depths(map, spsi_load(column + i), spsi_load(row + i), spsi_load(u + i),
+                                                     spsi_load(weight + i)));
+    for (int n = 0; n < count; ++n) {
+        double sum = 0;
+        for (int i = 4 * n; i < 4 * n + 4; ++i) sum += (double)weight[i] * (double)depth[i];
+        depths[n] = (float)fmin(sum, (double)SPSI_DEPTH_MAX);
+    }
+}
+
+/* A vector of points as the rays of the faces that they lie in see them: x and y in texels, and t. */
+typedef struct spsi_seen_by_map {
+    spsi_v face, x, y, t;
+    spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
+} spsi_seen_by_map;
+
+static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_places *places) {
+    const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
+    const spsi_v x = spsi_clamp(seen->x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
+    const spsi_v y = spsi_clamp(seen->y, spsi_set(-1), spsi_set(height)), row = spsi_floor(y);
+    const spsi_m across = spsi_and(spsi_less(edge, x), spsi_less(x, spsi_set(width - 0.5f)));
+    const spsi_m down = spsi_and(spsi_less(edge, y), spsi_less(y, spsi_set(height - 0.5f)));
+    const spsi_m inside = spsi_and(seen->in_range, spsi_and(across, down));
+    const spsi_v right = spsi_sub(x, column), low = spsi_sub(y, row);
+    const spsi_v shares[2][2] = {{spsi_sub(one, right), right}, {spsi_sub(one, low), low}};
+    const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
+    for (int i = 0; i < 2; ++i) {
+        const spsi_v next = spsi_set((float)i);
+        places->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
+        places->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+    }
+    for (int i = 0; i < 4; ++i)
+        places->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
+}
+
+/* Points given in the coordinates of the map's only rays before any division, t counted from near_depth. */
+static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
+    const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
+    const spsi_v scale =
+        map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
+    /* room for rounding; what lies behind the light lies before near_depth, too */
+    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
+    seen->face = spsi_set(0);
+    seen->x = spsi_mul(q[0], scale);
+    seen->y = spsi_mul(q[1], scale);
+    seen->t = q[2];
+}
+
+/* Points given as world offsets from the light, seen through the one of six faces that each lies in. */
+static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
+    const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
+    const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
+    spsi_v axes[3], per_distance, distance; /* along the face's axis, and the two after it */
+    for (int i = 0; i < 3; ++i)
+        axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
+    distance = spsi_abs(axes[0]);
+    per_distance = spsi_div(half, spsi_max(distance, spsi_set(FLT_MIN * 16)));
+    seen->face = spsi_select(is_z, spsi_set(4), spsi_select(is_y, spsi_set(2), zero));
+    seen->face = spsi_add(seen->face, spsi_select(spsi_less(axes[0], zero), spsi_set(1), zero));
+    seen->x = spsi_mul(spsi_fma(axes[1], per_distance, half), last);
+    seen->y = spsi_mul(spsi_fma(axes[2], per_distance, half), last);
+    seen->t = spsi_sub(distance, spsi_set((float)map->settings.near_depth));
+    seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(seen->t, spsi_set((float)map->per_depth)));
+    seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
+}
+
+/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see, or of six faces
+   spsi_tmap_see_round, takes. Floats do within a picture. */
+static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
+    spsi_seen_by_map seen;
+    spsi_places places;
+    if (map->face_count > 1)
+        spsi_tmap_see_round(map, q, &seen);
+    else
+        spsi_tmap_see(map, q, &seen);
+    spsi_places_build(map, &seen, &places);
+    places.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
+    return spsi_tmap_depths(map, &places);
+}
+
+/* Optical depth, surfaces included, from that of gas and the share that surfaces leave. */
+static double spsi_depth_with_surfaces(double depth, double lit) {
+    return lit > 0 ? fmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
+}
+
+/* Certain bounds of the optical depth at a world point, surfaces included. */
+static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
+    spsi_place_in_map place;
+    double lit;
+    bracket[0] = bracket[1] = 0;
+    if (!spsi_tmap_locate(map, point, &place)) return;
+    for (int i = 0; i < 4; ++i) {
+        float bounds[2];
+        if (!(place.weight[i] > 0)) continue;
+        spsi_tmap_bounds(map, spsi_place_texel(map, &place, i), place.u, bounds);
+        for (int k = 0; k < 2; ++k) bracket[k] += place.weight[i] * (double)bounds[k];
+    }
+    lit = spsi_tmap_lit(map, &place);
+    for (int k = 0; k < 2; ++k) bracket[k] = spsi_depth_with_surfaces(bracket[k], lit);
+}
+
+/* --- filling one: tiles --- */
 
 typedef enum spsi_visit { SPSI_VISIT_RANGE, SPSI_VISIT_SUMS, SPSI_VISIT_COUNT, SPSI_VISIT_LIST } spsi_visit;
 
@@ -11062,6 +9661,294 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
 
+/* ============================================================================================== >>shadows
+   21 What keeps a lamp's light from gas and surfaces. Gas shades by sheets, which are filled as the eye's are, chunk by
+   chunk, and give the optical depth towards the lamp at the planes between slabs: plane k is what light has passed
+   through when it enters slab k. Or it shades by a transmittance map. A shadow begins with a sweep; it advances by a
+   chunk: its sheets are filled, and light propagates from slab to slab, tile by tile, since hard light stays within its
+   ray; and it is looked up at any place of the chunk at hand. Polygons shade gas by a depth map and each other by rays;
+   what lies behind an opaque one is dark, whatever the planes say there. Cost: 68 bytes per texel of the planes. */
+
+typedef struct spsi_planes {
+    float *depth[SPSI_CHUNK + 1]; /* width * height each */
+    int width, height, tiles_x, tiles_y;
+    int cubic;             /* 1: looked up by cubics: what is classified bends within a voxel */
+    uint64_t *open;        /* per tile: its patches that light still comes through */
+    unsigned char *uneven; /* per tile: its planes differ, so that they must be levelled before the next chunk */
+} spsi_planes;
+
+/* Bilinear look-up; outside of the grid the nearest edge value is used (the border of a light's planes is 0). */
+static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
+    const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
+    const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
+    const spsi_v ix = spsi_min(spsi_floor(cx), spsi_set((float)(width - 2)));
+    const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 2)));
+    const spsi_v fx = spsi_sub(cx, ix), fy = spsi_sub(cy, iy);
+    spsi_v quad[4];
+    spsi_lookup_quad(grid, width, ix, iy, quad);
+    return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
+}
+
+/* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
+static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
+    const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
+    weights[0] = spsi_mul(spsi_mul(spsi_set(-0.5f), t), uu);
+    weights[1] = spsi_fma(tt, spsi_fma(spsi_set(1.5f), t, spsi_set(-2.5f)), one);
+    weights[2] = spsi_fma(uu, spsi_fma(spsi_set(1.5f), u, spsi_set(-2.5f)), one);
+    weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
+}
+
+/* Look-up by cubics through 4 x 4 values, within the range of the four nearest so that nothing overshoots. What is
+   classified bends within a voxel: straight lines from texel to texel would lie above the bend everywhere, and darken
+   surfaces by 3 % where there is a texel a voxel. The grid is at least 4 x 4; its border is left to the values there.
+ */
+static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
+    const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
+    const spsi_v cy = spsi_clamp(y, spsi_set(1), spsi_set((float)(height - 2)));
+    const spsi_v ix = spsi_min(spsi_floor(cx), spsi_set((float)(width - 3)));
+    const spsi_v iy = spsi_min(spsi_floor(cy), spsi_set((float)(height - 3)));
+    spsi_v across[4], down[4], sum = spsi_set(0), low = spsi_set(SPSI_INFINITY), high = sum;
+    spsi_cubic_weights(spsi_sub(cx, ix), across);
+    spsi_cubic_weights(spsi_sub(cy, iy), down);
+    for (int r = 0; r < 4; ++r) {
+        spsi_v row = spsi_set(0);
+        for (int c = 0; c < 4; ++c) {
+            const spsi_v value = spsi_lookup(grid + (r - 1) * width + c - 1, width, ix, iy);
+            row = spsi_fma(across[c], value, row);
+            if (r == 0 || r == 3 || c == 0 || c == 3) continue;
+            low = spsi_min(low, value);
+            high = spsi_max(high, value);
+        }
+        sum = spsi_fma(down[r], row, sum);
+    }
+    return spsi_clamp(sum, low, high);
+}
+
+/* Adds a tile's sheets to the planes, slab after slab. */
+static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    for (int y = tile->y0; y <= tile->y1; ++y)
+        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
+            const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
+            const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+            const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
+            const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
+            const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
+            const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
+            const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
+            spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
+            for (int k = 0; k <= SPSI_CHUNK; ++k) {
+                spsi_store_first(planes->depth[k] + to, depth, count);
+                if (k == SPSI_CHUNK) break;
+                const spsi_v sheet = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size,
+                                                      length, per_slab, slabs);
+                const spsi_v behind = spsi_min(spsi_add(depth, sheet), spsi_set(SPSI_DEPTH_MAX));
+                depth = spsi_select(spsi_less(depth, spsi_set(SPSI_LIGHT_END)), behind, depth);
+            }
+        }
+}
+
+/* Sets all planes of a tile to the depth so far, if the last chunk touched it. */
+static void spsi_planes_level(spsi_planes *planes, int tile) {
+    const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
+    const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
+    if (!planes->uneven[tile]) return;
+    planes->uneven[tile] = 0;
+    for (int y = y0; y < spsi_least(planes->height, y0 + SPSI_TILE_HEIGHT); ++y)
+        for (int k = 0; k < SPSI_CHUNK; ++k) {
+            const size_t at = (size_t)y * (size_t)planes->width + (size_t)x0;
+            memcpy(planes->depth[k] + at, planes->depth[SPSI_CHUNK] + at, (size_t)width * sizeof(float));
+        }
+}
+
+/* The shadow of a lamp that has slabs of its own. */
+typedef struct spsi_sliced {
+    const spsi_contents *contents;
+    spsi_target target;
+    spsi_light_shader shader;
+    spsi_planes planes;
+} spsi_sliced;
+
+typedef enum spsi_shadow_kind {
+    SPSI_SHADOW_NONE, /* there is no gas that could shade */
+    SPSI_SHADOW_SHEETS,
+    SPSI_SHADOW_MAP
+} spsi_shadow_kind;
+
+typedef struct spsi_shadow {
+    const spsi_lamp *lamp;
+    spsi_shadow_kind kind;
+    const spsi_sliced *sliced; /* with sheets */
+    const sps_tmap *tmap;      /* with a map */
+    const unsigned char *lit;  /* whole image: spsi_surface_sight */
+    spsi_linear along[3];      /* coordinates that spsi_shadow_lookup takes, along the eye's rays */
+    spsi_depth_map depth_map;
+} spsi_shadow;
+
+/* --- sheets --- */
+
+static sps_result spsi_planes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
+                                    spsi_planes *planes) {
+    const size_t texels = spsi_ray_count(rays);
+    float *memory;
+    size_t tiles;
+    planes->tiles_x = spsi_tile_columns(rays);
+    planes->tiles_y = spsi_tile_rows(rays);
+    tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
+    /* a tile's number and flag take less than one more texel */
+    planes->open =
+        (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, (SPSI_CHUNK + 1) * sizeof(float));
+    if (!planes->open) return context->result;
+    memory = (float *)(void *)(planes->open + tiles);
+    planes->width = rays->width;
+    planes->height = rays->height;
+    planes->cubic = frame->classifies && rays->width >= 4 && rays->height >= 4;
+    for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
+    planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
+    memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
+    memset(planes->uneven, 0, tiles);
+    memset(planes->open, 0xff, tiles * sizeof *planes->open);
+    return SPS_OK;
+}
+
+static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                    const spsi_contents *contents, spsi_sliced *sliced) {
+    sliced->contents = contents;
+    spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
+    if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
+    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->light_cut, &sliced->target);
+}
+
+/* One tile: its sheets are filled, and light propagates through them. */
+static void spsi_sliced_task(void *data, int index, int worker) {
+    spsi_sliced *sliced = (spsi_sliced *)data;
+    spsi_planes *planes = &sliced->planes;
+    const int column = index % planes->tiles_x, row = index / planes->tiles_x;
+    spsi_tile tile;
+    spsi_tile_place(&sliced->target, column, row, worker, &tile);
+    tile.open = planes->open[index];
+    if (!tile.open || !spsi_tile_splat(&sliced->target, sliced->contents, column, row, &tile)) {
+        spsi_planes_level(planes, index);
+        return;
+    }
+    spsi_planes_propagate(planes, &sliced->shader, &tile);
+    planes->open[index] =
+        spsi_patches_open(planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)planes->width + (size_t)tile.x0,
+                          (size_t)planes->width, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, SPSI_LIGHT_END);
+    planes->uneven[index] = 1;
+    spsi_tile_count(&sliced->target, &tile, worker);
+}
+
+/* Goes on to the contents' chunk. */
+static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
+    const double start = spsi_clock(context);
+    spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_sliced_task, sliced);
+    context->stats.seconds_light += spsi_clock(context) - start;
+}
+
+static void spsi_level_task(void *data, int index, int worker) {
+    (void)worker;
+    spsi_planes_level(&((spsi_sliced *)data)->planes, index);
+}
+
+/* Goes on to where there is nothing: all planes hold the depth so far. */
+static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
+    spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
+}
+
+/* --- looking shadows up --- */
+
+/* Prepares looking up along the eye's rays. `origin`: what shading counts positions from. */
+static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
+    spsi_depth_map *map = &shadow->depth_map;
+    for (int i = 0; i < 3; ++i) {
+        const double axis[3] = {i == 0, i == 1, i == 2};
+        if (shadow->kind == SPSI_SHADOW_MAP) {
+            const spsi_rays *rays = &shadow->tmap->rays[0];
+            const int whole = shadow->tmap->face_count > 1;
+            spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
+                              i == 2 && !whole ? -rays->depth_reference : 0, &shadow->along[i]);
+        } else if (shadow->kind == SPSI_SHADOW_SHEETS) {
+            const spsi_rays *rays = shadow->sliced->target.rays;
+            spsi_linear_build(eye, rays->inverse[i], rays->origin, 0, &shadow->along[i]);
+        }
+        for (int face = 0; face < map->face_count; ++face)
+            spsi_linear_build(eye, map->rays[face].inverse[i], map->rays[face].origin,
+                              i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
+    }
+}
+
+/* Optical depth between the lamp and a vector of points, given by the coordinates of `along`, on plane k. */
+static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], int k) {
+    const spsi_planes *planes;
+    spsi_v q[2];
+    if (shadow->kind == SPSI_SHADOW_NONE) return spsi_set(0);
+    if (shadow->kind == SPSI_SHADOW_MAP) return spsi_tmap_lookup(shadow->tmap, at);
+    planes = &shadow->sliced->planes;
+    q[0] = at[0];
+    q[1] = at[1];
+    if (shadow->sliced->target.rays->perspective) {
+        const spsi_v t = spsi_max(at[2], spsi_set(FLT_MIN * 16));
+        q[0] = spsi_div(q[0], t);
+        q[1] = spsi_div(q[1], t);
+    }
+    if (planes->cubic) return spsi_bicubic(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+    return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+}
+
+/* As spsi_bilinear, for one place. */
+static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
+    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
+    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
+    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
+    const double fx = cx - ix, fy = cy - iy;
+    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
+    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
+}
+
+/* Optical depth between the lamp and a point, in or next to the chunk that begins with `first_slab`. */
+static double spsi_shadow_depth(const spsi_shadow *shadow, int first_slab, const double point[3]) {
+    const spsi_planes *planes;
+    const spsi_rays *rays;
+    double q[3], slab, before, after, lit;
+    float depth;
+    int k;
+    if (shadow->kind == SPSI_SHADOW_NONE) return 0;
+    if (shadow->kind == SPSI_SHADOW_MAP) {
+        spsi_tmap_at(shadow->tmap, 1, point, &depth, &lit);
+        return (double)depth;
+    }
+    planes = &shadow->sliced->planes;
+    rays = shadow->sliced->target.rays;
+    spsi_project(rays, point, q);
+    if (rays->perspective && !(q[2] > 0)) return 0;
+    slab = fmin(fmax(spsi_slab_at(shadow->sliced->target.slabs, point) - first_slab, 0), SPSI_CHUNK);
+    k = spsi_least((int)slab, SPSI_CHUNK - 1);
+    before = spsi_bilinear_at(planes->depth[k], planes->width, planes->height, q[0], q[1]);
+    after = spsi_bilinear_at(planes->depth[k + 1], planes->width, planes->height, q[0], q[1]);
+    return before + (slab - k) * (after - before);
+}
+
+/* --- maps of a sweep's shadows --- */
+
+/* The depth maps by which polygons shade gas in a sweep's lights. Surfaces do not look them up. */
+static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                        spsi_shadow *shadows, int count) {
+    size_t floats = 0, more;
+    float *memory;
+    if (faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
+    for (int i = 0; i < count; ++i) {
+        spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
+        more = spsi_depth_map_floats(&shadows[i].depth_map);
+        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* which cannot be reserved */
+    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
+    if (!memory) return context->result;
+    for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
+    for (int i = 0; i < count; ++i) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
+    return SPS_OK;
+}
+
 /* Makes the maps of those of a sweep's lights that have some, and leaves the rest of the call's part to the sweep.
    Whether or not that fails, spsi_shadow_maps_release frees them. */
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
@@ -11079,6 +9966,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = maps;
+        shadows[i].kind = SPSI_SHADOW_MAP;
         if (spsi_lamp_tmap_fill(context, frame, shadows[i].lamp, &part, maps++)) return context->result;
         part.progress += part.share;
     }
@@ -11091,8 +9979,1190 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
         if (shadows[i].tmap) spsi_tmap_release(maps++);
 }
 
+/* ============================================================================================== >>shading
+   22 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
+   A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
+   way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
+   polygon in the light's way ends that share; one in the eye's way cuts the slab (>>splat) and shares with it.
+   A transfer function is not linear, so a slab's mean value says too little: what is classified is shaded in SPSI_PARTS
+   parts, whose means come from the parabola through the means of three slabs; x is then a share of optical depth. */
+
+/* How one light comes to the slab at hand of a vector of pixels. */
+typedef struct spsi_arrival {
+    spsi_v light[2];        /* optical depth between the light and the two ends of the ray's way through the slab; */
+    int plane;              /* and it was looked up on this plane last, */
+    spsi_v plane_light;     /* and was this there */
+    spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave in the light */
+} spsi_arrival;
+
+typedef struct spsi_shader {
+    const spsi_frame *frame;
+    const spsi_sweep *sweep;
+    const spsi_faces *faces;
+    const spsi_shadow *shadows; /* of the lights that the sweep carries */
+    int shadow_count;
+    const spsi_hit *hits;    /* whole image */
+    spsi_linear slab;        /* slab coordinate */
+    spsi_linear position[3]; /* relative to `position_origin` */
+    double position_origin[3];
+    int unshadowed;                        /* 1: the sweep also carries lights without shadow */
+    int first_slab;                        /* of the chunk at hand */
+    int x_origin, y_origin;                /* pixel that comes first in the buffers below */
+    int pitch;                             /* pixels from row to row there */
+    float *depth, *radiance[3], *distance; /* optical depth and radiance so far; distance: NULL unless wanted */
+    float end_depth;                       /* optical depth at which a ray ends */
+} spsi_shader;
+
+/* Where the rays of a vector of pixels cross the slabs, and where they end. */
+typedef struct spsi_line {
+    int x, y;
+    spsi_v at;          /* x coordinates */
+    spsi_v base, scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
+    spsi_v slabs;       /* per d: 1 / |scale| */
+    spsi_v polygon;     /* d of the polygon, or infinity */
+} spsi_line;
+
+/* What a vector of pixels knows about its rays. */
+typedef struct spsi_pixels {
+    spsi_line line;
+    spsi_line around[8]; /* where there are gradients: neighbours at x - 1, x + 1, y - 1, y + 1, and at twice that */
+    spsi_v length;       /* world length per t */
+    spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
+    spsi_v toward[3];    /* unit direction from the eye */
+} spsi_pixels;
+
+/* What a vector of rays has gathered so far. */
+typedef struct spsi_gathered {
+    spsi_v depth, radiance[3], distance; /* distance: weighted by coverage */
+} spsi_gathered;
+
+/* One material's part of a sheet. */
+typedef struct spsi_sample {
+    spsi_v depth, value_length; /* optical depth; integral of value over world length */
+    spsi_v colour[3];           /* albedo or reflectance */
+    spsi_v surface, normal[3];  /* 0: gas .. 1: surface, with a unit normal */
+    int has_normal;
+} spsi_sample;
+
+#define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
+
+/* Bytes of `count` structs with vectors in them for each worker. */
+static size_t spsi_vectors_bytes(const sps_context *context, int count, size_t size) {
+    return (size_t)spsi_worker_count(context) * (size_t)count * size + SPSI_VECTOR_ALIGNMENT;
+}
+
+/* Room for them: too much for the stacks of some job systems. NULL: failed. */
+static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
+    char *memory = (char *)spsi_reserve(context, id, 1, spsi_vectors_bytes(context, count, size));
+    const uintptr_t beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
+    return memory ? memory + (beyond ? SPSI_VECTOR_ALIGNMENT - beyond : 0) : NULL;
+}
+
+static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi_line *line) {
+    spsi_v slope;
+    line->x = x;
+    line->y = y;
+    line->at = spsi_add(spsi_set((float)x), spsi_iota());
+    slope = spsi_linear_slope(&shader->slab, line->at, (float)y);
+    slope = spsi_select(spsi_less(spsi_abs(slope), spsi_set(1e-20f)), spsi_set(1e-20f), slope);
+    line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
+    line->scale = spsi_div(spsi_set(1), slope);
+    line->slabs = spsi_abs(slope);
+    line->polygon = spsi_hit_depths(shader->hits, shader->frame->eye.width, shader->frame->eye.height, x, y);
+}
+
+static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
+    const float fy = (float)y;
+    spsi_v at, inverse_length;
+    spsi_line_build(shader, x, y, &p->line);
+    at = p->line.at;
+    p->length = spsi_ray_lengths(&shader->frame->eye, at, fy);
+    inverse_length = spsi_div(spsi_set(1), p->length);
+    p->polygon_slab =
+        spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
+    for (int i = 0; i < 3; ++i)
+        p->toward[i] = spsi_mul(spsi_linear_slope(&shader->position[i], at, fy), inverse_length);
+}
+
+static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
+    return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
+}
+
+/* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
+static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
+                                   spsi_v *leave) {
+    const spsi_rays *eye = &shader->frame->eye;
+    const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
+    const float near_d = spsi_rays_begin(eye);
+    *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
+    *leave = spsi_max(*enter, spsi_min(spsi_max(a, b), line->polygon));
+}
+
+/* World position at depth d, relative to the shader's position origin. */
+static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y, spsi_v d, spsi_v position[3]) {
+    for (int i = 0; i < 3; ++i)
+        position[i] =
+            spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
+}
+
+/* The mean value of a classified material in slab k along a line. Nothing cuts these sections. */
+static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const size_t at =
+        (size_t)(k + margin) * tile->sheet_size + (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
+    return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
+}
+
+/* The place of the middle of slab k on a line, relative to the shader's position origin. */
+static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
+    const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
+    spsi_position_at(shader, line->at, (float)line->y, middle, place);
+}
+
+static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out[3]) {
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
+    }
+}
+
+static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
+    return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
+}
+
+/* A slab on a vector of rays. Where a volume is classified it is shaded in parts, in the light's order. */
+typedef struct spsi_slab {
+    int k, part_count, material_count;
+    spsi_sample *samples;                 /* material_count for each part */
+    spsi_v enter, leave;                  /* depths along the ray */
+    spsi_v first, last;                   /* shares of the slab, in the light's order, between which the ray is in it */
+    spsi_arrival *arrivals;               /* one for each of the shader's shadows */
+    spsi_v depth, part_depth[SPSI_PARTS]; /* optical depth of all samples */
+} spsi_slab;
+
+/* One part of a slab. */
+typedef struct spsi_part {
+    const spsi_sample *samples;
+    spsi_v middle, half;  /* depth along the ray, and half of the way through the part */
+    spsi_v depth;         /* optical depth */
+    spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
+    int number;           /* from the first that light comes to */
+    spsi_v before, after; /* optical depth between the eye and its first and last end, in the light's order */
+} spsi_part;
+
+/* How a classified value changes within a slab: a parabola with the means of the slab and of those before and after;
+   the differences to its neighbours likewise. The change along the ray takes five slabs: from three, a normal's share
+   along the ray would be short of what its shares aside are, and lean the surface away from the eye. */
+typedef struct spsi_profile {
+    spsi_parabola value;
+    spsi_parabola aside[2];             /* from x - 1 to x + 1, and from y - 1 to y + 1 */
+    spsi_parabola along;                /* from the slab before to the slab after */
+    spsi_v cofactor[3][3], determinant; /* of the three ways that belong to these, in voxels */
+} spsi_profile;
+
+/* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
+   outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2)
+   - 22 m0) / 8 and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
+static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
+    const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
+    const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
+    along->value =
+        spsi_mul(spsi_set(1.0f / 24), spsi_fma(spsi_set(34), near_change, spsi_mul(spsi_set(-5), far_change)));
+    along->slope = spsi_fma(spsi_set(12), near_sum, spsi_mul(spsi_set(-22), own[1]));
+    along->slope = spsi_mul(spsi_set(0.25f), spsi_sub(along->slope, far_sum));
+    along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
+}
+
+/* How far apart neighbouring rays are in the middle of slab k, in proportion to its distance from the eye, in slabs;
+   negative behind the eye. 1 for parallel rays. */
+static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    return shader->frame->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
+}
+
+/* Whether the eye is in a slab, where rays meet and have no neighbours. */
+static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
+
+/* The difference in slab k between the neighbours to either side, divided by the rays' spread. With two on each side,
+   it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
+   those in the slabs before and behind. */
+static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                               int channel, int axis) {
+    const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
+    const float spread = spsi_slab_spread(shader, tile, k);
+    spsi_v change;
+    if (spsi_slab_has_eye(spread))
+        return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
+                                                 spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
+    change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
+    if (shader->frame->gradient_reach >= 2) {
+        const spsi_v wide =
+            spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
+        change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
+    }
+    return spsi_mul(spsi_set(1 / spread), change);
+}
+
+/* Twice the change per pixel of a slab's mean, by its sheets of slopes: the mean is their sum by the way through the
+   slab, which changes by -slope' / slope of itself. */
+static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
+                                    const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    const float *sheet = tile->sheets + (size_t)spsi_slope_channel(shader->frame, channel) * tile->channel_size +
+                         (size_t)(k + margin) * tile->sheet_size +
+                         (size_t)((line->y - tile->y0) * tile->pitch + (line->x - tile->x0));
+    for (int axis = 0; axis < 2; ++axis) {
+        const spsi_v turn = spsi_mul(spsi_mul(mean, line->scale), spsi_set(shader->slab.slope[1 + axis]));
+        const spsi_v sum = spsi_mul(spsi_load(sheet + (size_t)axis * tile->channel_size), line->slabs);
+        slopes[axis] = spsi_mul(spsi_set(2), spsi_add(sum, turn));
+    }
+}
+
+/* The sideways changes in slabs k - 1 to k + 1, whose means are given; from sheets of slopes if there are any. */
+static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                               int channel, const spsi_v means[3], spsi_parabola aside[2]) {
+    spsi_v change[3][2];
+    for (int n = 0; n < 3; ++n) {
+        const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
+        if (shader->frame->splats_slopes) /* no eye is near */
+            spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
+        for (int axis = 0; axis < 2; ++axis)
+            change[n][axis] = shader->frame->splats_slopes
+                                  ? spsi_mul(per_spread, change[n][axis])
+                                  : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
+    }
+    for (int axis = 0; axis < 2; ++axis)
+        aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis]);
+}
+
+/* The way from the neighbour before to the one behind along x or y, divided by the rays' spread, or (axis 2) from the
+   slab before to the slab behind; in voxels. */
+static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
+                             float per_length, spsi_v way[3]) {
+    const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
+    const float per_spread = axis < 2 ? per_length / spsi_slab_spread(shader, tile, from) : per_length;
+    spsi_v place[2][3];
+    for (int side = 0; side < 2; ++side)
+        spsi_place_in_slab(shader, axis < 2 ? &p->around[2 * axis + side] : &p->line,
+                           axis < 2 ? from : k - 1 + 2 * side, place[side]);
+    for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
+}
+
+/* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not
+   perpendicular: the gradient is solved from way . g = difference. If they span no volume there is no gradient. */
+static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                                  int channel, const spsi_v means[3], spsi_profile *profile) {
+    const float per_length = 1 / shader->frame->materials[channel].voxel_length;
+    spsi_v way[3][3], outer[2];
+    for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
+    spsi_profile_along(means, outer, &profile->along);
+    spsi_profile_aside(shader, tile, p, k, channel, means, profile->aside);
+    for (int axis = 0; axis < 3; ++axis) spsi_profile_way(shader, tile, p, k, axis, per_length, way[axis]);
+    for (int i = 0; i < 3; ++i) spsi_cross_v(way[(i + 1) % 3], way[(i + 2) % 3], profile->cofactor[i]);
+    profile->determinant = spsi_dot_v(way[0], profile->cofactor[0]);
+    profile->determinant = spsi_select(spsi_less(spsi_abs(profile->determinant), spsi_set(FLT_MIN)),
+                                       spsi_set(SPSI_INFINITY), profile->determinant);
+}
+
+/* A sample's normal and surface share. */
+static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
+                                 const spsi_portion *portion, spsi_sample *sample) {
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
+    const spsi_v scale = spsi_set(unit);
+    const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
+    const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
+    const spsi_v along = spsi_mul(spsi_parabola_mean(&profile->along, portion), scale);
+    spsi_v g[3], size;
+    for (int c = 0; c < 3; ++c) {
+        g[c] = spsi_fma(y, profile->cofactor[1][c], spsi_mul(x, profile->cofactor[0][c]));
+        g[c] = spsi_div(spsi_fma(along, profile->cofactor[2][c], g[c]), profile->determinant);
+    }
+    size = spsi_sqrt(spsi_dot_v(g, g));
+    for (int c = 0; c < 3; ++c)
+        sample->normal[c] = spsi_div(spsi_sub(spsi_set(0), g[c]), spsi_max(size, spsi_set(FLT_MIN)));
+    sample->surface = spsi_min(spsi_mul(size, spsi_set(fminf(material->gradient_scale / unit, FLT_MAX))), spsi_set(1));
+    sample->has_normal = 1;
+}
+
+/* The parts of a slab of gas, which is even throughout. */
+static void spsi_samples_gas(const spsi_material *material, spsi_v value_length, int channel, spsi_slab *slab) {
+    const spsi_v sum = spsi_mul(value_length, spsi_set(1.0f / (float)slab->part_count));
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        sample->has_normal = 0;
+        sample->surface = spsi_set(0);
+        sample->value_length = sum;
+        sample->depth = spsi_min(spsi_mul(sum, spsi_set(material->extinction)), spsi_set(SPSI_DEPTH_MAX));
+        for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->albedo[c]);
+        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
+    }
+}
+
+/* The parts of a slab of what is classified, which follow its profile. Most slabs that hold values have no extinction
+   anywhere: these cost neither colours nor gradients. */
+static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
+                                    spsi_slab *slab) {
+    const spsi_material *material = &shader->frame->materials[channel];
+    const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
+    const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
+    const int surface = shader->frame->has_gradient && material->shading == SPS_SHADING_SURFACE;
+    spsi_v means[3];
+    spsi_profile profile;
+    int has_gradient = 0;
+    memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
+    for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
+    profile.value = spsi_parabola_through(means[0], means[1], means[2]);
+    for (int part = 0; part < slab->part_count; ++part) {
+        spsi_sample *sample = &slab->samples[part * slab->material_count + channel];
+        const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
+        const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
+        spsi_v appearance[4] = {zero, zero, zero, zero};
+        if (spsi_bits(spsi_less(zero, spsi_classify_extinction(material, value))))
+            spsi_classify(material, value, appearance);
+        sample->has_normal = 0;
+        sample->surface = sample->value_length = zero;
+        sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
+        for (int c = 0; c < 3; ++c) sample->colour[c] = appearance[c];
+        slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
+        if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
+        if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
+        has_gradient = 1;
+        spsi_sample_gradient(material, &profile, &portion, sample);
+    }
+}
+
+/* Blinn-Phong highlight, normalised so that it sends back at most what arrives: (n + 8) / (8 pi) (n.h)^n. */
+static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, cosine);
+    for (int i = 0; i < SPSI_LANES; ++i)
+        lanes[i] =
+            lanes[i] > 0 ? powf(lanes[i] < 1 ? lanes[i] : 1, exponent) * (exponent + 8) * (float)(0.125 / SPSI_PI) : 0;
+    return spsi_load(lanes);
+}
+
+/* What a sample sends towards the eye per unit of its optical depth and of irradiance travelling along `travel`. */
+static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
+                                 const spsi_v travel[3], spsi_v response[3]) {
+    const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
+    const spsi_v gas = spsi_phase(material, cosine);
+    spsi_v halfway[3], facing, diffuse, shine = spsi_set(0);
+    if (!sample->has_normal) {
+        for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->colour[c], gas);
+        return;
+    }
+    facing = spsi_max(spsi_set(0), spsi_sub(spsi_set(0), spsi_dot_v(sample->normal, travel)));
+    if (material->specular > 0) {
+        spsi_v size;
+        for (int c = 0; c < 3; ++c) halfway[c] = spsi_sub(spsi_set(0), spsi_add(travel[c], toward[c]));
+        size = spsi_sqrt(spsi_max(spsi_dot_v(halfway, halfway), spsi_set(1e-12f)));
+        shine = spsi_highlight(spsi_div(spsi_dot_v(sample->normal, halfway), size), material->shininess);
+        shine = spsi_mul(spsi_mul(shine, facing), spsi_mul(sample->surface, spsi_set(material->specular)));
+    }
+    diffuse = spsi_mix(gas, spsi_mul(facing, spsi_set((float)(1 / SPSI_PI))), sample->surface);
+    for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
+}
+
+/* atan2(y, x) for y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
+static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
+    const spsi_v size = spsi_abs(x), most = spsi_max(spsi_max(size, y), spsi_set(FLT_MIN));
+    const spsi_v ratio = spsi_div(spsi_min(size, y), most), square = spsi_mul(ratio, ratio);
+    spsi_v p = spsi_set(0.0028662257f);
+    p = spsi_fma(p, square, spsi_set(-0.0161657367f));
+    p = spsi_fma(p, square, spsi_set(0.0429096138f));
+    p = spsi_fma(p, square, spsi_set(-0.0752896400f));
+    p = spsi_fma(p, square, spsi_set(0.1065626393f));
+    p = spsi_fma(p, square, spsi_set(-0.1420889944f));
+    p = spsi_fma(p, square, spsi_set(0.1999355085f));
+    p = spsi_fma(p, square, spsi_set(-0.3333314528f));
+    p = spsi_mul(ratio, spsi_fma(p, square, spsi_set(1)));
+    p = spsi_select(spsi_less(size, y), spsi_sub(spsi_set((float)(SPSI_PI / 2)), p), p);
+    return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
+}
+
+/* The mean of 1 / r^2 along a stretch of a ray, r being the distance to a point: the angle under which the point sees
+   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point
+   to the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
+   which needs no q. [d(angle) = q ds / r^2] */
+static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
+    const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
+    const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
+    const spsi_v tangent = spsi_div(y, spsi_max(x, y)); /* of small angles */
+    const spsi_m small = spsi_less(y, spsi_mul(spsi_set(0.1f), x));
+    const spsi_v series = spsi_div(spsi_fma(spsi_mul(tangent, tangent), spsi_set(-1.0f / 3), spsi_set(1)), x);
+    if (spsi_bits(small) == spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) return series;
+    return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
+}
+
+/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a
+   pixel's area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray
+   that passes nearer than the inverse of that, in pixels, is taken as passing there. */
+#define SPSI_LAMP_PIXELS 0.28364f
+
+/* World length of a pixel at depth d. */
+static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
+    const spsi_v size = spsi_set((float)sqrt(spsi_length(rays->a) * spsi_length(rays->b)));
+    return rays->perspective
+               ? spsi_mul(spsi_max(spsi_add(d, spsi_set((float)rays->depth_reference)), spsi_set(0)), size)
+               : size;
+}
+
+/* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
+   the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
+static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
+                         spsi_v travel[3], spsi_v *irradiance) {
+    double direction[3];
+    spsi_v foot[3], ends[2][3], s, q, half, square;
+    *irradiance = spsi_set(1);
+    if (!lamp->is_point) {
+        spsi_lamp_direction(lamp, shader->position_origin, direction);
+        for (int i = 0; i < 3; ++i) travel[i] = spsi_set((float)direction[i]);
+        return;
+    }
+    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, travel);
+    for (int i = 0; i < 3; ++i)
+        travel[i] = spsi_add(travel[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
+    half = spsi_mul(part->half, p->length);
+    s = spsi_dot_v(travel, p->toward);
+    for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(travel[i], spsi_mul(s, p->toward[i]));
+    q = spsi_mul(spsi_pixel_size(&shader->frame->eye, part->middle), spsi_set(SPSI_LAMP_PIXELS));
+    q = spsi_max(q, spsi_sqrt(spsi_dot_v(foot, foot)));
+    *irradiance = spsi_mean_inverse_square(q, s, half);
+    for (int end = 0; end < 2; ++end) {
+        for (int i = 0; i < 3; ++i)
+            ends[end][i] = spsi_fma(half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), travel[i]);
+        square = spsi_max(spsi_dot_v(ends[end], ends[end]), spsi_set(FLT_MIN));
+        for (int i = 0; i < 3; ++i) ends[end][i] = spsi_div(ends[end][i], spsi_sqrt(square));
+    }
+    for (int i = 0; i < 3; ++i) travel[i] = spsi_add(ends[0][i], ends[1][i]);
+    square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
+    for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
+}
+
+/* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
+static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
+                          spsi_v carried, spsi_v radiance[3]) {
+    spsi_v travel[3], irradiance;
+    spsi_lamp_at(shader, lamp, p, part, travel, &irradiance);
+    irradiance = spsi_mul(irradiance, carried);
+    for (int m = 0; m < shader->frame->material_count; ++m) {
+        const spsi_material *material = &shader->frame->materials[m];
+        spsi_v response[3], share;
+        if (!material->scatters) continue;
+        share = spsi_mul(irradiance, part->samples[m].depth);
+        spsi_sample_response(material, &part->samples[m], p->toward, travel, response);
+        for (int c = 0; c < shader->frame->channels; ++c)
+            radiance[c] =
+                spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(lamp->color[c])),
+                                               spsi_set(SPSI_RADIANCE_MAX)));
+    }
+}
+
+/* The shares of the parts of a ray's way through a slab that polygons leave in the light: a shadow's edge may cross the
+   way sideways, so one look at the whole would not do. */
+static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
+                            const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
+    const spsi_v step = spsi_mul(spsi_sub(to, from), spsi_set(1.0f / SPSI_PARTS));
+    for (int i = 0; i < SPSI_PARTS; ++i) lit[i] = spsi_set(1);
+    for (int face = 0; face < map->face_count; ++face) {
+        if (!spsi_depth_map_may_shade(map, face, p->line.at, (float)p->line.y, from, to)) continue;
+        for (int i = 0; i < SPSI_PARTS; ++i) {
+            const spsi_v d0 = spsi_fma(step, spsi_set((float)i), from), d1 = spsi_add(d0, step);
+            lit[i] = spsi_min(lit[i], spsi_depth_map_share(map, face, p->line.at, (float)p->line.y, d0, d1));
+        }
+    }
+    if (slab->part_count > 1) return;
+    for (int i = 1; i < SPSI_PARTS; ++i) lit[0] = spsi_add(lit[0], lit[i]);
+    lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
+}
+
+/* Optical depth between a light and the rays' points at depth d, on plane k. */
+static inline spsi_v spsi_lookup_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
+    spsi_v at[3];
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, (float)p->line.y),
+                         spsi_linear_base(&shadow->along[i], p->line.at, (float)p->line.y));
+    return spsi_shadow_lookup(shadow, at, k);
+}
+
+/* What a light is when it enters and leaves a slab where the ray does. */
+static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                            const spsi_slab *slab, spsi_arrival *arrival) {
+    const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1);
+    const spsi_v a1 = spsi_lookup_shadow(shadow, p, slab->k + 1, d1);
+    spsi_v a0 = arrival->plane_light;
+    if (arrival->plane != slab->k) a0 = spsi_lookup_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+    arrival->plane = slab->k + 1;
+    arrival->plane_light = a1;
+    arrival->light[0] = spsi_mix(a0, a1, slab->first);
+    arrival->light[1] = spsi_mix(a0, a1, slab->last);
+    spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
+}
+
+/* Light of one of the sweep's lights: through its planes or its map, ended by polygons. Within a slab, what is in the
+   light's way grows as what is in the eye's does: both are the same matter. */
+static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
+                              const spsi_pixels *p, const spsi_part *part, spsi_v radiance[3]) {
+    const spsi_v lit = arrival->lit[part->number], end_share = spsi_mix(part->first, part->last, lit);
+    spsi_v start, end;
+    if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
+    start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
+    end = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
+    spsi_add_lamp(shader, p, part, shadow->lamp, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
+}
+
+/* Ambient light, emission, and lights without shadow. */
+static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
+                                spsi_v radiance[3]) {
+    const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
+    for (int m = 0; m < shader->frame->material_count; ++m) {
+        const spsi_material *material = &shader->frame->materials[m];
+        const spsi_sample *sample = &part->samples[m];
+        for (int c = 0; c < shader->frame->channels; ++c) {
+            spsi_v sent = spsi_set(0);
+            if (material->scatters && shader->frame->has_ambient)
+                sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(shader->frame->ambient[c]));
+            if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
+            radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
+        }
+    }
+    for (int i = 0; i < shader->frame->lamp_count; ++i)
+        if (!shader->frame->lamps[i].shadows) spsi_add_lamp(shader, p, part, &shader->frame->lamps[i], mean, radiance);
+}
+
+/* --- polygons: one pixel at a time, in double precision --- */
+
+/* Irradiance per unit of a light's colour on a surface, before any shadow. The shading normal alone decides which side
+   is lit; asking the facet too would draw its outline where light grazes a curved mesh. */
+static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
+    double toward[3], square, cosine;
+    spsi_toward_lamp(lamp, surface->point, toward);
+    cosine = spsi_dot(surface->normal, toward);
+    if (!(cosine > 0)) return 0;
+    square = fmax(spsi_dot(toward, toward), DBL_MIN);
+    cosine /= sqrt(square) * spsi_length(surface->normal);
+    return lamp->is_point ? cosine / square : cosine;
+}
+
+/* Reflectance where a pixel meets a face. */
+static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, double colour[3]) {
+    const spsi_face *face = &faces->list[hit->face];
+    double w[3];
+    spsi_hit_weights(hit, w);
+    for (int c = 0; c < 3; ++c)
+        colour[c] =
+            w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
+}
+
+/* Whether a pixel's polygon is lit by a light. */
+typedef enum spsi_surface_sight {
+    SPSI_SURFACE_AWAY = 0, /* no polygon, or turned away from the light: no ray was traced */
+    SPSI_SURFACE_LIT,
+    SPSI_SURFACE_SHADED
+} spsi_surface_sight;
+
+#define SPSI_SIGHT_BLOCK 4  /* pixels on a side of a block, whose rays are a packet */
+#define SPSI_SIGHT_TILE  32 /* on a side of a task's: they meet much the same boxes and faces */
+
+typedef struct spsi_sight_job {
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    const spsi_hit *hits;
+    const spsi_lamp *lamp;
+    double toward[3]; /* a direction's way to the light */
+    unsigned char *lit;
+} spsi_sight_job;
+
+/* Traces the rays of those pixels of a block that are in the region. */
+static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
+    const int width = job->frame->eye.width, is_direction = !job->lamp->is_point;
+    const int *region = job->frame->view.region;
+    const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
+    const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
+    spsi_packet packet;
+    int asked;
+    spsi_packet_begin(job->faces, is_direction, 1, &packet);
+    for (int y = spsi_most(y0, region[1]); y < y1; ++y)
+        for (int x = spsi_most(x0, region[0]); x < x1; ++x) {
+            const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
+            spsi_surface surface;
+            double toward[3];
+            if (hit->face < 0) continue;
+            spsi_surface_at(&job->frame->eye, job->faces, hit, x, y, &surface);
+            if (!(spsi_surface_irradiance(job->lamp, &surface) > 0)) continue;
+            memcpy(toward, job->toward, sizeof toward);
+            if (!is_direction) spsi_along(job->lamp->position, surface.start, -1, toward);
+            spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start, toward,
+                            &packet);
+        }
+    asked = packet.open;
+    if (!asked) return;
+    spsi_packet_trace(job->faces, &packet);
+    for (int at = 0; at < SPSI_PACKET; ++at)
+        if (asked >> at & 1)
+            job->lit[(size_t)(y0 + at / SPSI_SIGHT_BLOCK) * (size_t)width + (size_t)(x0 + at % SPSI_SIGHT_BLOCK)] =
+                packet.open >> at & 1 ? SPSI_SURFACE_LIT : SPSI_SURFACE_SHADED;
+}
+
+/* Tiles of the image that a region's columns or rows are in. */
+static int spsi_sight_tiles(int first, int pixels) {
+    return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
+}
+
+/* One tile of blocks. These are aligned to the image, not to the region: within rounding, the rays that share a packet
+   decide which faces each is tested against. */
+static void spsi_sight_task(void *data, int index, int worker) {
+    const spsi_sight_job *job = (const spsi_sight_job *)data;
+    const int *region = job->frame->view.region;
+    const int columns = spsi_sight_tiles(region[0], region[2]);
+    const int x0 = (region[0] / SPSI_SIGHT_TILE + index % columns) * SPSI_SIGHT_TILE;
+    const int y0 = (region[1] / SPSI_SIGHT_TILE + index / columns) * SPSI_SIGHT_TILE;
+    (void)worker;
+    for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
+        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK) spsi_sight_block(job, x, y);
+}
+
+/* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. */
+static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
+                       const spsi_lamp *lamp, unsigned char *lit) {
+    const int *region = frame->view.region;
+    const double start = spsi_clock(context);
+    spsi_sight_job job;
+    job.frame = frame;
+    job.faces = faces;
+    job.hits = hits;
+    job.lamp = lamp;
+    job.lit = lit;
+    memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
+    spsi_toward_lamp(lamp, frame->mesh_bounds.low, job.toward);
+    spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
+                  spsi_sight_task, &job);
+    for (int y = region[1]; y < region[1] + region[3]; ++y)
+        for (int x = region[0]; x < region[0] + region[2]; ++x)
+            context->stats.shadow_rays +=
+                job.lit[(size_t)y * (size_t)frame->eye.width + (size_t)x] != SPSI_SURFACE_AWAY;
+    context->stats.seconds_shadow_rays += spsi_clock(context) - start;
+}
+
+/* The sweep's shadow of a light; NULL: another sweep's, or it casts none. */
+static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_lamp *lamp) {
+    for (int i = 0; i < shader->shadow_count; ++i)
+        if (shader->shadows[i].lamp == lamp) return &shader->shadows[i];
+    return NULL;
+}
+
+static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
+    const spsi_frame *frame = shader->frame;
+    const size_t at = (size_t)y * (size_t)frame->eye.width + (size_t)x;
+    double colour[3];
+    spsi_surface surface;
+    spsi_surface_at(&frame->eye, shader->faces, &shader->hits[at], x, y, &surface);
+    spsi_surface_colour(shader->faces, &shader->hits[at], colour);
+    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * frame->ambient[c] : 0;
+    for (int i = 0; i < frame->lamp_count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps[i];
+        const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
+        double arrives;
+        if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT : !shader->sweep->first || lamp->shadows) continue;
+        arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
+        if (shadow && arrives > 0) arrives *= exp(-spsi_shadow_depth(shadow, shader->first_slab, surface.point));
+        for (int c = 0; c < 3; ++c)
+            radiance[c] += (float)fmin(colour[c] * arrives * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
+    }
+}
+
+/* Adds the polygons of a vector of pixels whose slab lies in [low, high) to what the ray has gathered, and makes the
+   ray opaque. */
+static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
+                              spsi_gathered *sum) {
+    const spsi_m here =
+        spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
+    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
+    float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
+    if (!bits) return;
+    for (int i = 0; i < width; ++i)
+        if (bits >> i & 1) {
+            float sent[3];
+            spsi_surface_radiance(shader, p->line.x + i, p->line.y, sent);
+            for (int c = 0; c < 3; ++c) lanes[c][i] = sent[c];
+            opaque[i] = SPSI_DEPTH_MAX;
+        }
+    for (int c = 0; c < shader->frame->channels; ++c)
+        sum->radiance[c] = spsi_fma(spsi_load(lanes[c]), open, sum->radiance[c]);
+    {
+        const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
+        const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
+        sum->distance = spsi_fma(is, d, sum->distance);
+        sum->depth = spsi_min(spsi_add(sum->depth, covered), spsi_set(SPSI_DEPTH_MAX));
+    }
+}
+
+/* --- a tile --- */
+
+/* What a worker puts down while it shades. */
+typedef struct spsi_scratch {
+    spsi_sample *samples;   /* one per material and part */
+    spsi_arrival *arrivals; /* one per shadow */
+} spsi_scratch;
+
+/* Reads slab k of a vector of pixels; returns 0 if it holds nothing. */
+static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
+                           spsi_slab *slab) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
+    const size_t at = (size_t)(k + margin) * tile->sheet_size +
+                      (size_t)((p->line.y - tile->y0) * tile->pitch + (p->line.x - tile->x0));
+    const spsi_v zero = spsi_set(0), whole = spsi_abs(p->line.scale);
+    spsi_v any = zero, way;
+    for (int m = 0; m < count; ++m) any = spsi_max(any, spsi_load(tile->sheets + (size_t)m * tile->channel_size + at));
+    if (!spsi_bits(spsi_less(zero, any))) return 0;
+    slab->k = k;
+    spsi_slab_range(shader, &p->line, k, &slab->enter, &slab->leave);
+    way = spsi_sub(slab->leave, slab->enter);
+    if (!spsi_bits(spsi_less(zero, way))) return 0;
+    slab->first = zero;
+    slab->last = spsi_set(1);
+    if (spsi_bits(spsi_less(way, spsi_mul(whole, spsi_set(0.999f))))) {
+        const spsi_v a = spsi_plane_depth(&p->line, k);
+        const spsi_v from =
+            spsi_div(spsi_abs(spsi_sub(shader->sweep->back_to_front ? slab->leave : slab->enter, a)), whole);
+        slab->first = spsi_clamp(from, zero, spsi_set(1));
+        slab->last = spsi_clamp(spsi_add(from, spsi_div(way, whole)), slab->first, spsi_set(1));
+    }
+    slab->depth = zero;
+    for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = zero;
+    for (int m = 0; m < count; ++m)
+        if (shader->frame->materials[m].table)
+            spsi_samples_classified(shader, tile, p, m, slab);
+        else
+            spsi_samples_gas(&shader->frame->materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m, slab);
+    for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
+    if (!shader->frame->emits && !spsi_bits(spsi_less(zero, slab->depth))) return 0; /* values without extinction */
+    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
+        spsi_slab_light(shader, &shader->shadows[i], p, slab, &slab->arrivals[i]);
+    return 1;
+}
+
+/* The i-th part of a slab behind which (front to back), or in front of which, the ray has gathered `depth`. The first
+   part begins where the one before, `part` itself, has ended. */
+static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
+    const float count = (float)slab->part_count;
+    const spsi_v share = spsi_div(slab->part_depth[i], spsi_max(slab->depth, spsi_set(FLT_MIN)));
+    part->samples = slab->samples + i * slab->material_count;
+    part->middle = spsi_mix(from, to, spsi_set(((float)i + 0.5f) / count));
+    part->half = spsi_mul(spsi_abs(spsi_sub(to, from)), spsi_set(0.5f / count));
+    part->depth = slab->part_depth[i];
+    part->first = i > 0 ? part->last : spsi_set(0);
+    part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
+    part->number = i;
+    part->before = backwards ? part->depth : depth;
+    part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
+}
+
+/* Composites one part of a slab. */
+static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
+                          spsi_gathered *sum) {
+    const spsi_v zero = spsi_set(0);
+    if (shader->sweep->back_to_front) {
+        const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
+        for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
+        sum->distance = spsi_mul(sum->distance, through);
+    }
+    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
+        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sum->radiance);
+    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
+    if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
+        const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
+        const spsi_v ahead = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
+        const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead, part->middle);
+        const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->eye.depth_reference));
+        sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
+    }
+    sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
+}
+
+/* A chunk of slabs, or, with a slab_count of 0, polygons only, in a tile that is being shaded. `low` and `high` bound,
+   in slabs from the very first, the polygons that belong to it. */
+typedef struct spsi_shading {
+    const spsi_shader *shader;
+    const spsi_tile *tile;
+    spsi_scratch scratch;
+    int slab_count;
+    float low, high;
+} spsi_shading;
+
+/* Composites slab k of a vector of `width` pixels, and the polygons in it; returns 0 if it held nothing. */
+static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int width, int k, spsi_slab *slab,
+                         spsi_gathered *sum) {
+    const spsi_shader *shader = shading->shader;
+    const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
+    const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
+    const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, shading->tile, p, k, slab);
+    spsi_part part;
+    if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
+    for (int i = 0; i < slab->part_count && held; ++i) {
+        spsi_part_build(shader, slab, i, sum->depth, &part);
+        if (shader->frame->emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
+            spsi_add_part(shader, p, slab, &part, sum);
+    }
+    if (shader->hits && !backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
+    return held;
+}
+
+static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
+    sum->depth = spsi_load(shader->depth + from);
+    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all the same */
+    sum->distance = shader->distance ? spsi_load(shader->distance + from) : spsi_set(0);
+}
+
+static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi_gathered *sum) {
+    spsi_store(shader->depth + to, sum->depth);
+    for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->radiance[c] + to, sum->radiance[c]);
+    if (shader->distance) spsi_store(shader->distance + to, sum->distance);
+}
+
+/* Ends the rays that little comes through any more before plane k: what is left is taken as seen there, so that no
+   bright background shines through, and what is still added to them counts for nothing. Returns 0 if all have ended. */
+static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
+    const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
+    const int bits = spsi_bits(open);
+    if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
+        const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
+                                  spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+        sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
+        sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
+    }
+    return bits != 0;
+}
+
+/* Composites a chunk on a vector of `width` pixels. Returns the number of slabs that held something, times pixels. */
+static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
+    const spsi_shader *shader = shading->shader;
+    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    spsi_gathered sum;
+    spsi_pixels p;
+    spsi_slab slab;
+    int held = 0;
+    slab.samples = shading->scratch.samples;
+    slab.arrivals = shading->scratch.arrivals;
+    slab.material_count = shader->frame->material_count;
+    slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
+    for (int i = 0; i < shader->shadow_count; ++i) slab.arrivals[i].plane = -1;
+    spsi_pixels_build(shader, x, y, &p);
+    for (int i = 0; i < 4 * shader->frame->gradient_reach && shading->slab_count > 0; ++i) {
+        const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
+        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &p.around[i]);
+    }
+    spsi_gathered_load(shader, at, &sum);
+    for (int k = 0; k < shading->slab_count; ++k) {
+        held += width * spsi_add_slab(shading, &p, width, k, &slab, &sum);
+        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &p, k + 1, &sum)) break;
+    }
+    if (shading->slab_count == 0) spsi_add_surfaces(shader, &p, width, shading->low, shading->high, &sum);
+    spsi_gathered_store(shader, at, &sum);
+    return held;
+}
+
+/* ================================================================================================ >>sweep
+   23 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   light's have just written. Chunks that hold nothing cost next to nothing; pixels of patches whose rays have all ended
+   are not shaded. */
+
+/* The tiles of the image that the region to render touches. */
+typedef struct spsi_region {
+    int x0, y0, columns, rows; /* in tiles */
+    uint64_t *open;            /* per tile: its patches whose rays have not all ended */
+    float (*polygon_range)[3]; /* per tile: slab coordinates of its polygons, and their least depth */
+} spsi_region;
+
+/* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
+typedef struct spsi_run {
+    sps_context *context;
+    const spsi_frame *frame;
+    const spsi_sweep *sweep;
+    spsi_contents contents;
+    spsi_target eye;
+    spsi_sliced sliced; /* of the sweep's lamp, if gas shades */
+    int has_sliced;
+    spsi_target *targets[2]; /* the eye, and that of `sliced` */
+    spsi_shader shader;
+    spsi_shadow *shadows;
+    spsi_sample *samples;   /* one per material and part, per worker */
+    spsi_arrival *arrivals; /* one per shadow, per worker */
+    uint64_t *shaded;       /* per worker: pixels times slabs */
+    int slab_count;         /* to composite in this chunk; 0: polygons only */
+    float low, high;        /* polygons between these slab coordinates belong to this chunk */
+    spsi_region region;
+} spsi_run;
+
+/* The patches of a tile of the image whose rays have not all ended. */
+static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
+    const spsi_shader *shader = &run->shader;
+    const size_t at = (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
+    return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
+                             spsi_least(SPSI_TILE_WIDTH, run->frame->eye.width - x0),
+                             spsi_least(SPSI_TILE_HEIGHT, run->frame->eye.height - y0), shader->end_depth);
+}
+
+/* Cuts a tile's sections at polygons and at the near plane, where either may lie in the chunk. */
+static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
+    const spsi_rays *eye = &run->frame->eye;
+    const float *range = run->region.polygon_range[index];
+    if (range[0] <= range[1]) {
+        tile->limits = run->shader.hits;
+        tile->limit_width = eye->width;
+        tile->limit_height = eye->height;
+        tile->nearest_limit = range[2];
+        tile->clamped = run->sweep->back_to_front ? range[1] >= run->low - 2 : range[0] < run->high + 2;
+    }
+    if (eye->near_depth > 0 || (!eye->perspective && eye->near_depth > -DBL_MAX)) tile->clamped = 1;
+}
+
+static void spsi_eye_task(void *data, int index, int worker) {
+    spsi_run *run = (spsi_run *)data;
+    const spsi_region *region = &run->region;
+    const int column = region->x0 + index % region->columns, row = region->y0 + index / region->columns;
+    const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
+    const int width = run->frame->eye.width, height = run->frame->eye.height;
+    const float *range = region->polygon_range[index];
+    const int polygons = range[0] < run->high && range[1] >= run->low;
+    int touched = 0;
+    spsi_tile tile;
+    spsi_shading shading;
+    if (!region->open[index]) return;
+    spsi_tile_place(&run->eye, column, row, worker, &tile);
+    tile.open = region->open[index];
+    spsi_tile_limit(run, index, &tile);
+    if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
+    if (!touched && !polygons) return;
+    shading.shader = &run->shader;
+    shading.tile = &tile;
+    shading.scratch.samples = run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS);
+    shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
+    shading.slab_count = touched ? SPSI_CHUNK : 0;
+    shading.low = run->low;
+    shading.high = run->high;
+    for (int y = y0; y < spsi_least(height, y0 + SPSI_TILE_HEIGHT); ++y)
+        for (int x = x0; x < spsi_least(width, x0 + SPSI_TILE_WIDTH); x += SPSI_LANES)
+            if (tile.open & spsi_patches(&tile, x, y, x + SPSI_LANES - 1, y))
+                run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
+    spsi_tile_count(&run->eye, &tile, worker);
+    if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
+}
+
+/* The slab coordinates of the polygons in a tile and its margin, and their least depth. */
+static void spsi_polygon_range_task(void *data, int index, int worker) {
+    spsi_run *run = (spsi_run *)data;
+    spsi_region *region = &run->region;
+    const int margin = run->eye.shape.margin;
+    const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
+    const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
+    const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
+    const int x1 = spsi_least(run->frame->eye.width, left + SPSI_TILE_WIDTH + margin);
+    const int y1 = spsi_least(run->frame->eye.height, top + SPSI_TILE_HEIGHT + margin);
+    float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
+    (void)worker;
+    for (int y = y0; y < y1 && run->shader.hits; ++y)
+        for (int x = x0; x < x1; x += SPSI_LANES) {
+            float lanes[SPSI_LANES], depths[SPSI_LANES];
+            const int width = spsi_least(SPSI_LANES, x1 - x);
+            spsi_pixels p;
+            spsi_pixels_build(&run->shader, x, y, &p);
+            spsi_store(lanes, p.polygon_slab);
+            spsi_store(depths, p.line.polygon);
+            for (int i = 0; i < width; ++i)
+                if (depths[i] < SPSI_INFINITY) {
+                    low = lanes[i] < low ? lanes[i] : low;
+                    high = lanes[i] > high ? lanes[i] : high;
+                    nearest = depths[i] < nearest ? depths[i] : nearest;
+                }
+        }
+    region->polygon_range[index][0] = low;
+    region->polygon_range[index][1] = high;
+    region->polygon_range[index][2] = nearest;
+    region->open[index] = ~UINT64_C(0);
+}
+
+/* --- setting up a sweep --- */
+
+/* Begins the shadow of the sweep's own lamp. */
+static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
+    run->has_sliced = run->sweep->lamp && spsi_holds_gas(context, run->frame) && run->frame->extinguishes;
+    if (!run->has_sliced) return SPS_OK;
+    for (int i = 0; i < run->shader.shadow_count; ++i) {
+        if (run->shadows[i].lamp != run->sweep->lamp) continue;
+        run->shadows[i].kind = SPSI_SHADOW_SHEETS;
+        run->shadows[i].sliced = &run->sliced;
+    }
+    return spsi_sliced_begin(context, run->frame, run->sweep, &run->contents, &run->sliced);
+}
+
+/* The linear quantities that shading looks up along the eye's rays. */
+static void spsi_run_linears(spsi_run *run) {
+    const spsi_frame *frame = run->frame;
+    spsi_shader *shader = &run->shader;
+    spsi_linear_of_slabs(&frame->eye, &run->sweep->slabs, &shader->slab);
+    for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_aim(&frame->eye, &run->shadows[n]);
+    spsi_ray_point(&frame->eye, 0.5 * frame->eye.width, 0.5 * frame->eye.height, frame->eye.depth_reference,
+                   shader->position_origin);
+    for (int i = 0; i < 3; ++i) {
+        double axis[3] = {0, 0, 0};
+        axis[i] = 1;
+        spsi_linear_build(&frame->eye, axis, shader->position_origin, 0, &shader->position[i]);
+    }
+}
+
+/* The region's tiles, and where their pixels are kept. */
+static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
+    const int *pixels_of = run->frame->view.region;
+    const int x1 = (pixels_of[0] + pixels_of[2] - 1) / SPSI_TILE_WIDTH;
+    const int y1 = (pixels_of[1] + pixels_of[3] - 1) / SPSI_TILE_HEIGHT;
+    const size_t planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
+    spsi_region *region = &run->region;
+    spsi_shader *shader = &run->shader;
+    size_t tiles, pixels;
+    float *memory;
+    region->x0 = pixels_of[0] / SPSI_TILE_WIDTH;
+    region->y0 = pixels_of[1] / SPSI_TILE_HEIGHT;
+    region->columns = x1 - region->x0 + 1;
+    region->rows = y1 - region->y0 + 1;
+    tiles = (size_t)region->columns * (size_t)region->rows;
+    pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
+    region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, sizeof(uint64_t) + 3 * sizeof(float));
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
+    if (!region->open || !memory) return context->result;
+    memset(memory, 0, pixels * planes * sizeof(float));
+    region->polygon_range = (float(*)[3])(void *)(region->open + tiles);
+    shader->x_origin = region->x0 * SPSI_TILE_WIDTH;
+    shader->y_origin = region->y0 * SPSI_TILE_HEIGHT;
+    shader->pitch = region->columns * SPSI_TILE_WIDTH;
+    shader->depth = memory;
+    for (int c = 0; c < 3; ++c)
+        shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
+    shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    return SPS_OK;
+}
+
+/* What the workers write down while they shade. */
+static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
+    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES,
+                                                       run->frame->material_count * SPSI_PARTS, sizeof *run->samples);
+    run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
+                                                         sizeof *run->arrivals);
+    run->shaded = (uint64_t *)(void *)(run + 1); /* there is room for it behind */
+    memset(run->shaded, 0, (size_t)spsi_worker_count(context) * sizeof *run->shaded);
+    return run->samples && run->arrivals ? SPS_OK : context->result;
+}
+
+/* Bytes of a run and of what follows it. */
+static size_t spsi_run_bytes(const sps_context *context) {
+    return sizeof(spsi_run) + (size_t)spsi_worker_count(context) * sizeof(uint64_t);
+}
+
+/* Fills the run for one sweep. */
+static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                 const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run) {
+    spsi_shader *shader = &run->shader;
+    run->context = context;
+    run->frame = frame;
+    run->sweep = sweep;
+    shader->frame = frame;
+    shader->sweep = sweep;
+    shader->faces = faces;
+    shader->shadows = run->shadows;
+    shader->hits = faces->count > 0 ? hits : NULL;
+    shader->unshadowed =
+        sweep->first && (frame->has_ambient || frame->emits || frame->lamp_count > frame->shadow_count);
+    shader->end_depth = (float)-log(frame->threshold);
+    if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
+        spsi_run_slice(context, run))
+        return context->result;
+    spsi_run_linears(run);
+    run->targets[0] = &run->eye;
+    run->targets[1] = &run->sliced.target;
+    if (spsi_run_region(context, run) || spsi_run_scratch(context, run) ||
+        spsi_contents_build(context, run->targets, 1 + run->has_sliced, &run->contents) ||
+        spsi_contents_add_particles(context, run->targets, 1 + run->has_sliced, &run->contents))
+        return context->result;
+    spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    return SPS_OK;
+}
+
+/* --- running it --- */
+
+static int spsi_run_finished(const spsi_run *run) {
+    for (int i = 0; i < run->region.columns * run->region.rows; ++i)
+        if (run->region.open[i]) return 0;
+    return 1;
+}
+
+/* Composites the polygons of a stretch of slabs that holds no voxels. */
+static void spsi_run_polygons(spsi_run *run, float low, float high) {
+    if (!run->shader.hits || !(low < high)) return;
+    run->slab_count = 0;
+    run->low = low;
+    run->high = high;
+    if (run->has_sliced) spsi_sliced_level(run->context, &run->sliced);
+    spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);
+}
+
+/* Splats and composites the chunk at hand. */
+static void spsi_run_chunk(spsi_run *run) {
+    sps_context *context = run->context;
+    run->shader.first_slab = run->contents.first_slab;
+    run->slab_count = SPSI_CHUNK;
+    run->low = (float)run->shader.first_slab;
+    run->high = run->low + SPSI_CHUNK;
+    spsi_targets_take_particles(context, &run->contents, run->targets, 1 + run->has_sliced);
+    if (run->has_sliced) spsi_sliced_advance(context, &run->sliced);
+    spsi_parallel(context, run->region.columns * run->region.rows, spsi_eye_task, run);
+}
+
+/* Adds the workers' counts and the tiles' flags to the statistics. */
+static void spsi_run_count(spsi_run *run) {
+    sps_stats_report *stats = &run->context->stats;
+    for (int i = 0; i < spsi_worker_count(run->context); ++i) {
+        stats->eye_footprints += run->eye.counts[i][0];
+        stats->eye_fragments += run->eye.counts[i][1];
+        stats->pixels_shaded += run->shaded[i];
+        if (!run->has_sliced) continue;
+        stats->light_footprints += run->sliced.target.counts[i][0];
+        stats->light_fragments += run->sliced.target.counts[i][1];
+    }
+    for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
+}
+
+static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
+    sps_context *context = run->context;
+    const int held = spsi_holds_gas(context, run->frame), slabs = held ? run->sweep->slabs.count : 0;
+    const int chunks = held ? spsi_chunk_count(&run->sweep->slabs) : 0;
+    float done = -SPSI_INFINITY;
+    context->stats.slabs += (uint64_t)slabs;
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
+        spsi_contents_advance(&run->contents, chunk);
+        if (run->contents.bricks.current == 0 && run->contents.particles.current == 0) {
+            context->stats.slabs_empty += (uint64_t)spsi_least(SPSI_CHUNK, slabs - chunk * SPSI_CHUNK);
+            continue;
+        }
+        spsi_run_polygons(run, done, (float)(chunk * SPSI_CHUNK));
+        spsi_run_chunk(run);
+        done = (float)((chunk + 1) * SPSI_CHUNK);
+        if (spsi_run_finished(run)) break;
+    }
+    spsi_run_polygons(run, done, SPSI_INFINITY);
+    spsi_run_count(run);
+    return SPS_OK;
+}
+
 /* ================================================================================================ >>frame
-   21 The frame: sweep after sweep, and the image. */
+   24 The frame: sweep after sweep, and the image. */
 
 /* --- the image --- */
 
@@ -11284,7 +11354,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   22 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
+   25 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
    calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
@@ -11552,7 +11622,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   23 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
+   26 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, triangles and balls met exactly through trees of boxes,
    all in double precision. Shares with the renderer how a sample answers to light, and which triangles stop a ray
    towards a light (>>polygons); otherwise nothing about where light goes. Second order in the step. Cost: pixels *
@@ -12203,7 +12273,7 @@ static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, doub
     return SPS_OK;
 }
 /* =============================================================================================== >>public
-   24 The public functions: they check what they are handed and make one call down. */
+   27 The public functions: they check what they are handed and make one call down. */
 
 #ifdef __GNUC__ /* if SPS_API is static, functions that a program does not call must not warn */
 #pragma GCC diagnostic push

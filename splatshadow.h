@@ -6905,7 +6905,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     }
 }
 
-/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), and cut^2 times the covariance of q and t. */
+/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), and the cut, and the covariance of q and t. */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;

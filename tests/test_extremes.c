@@ -1003,8 +1003,8 @@ static void test_near_kernels_left_out(void) {
         const double wide = 50 * size * (0.3 + 2 * check_next(&random)), deep = size;
         const double c[3] = {wide * wide, 0.9 * lean * wide * deep, deep * deep};
         const double q[2] = {150 * (2 * check_next(&random) - 1), 2 * check_next(&random) - 1};
-        const int reaches =
-            spsi_near_reaches((float)q[0], (float)q[1], (float)c[0], (float)c[1], (float)c[2], (float)cut, first, last);
+        const spsi_extent extent = {(float)q[0], (float)q[1], (float)cut, (float)c[0], (float)c[1], (float)c[2]};
+        const int reaches = spsi_extent_meets(&extent, first, last);
         int meets = 0;
         for (int x = first; x <= last; ++x) meets |= ray_meets(q, c, cut, x);
         CHECK(reaches || !meets);

@@ -1,11 +1,14 @@
 /* transmittance_map.glsl as C99 or C++, for programs that look maps up on the CPU without the library. With the library
    there is sps_tmap_query.
 
-       tmap map = {...};
+       tmap map;
+       memcpy(&map, &constants, sizeof constants); // of sps_tmap_constants, 128 bytes
+       map.texels = texels, map.surfaces = surfaces, map.planes = NULL, map.starts = NULL;
        float light_left = tmap_transmittance(map, tmap_project(map, position));
 
-   All functions are static, and pure: any number of threads may look up any number of maps. The arrays stay the
-   caller's. */
+   The arrays are those of sps_tmap_texels, sps_tmap_surfaces, the settings' planes, and sps_tmap_starts; they stay the
+   caller's, and are NULL where the map has none. All functions are static and pure, so that any number of threads may
+   look up any number of maps. */
 
 #ifndef TRANSMITTANCE_MAP_H
 #define TRANSMITTANCE_MAP_H
@@ -34,7 +37,6 @@ static inline float tmap_clamp(float x, float low, float high) { return fminf(fm
 static inline int tmap_clamp_int(int x, int low, int high) { return x < low ? low : x > high ? high : x; }
 
 #define TMAP_FUNCTION static inline
-/* sps_tmap_texels, sps_tmap_surfaces or NULL, settings.planes or NULL, sps_tmap_starts or NULL */
 #define TMAP_ARRAYS                                                                                                    \
     const float *texels, *surfaces, *planes;                                                                           \
     const uint32_t *starts;

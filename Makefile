@@ -73,46 +73,20 @@ DOCS_PICTURES = tree smoke_room pot
 pictures: $(DOCS_PICTURES:%=build/%)
 	for scene in $(DOCS_PICTURES); do build/$$scene --out docs/$$scene.png --width 480 || exit 1; done
 
-# Real scans. To add one: its name here, its file, its options for build/render, and if it has a transfer function,
-# the lines of that with ; between them. A scan whose file is not in SPLATSHADOW_DATA is passed over.
-# Values are 0..1; the boxes have the proportions of the voxels.
+# Real scans. To add one: its name and its file here, and how it looks in examples/looks/NAME.txt (build/render --help
+# says more about that). A scan whose file is not in SPLATSHADOW_DATA is passed over.
 SCANS = bonsai head smoke cloud
-
 FILE_bonsai = bonsai_256x256x256_u8.raw
-TRANSFER_bonsai = 0.10 0.16 0.34 0.06 0; 0.14 0.20 0.42 0.08 60; 0.26 0.30 0.45 0.10 90; 0.34 0.42 0.27 0.14 200; \
-	0.55 0.46 0.30 0.17 300; 0.70 0.34 0.25 0.18 400; 0.76 0.55 0.24 0.14 500; 1.0 0.65 0.60 0.55 500
-OPTIONS_bonsai = --size 256,256,256 --type u8 --box -1,0,-1,1,2,1 --shading surface --mesh build/gallery/floor.obj \
-	--mesh-color 0.55,0.53,0.50 --camera 2.2,2.6,4.6,0,0.85,0 --fov 34 --light directional,-1,-1.6,-0.6,2.6,2.5,2.3 \
-	--ambient 0.22,0.25,0.30 --background 0.62,0.70,0.80 --width 768 --height 768
-
 FILE_head = vismale_head_ct_128x128x256_u8.raw
-TRANSFER_head = 0.14 0.75 0.50 0.38 0; 0.22 0.78 0.53 0.40 40; 0.30 0.78 0.50 0.38 60; 0.36 0.85 0.78 0.66 250; \
-	0.80 0.92 0.90 0.84 500; 1.0 0.95 0.85 0.45 900
-OPTIONS_head = --size 128,128,256 --type u8 --box 0,0,0,2.02,2.55,2.58 --shading surface \
-	--camera 4.2,-5.6,2.6,1.01,1.2,1.25 --up 0,0,1 --fov 30 --light directional,0.4,1,-0.9,2.4,2.3,2.2 \
-	--ambient 0.15,0.16,0.18 --background 0.05,0.06,0.08 --width 768 --height 768
-
 FILE_smoke = smoke_openvdb_111x222x112_u16.raw
-OPTIONS_smoke = --size 111,222,112 --type u16 --box 0,0,0,1,2,1.01 --extinction 300 --albedo 0.85,0.86,0.88 \
-	--phase 0.4 --mesh build/gallery/floor.obj --mesh-color 0.4,0.4,0.42 --camera 1.6,1.6,5.2,0.5,0.95,0.5 --fov 30 \
-	--light directional,-1,-1.3,-0.5,6,5.7,5.2 --ambient 0.10,0.12,0.16 --background 0.25,0.32,0.42 --width 576 --height 960
-
 FILE_cloud = wdas_cloud_sixteenth_126x86x154_u16.raw
-OPTIONS_cloud = --size 126,86,154 --type u16 --box 0,0,0,1.26,0.86,1.54 --extinction 60 --albedo 1,1,1 \
-	--phase 0.6,-0.2,0.3 --camera 3.2,0.9,2.6,0.63,0.42,0.77 --fov 28 --light directional,0.3,-1,-0.7,14,13,11.5 \
-	--ambient 0.30,0.36,0.46 --background 0.25,0.42,0.68 --width 960 --height 640
 
 SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(SPLATSHADOW_DATA)/$(FILE_$(scan))),$(scan))))
 
 scans: $(SCANS_HERE:%=build/gallery/scan_%.png)
 
-build/gallery/scan_%.png: build/render build/gallery/floor.obj Makefile
-	@$(if $(TRANSFER_$*),echo '$(TRANSFER_$*)' | tr ';' '\n' > build/gallery/$*.transfer)
-	build/render --volume $(SPLATSHADOW_DATA)/$(FILE_$*) $(if $(TRANSFER_$*),--transfer build/gallery/$*.transfer) \
-		$(OPTIONS_$*) --out $@ --stats build/gallery/scan_$*.json
-
-build/gallery/floor.obj: | build/gallery
-	@printf 'v -6 0 -6\nv 6 0 -6\nv 6 0 6\nv -6 0 6\nf 4 3 2 1\n' > $@
+build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | build/gallery
+	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --out $@ --stats build/gallery/scan_$*.json
 
 # --------------------------------------------------------------------------------------------------- measuring
 

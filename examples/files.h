@@ -99,6 +99,15 @@ static inline char *ex_skip_blanks(char *text) {
     return text;
 }
 
+/* Cuts blanks off at both ends. */
+static inline char *ex_trim(char *text) {
+    text = ex_skip_blanks(text);
+    size_t length = strlen(text);
+    while (length > 0 && strchr(" \t\r\n", text[length - 1])) --length;
+    text[length] = '\0';
+    return text;
+}
+
 /* Turns items from a file's byte order into the machine's, or back, in place. */
 static inline void ex_byte_order(void *data, size_t count, size_t item_size, int big_endian) {
     const uint16_t one = 1;

@@ -5,10 +5,20 @@
 
 #include "files.h"
 
+/* All zero is an empty one. */
 typedef struct ex_transfer {
     sps_transfer_point *points;
-    size_t point_count;
+    size_t point_count, point_capacity;
 } ex_transfer;
+
+/* Adds a point. Fails if its value is not above the last one's. */
+static inline int ex_transfer_add(ex_transfer *transfer, const sps_transfer_point *point) {
+    const size_t count = transfer->point_count;
+    if (count > 0 && !(point->value > transfer->points[count - 1].value)) return 1;
+    transfer->points = (sps_transfer_point *)ex_grow(transfer->points, count, &transfer->point_capacity, sizeof *point);
+    transfer->points[transfer->point_count++] = *point;
+    return 0;
+}
 
 static inline void ex_transfer_free(ex_transfer *transfer) {
     free(transfer->points);
@@ -32,7 +42,7 @@ static inline int ex_transfer_line(char *text, sps_transfer_point *point) {
 /* Reads a transfer function: one point a line, values rising; # starts a comment, blank lines are passed over. */
 static inline int ex_transfer_load(ex_transfer *transfer, const char *path, ex_error *error) {
     char *text = NULL, *line;
-    size_t length = 0, capacity = 0;
+    size_t length = 0;
     int line_number = 0, failed = 0;
     memset(transfer, 0, sizeof *transfer);
     if (ex_read_text(path, &text, &length, error)) return 1;
@@ -41,15 +51,12 @@ static inline int ex_transfer_load(ex_transfer *transfer, const char *path, ex_e
         ++line_number;
         line = ex_skip_blanks(line);
         if (*line == '\0' || *line == '#') continue;
-        transfer->points =
-            (sps_transfer_point *)ex_grow(transfer->points, transfer->point_count, &capacity, sizeof *transfer->points);
-        sps_transfer_point *point = transfer->points + transfer->point_count;
-        if (ex_transfer_line(line, point))
+        sps_transfer_point point;
+        if (ex_transfer_line(line, &point))
             failed = ex_fail(error, "%s:%d: not `value r g b extinction`, or out of range: '%s'", path, line_number,
                              ex_quoted(line).text);
-        else if (transfer->point_count > 0 && !(point->value > point[-1].value))
+        else if (ex_transfer_add(transfer, &point))
             failed = ex_fail(error, "%s:%d: values must rise from line to line", path, line_number);
-        ++transfer->point_count;
     }
     if (!failed && transfer->point_count == 0) failed = ex_fail(error, "%s: no lines with values", path);
     free(text);

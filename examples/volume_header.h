@@ -85,15 +85,6 @@ static inline int ex_header_check_required(const ex_header *header, const ex_hea
     return 0;
 }
 
-/* Cuts blanks off at both ends. */
-static inline char *ex_trim(char *text) {
-    text = ex_skip_blanks(text);
-    size_t length = strlen(text);
-    while (length > 0 && strchr(" \t\r\n", text[length - 1])) --length;
-    text[length] = '\0';
-    return text;
-}
-
 /* Exactly `count` numbers with blanks between them, each within `lo`..`hi`. */
 static inline int ex_header_numbers(const ex_header *header, const char *field, const char *value, int count, double lo,
                                     double hi, double *out) {

@@ -1128,6 +1128,64 @@ static void test_owners(void) {
     CHECK_COMPLAINTS(owners);
 }
 
+/* A look stands for its lines: the same picture, with a mesh that lies beside it; what comes later counts instead. */
+static void test_looks(void) {
+    static const complaint good[] = {
+        {SMALL "--volume two.raw --size 2,2,2 --transfer look.txt --shading surface --mesh corner.obj "
+               "--light directional,-1,-1,-1,2,2,2 --light point,9,9,9,50,40,30 --pfm lines.pfm",
+         0, NULL},
+        {"--look looks/whole.txt --volume two.raw --pfm look.pfm", 0, NULL},
+        {"--look looks/whole.txt --volume two.raw --width 6 --pfm wide.pfm", 0, NULL},
+        {"--width 6 --look looks/whole.txt --volume two.raw --pfm narrow.pfm", 0, NULL},
+        {"--look looks/empty.txt " VOLUME "--plan >plan", 0, NULL}};
+    static const complaint bad[] = {
+        {"--look missing.txt --plan", 2, "missing.txt: No such file"},
+        {"--look looks/unknown.txt --plan", 2, "looks/unknown.txt:3: 'bogus' is no option that a look can have"},
+        {"--look looks/nested.txt --plan", 2, "looks/nested.txt:1: 'look' is no option that a look can have"},
+        {"--look looks/value.txt --plan", 2, "looks/value.txt:1: --size needs a value: X,Y,Z"},
+        {"--look looks/flag.txt --plan", 2, "looks/flag.txt:1: --no-shadows takes no value: 'please'"},
+        {"--look looks/range.txt --plan", 2, "looks/range.txt:2: --size: '2,2,0' is out of range"},
+        {"--look looks/range.txt", 2, "looks/range.txt:2: --size: '2,2,0' is out of range"},
+        {"--look looks/points.txt " VOLUME "--plan", 2, "looks/points.txt:2: --transfer-point: '0.1,0,0,0,0' will not"},
+        {"--look looks/whole.txt --volume two.raw --transfer look.txt --plan", 2,
+         "--transfer and --transfer-point of two.raw exclude"},
+        {"--look looks/whole.txt --volume two.raw --albedo 1,1,1 --plan", 2,
+         "--albedo and --transfer-point of two.raw exclude"},
+        {"--look looks/whole.txt --volume two.raw --out looks/whole.txt", 2,
+         "--out looks/whole.txt is a file that --look reads"},
+        {"--look looks/whole.txt --volume two.raw --out looks/corner.obj", 2,
+         "--out looks/corner.obj is a file that --mesh reads"},
+        {"--transfer-point 0,1,1,1", 2, "--transfer-point: '0,1,1,1' is not value,r,g,b,extinction"},
+        {"--transfer-point 0,1,1,2,0", 2, "out of range: r,g,b must be within 0..1"},
+        {"--transfer-point -1,1,1,1,0", 2, "out of range: value and extinction must be within 0..1e+18"},
+        {"--transfer-point 0,1,1,1,0 --plan", 2, "--transfer-point: there is no --volume"},
+        {VOLUME "--transfer-point 2,1,1,1,0 --transfer-point 3,1,1,1,9 --plan", 2,
+         "--transfer-point: a line's value is 2, and there are lines beyond it; u8 voxels stand for 0..1"}};
+    static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n";
+    static const char whole[] = "# two voxels\r\nwidth 5 # pixels\n\n  height\t4\nsize 2,2,2\nmesh corner.obj\n"
+                                "transfer-point 0.1,0.9,0.5,0.2,0\ntransfer-point 1,0.9,0.5,0.2,8\nshading surface\n"
+                                "light directional,-1,-1,-1,2,2,2\nlight point,9,9,9,50,40,30";
+    char path[200], lines[400], look[400];
+    snprintf(path, sizeof path, "%s/looks", folder);
+    CHECK(mkdir(path, 0777) == 0);
+    write_file("looks/corner.obj", corner, strlen(corner));
+    write_file("looks/whole.txt", whole, strlen(whole));
+    write_file("looks/empty.txt", "#\n", 2);
+    write_file("looks/unknown.txt", "\n\nbogus 1\n", 10);
+    write_file("looks/nested.txt", "look empty.txt\n", 15);
+    write_file("looks/value.txt", "size # nothing\n", 15);
+    write_file("looks/flag.txt", "no-shadows please\n", 18);
+    write_file("looks/range.txt", "type u8\nsize 2,2,0\n", 19);
+    write_file("looks/points.txt", "transfer-point 0.1,0,0,0,0\ntransfer-point 0.1,0,0,0,0\n", 54);
+    CHECK_COMPLAINTS(good);
+    CHECK_COMPLAINTS(bad);
+    CHECK(read_file("lines.pfm", lines, sizeof lines) == 12 + 4 * 3 * 20);
+    CHECK(read_file("look.pfm", look, sizeof look) == 12 + 4 * 3 * 20);
+    CHECK(memcmp(lines, look, 12 + 4 * 3 * 20) == 0);
+    CHECK(read_file("wide.pfm", look, sizeof look) == 12 + 4 * 3 * 24);
+    CHECK(read_file("narrow.pfm", look, sizeof look) == 12 + 4 * 3 * 20);
+}
+
 /* What cannot both be meant. */
 static void test_exclusions(void) {
     static const complaint both[] = {
@@ -1357,7 +1415,8 @@ static void test_precious_files(void) {
 
 /* Every option is in the help, with the words of the rest of the world. */
 static void test_help(void) {
-    static const char *const words[] = {"--volume FILE",
+    static const char *const words[] = {"--look FILE",
+                                        "--volume FILE",
                                         "--size X,Y,Z",
                                         "--type u8|i8|u16|i16|u32|i32|f32|f64",
                                         "--range LOW,HIGH",
@@ -1367,6 +1426,7 @@ static void test_help(void) {
                                         "--emission r,g,b",
                                         "--phase g[,g2,w]",
                                         "--transfer FILE",
+                                        "--transfer-point value,r,g,b,extinction",
                                         "--shading gas|surface",
                                         "--mesh FILE.obj",
                                         "--mesh-color r,g,b",
@@ -1433,6 +1493,7 @@ static void test_command_line(void) {
     test_files_written();
     test_any_order();
     test_owners();
+    test_looks();
     test_exclusions();
     test_bad_values();
     test_particles_option();

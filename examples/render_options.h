@@ -1,0 +1,670 @@
+/* render_options.h: the options of render.c: what there are, what they set, what does not go together, and looks, which
+   are files of them. */
+
+#ifndef EX_RENDER_OPTIONS_H
+#define EX_RENDER_OPTIONS_H
+
+#include "arguments.h"
+#include "mesh.h"
+#include "particles.h"
+#include "transfer.h"
+#include "volume_file.h"
+
+/* What the library takes; conversions to float stay finite as well. */
+#define LARGEST  1e18 /* extinctions and colours */
+#define FARTHEST 1e15 /* coordinates */
+
+/* ============================================================================================== arguments */
+
+typedef uint64_t option_set; /* a bit for each place in the table of options */
+
+typedef struct phase_lobes {
+    sps_lobe list[2];
+    int count;
+} phase_lobes;
+
+/* In this and in every other struct that options have fields in, `given` comes first: which options were said about
+   it. */
+typedef struct volume_arguments {
+    option_set given;
+    const char *file, *transfer_file;
+    int size[3], type, shading;
+    double range[2], box[6], extinction, albedo[3], emission[3];
+    phase_lobes lobes;
+    ex_voxel_file voxels; /* what the file's header says, and the options instead of it */
+    sps_placement placement;
+    ex_grid grid;
+    ex_transfer points;
+    sps_transfer transfer;
+} volume_arguments;
+
+typedef struct particles_arguments {
+    option_set given;
+    const char *file;
+    int soft, is_extinction;
+    double albedo[3], emission[3];
+    phase_lobes lobes;
+    ex_particles particles;
+} particles_arguments;
+
+typedef struct mesh_arguments {
+    option_set given;
+    const char *file;
+    double color[3];
+    ex_mesh mesh;
+} mesh_arguments;
+
+/* One option as it was given. */
+typedef struct setting {
+    const struct option_rule *rule;
+    const char *value; /* NULL where it takes none */
+    const char *look;  /* the file it stands in, and the line there; NULL: the command line */
+    int line;
+} setting;
+
+/* All of them, in order. */
+typedef struct settings {
+    setting *list;
+    size_t count, capacity;
+    char **texts; /* that were read from looks, or made from what was read */
+    size_t text_count, text_capacity;
+} settings;
+
+/* Every list is longer than the list of settings, which none can outgrow. The first volume, set of particles and mesh
+   are there before their file is known, for the options that stand before it. */
+typedef struct arguments {
+    option_set given;
+    const settings *settings;
+    volume_arguments *volumes;
+    particles_arguments *particles;
+    mesh_arguments *meshes;
+    sps_light *lights;
+    const char **light_texts;
+    int volume_count, particles_count, mesh_count, light_count;
+    double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
+    int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
+    int shadow, map_size, map_window;
+    double map_epsilon;
+    sps_tmap_settings map; /* what all lights shade gas by, but for --shadow sheets; options set fields of it */
+    const char *out, *pfm, *alpha_pfm, *stats;
+} arguments;
+
+typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH } option_owner; /* whose field an option sets */
+
+typedef struct option_rule {
+    const char *name, *form, *help; /* form NULL: takes no value */
+    int (*apply)(const struct option_rule *rule, arguments *all, void *place, const char *value, ex_error *error);
+    option_owner owner;
+    size_t offset;            /* of the field in its owner */
+    int count;                /* of numbers */
+    double lo, hi;            /* each number's range */
+    const char *const *names; /* of a choice, by number; those below lo are not for users */
+} option_rule;
+
+static const char *const shading_names[] = {"gas", "surface", NULL};
+static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
+                                           "fourier", "cosine", "moment",     "adaptive", "beer",    NULL};
+static const char *const window_names[] = {"none", "lanczos", "fejer", NULL};
+
+/* ================================================================================================ handlers */
+
+/* Every handler sets its field, or fills `error` and returns 1. */
+
+static int malformed(const option_rule *rule, const char *value, ex_error *error) {
+    return ex_fail(error, "%s: '%s' is not %s", rule->name, ex_quoted(value).text, rule->form);
+}
+
+static int unfit(const option_rule *rule, const char *value, const char *why, ex_error *error) {
+    return ex_fail(error, "%s: '%s' will not do: %s", rule->name, ex_quoted(value).text, why);
+}
+
+static int outside(const option_rule *rule, const char *value, const char *what, double lo, double hi,
+                   ex_error *error) {
+    return ex_fail(error, "%s: '%s' is out of range: %s must be within %g..%g", rule->name, ex_quoted(value).text, what,
+                   lo, hi);
+}
+
+/* Reads up to `most` comma-separated decimal numbers; returns how many, or -1. Strict: no blanks, no hexadecimals,
+   nothing behind. What is too large for a double is infinite: within no range. */
+static int read_numbers(const char *text, int most, double *out) {
+    int count = 0;
+    if (text[strspn(text, "+-.,0123456789eE")] != '\0') return -1;
+    for (;;) {
+        char *end;
+        if (count == most) return -1;
+        out[count] = strtod(text, &end);
+        if (end == text) return -1;
+        ++count;
+        if (*end == '\0') return count;
+        if (*end != ',') return -1;
+        text = end + 1;
+    }
+}
+
+static int within(const double *numbers, int count, double lo, double hi) {
+    for (int i = 0; i < count; ++i)
+        if (!(numbers[i] >= lo && numbers[i] <= hi)) return 0;
+    return 1;
+}
+
+static int set_reals(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    double numbers[8];
+    (void)all;
+    if (read_numbers(value, rule->count, numbers) != rule->count) return malformed(rule, value, error);
+    if (!within(numbers, rule->count, rule->lo, rule->hi))
+        return outside(rule, value, rule->form, rule->lo, rule->hi, error);
+    memcpy(place, numbers, (size_t)rule->count * sizeof *numbers);
+    return 0;
+}
+
+static int set_integers(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    double numbers[8];
+    int *out = (int *)place;
+    (void)all;
+    if (value[strspn(value, "+-,0123456789")] != '\0' || read_numbers(value, rule->count, numbers) != rule->count)
+        return malformed(rule, value, error);
+    if (!within(numbers, rule->count, rule->lo, rule->hi))
+        return outside(rule, value, rule->form, rule->lo, rule->hi, error);
+    for (int i = 0; i < rule->count; ++i) out[i] = (int)numbers[i];
+    return 0;
+}
+
+static int set_text(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    (void)all;
+    if (*value == '\0') return malformed(rule, value, error);
+    *(const char **)place = value;
+    return 0;
+}
+
+static int set_flag(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    (void)rule, (void)all, (void)value, (void)error;
+    *(int *)place = 1;
+    return 0;
+}
+
+static int set_choice(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    const int choice = ex_find_name(rule->names, value);
+    (void)all;
+    if (choice < rule->lo) return malformed(rule, value, error);
+    *(int *)place = choice;
+    return 0;
+}
+
+static int set_camera(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    const double *camera = (const double *)place;
+    if (set_reals(rule, all, place, value, error)) return 1;
+    if (camera[0] == camera[3] && camera[1] == camera[4] && camera[2] == camera[5])
+        return unfit(rule, value, "position and target are the same point", error);
+    return 0;
+}
+
+static int set_range(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    const double *range = (const double *)place;
+    if (set_reals(rule, all, place, value, error)) return 1;
+    return range[0] == range[1] ? unfit(rule, value, "both ends are the same", error) : 0;
+}
+
+static int set_phase(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    phase_lobes *lobes = (phase_lobes *)place;
+    double g[3] = {0, 0, 0};
+    (void)all;
+    const int count = read_numbers(value, 3, g);
+    if (count != 1 && count != 3) return malformed(rule, value, error);
+    if (!within(g, 2, rule->lo, rule->hi)) return outside(rule, value, "g and g2", rule->lo, rule->hi, error);
+    if (!within(g + 2, 1, 0, 1)) return outside(rule, value, "w", 0, 1, error);
+    const double weights[2] = {1 - g[2], g[2]};
+    lobes->count = 0;
+    for (int i = 0; i < 2; ++i) {
+        if (weights[i] <= 0) continue; /* the library wants weights above 0 */
+        lobes->list[lobes->count].asymmetry = (float)g[i];
+        lobes->list[lobes->count++].weight = (float)weights[i];
+    }
+    return 0;
+}
+
+/* A point of a transfer function, instead of a file of them. */
+static int add_point(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    double numbers[5];
+    sps_transfer_point point;
+    (void)all;
+    if (read_numbers(value, 5, numbers) != 5) return malformed(rule, value, error);
+    if (!within(numbers, 1, 0, LARGEST) || !within(numbers + 4, 1, 0, LARGEST))
+        return outside(rule, value, "value and extinction", 0, LARGEST, error);
+    if (!within(numbers + 1, 3, 0, 1)) return outside(rule, value, "r,g,b", 0, 1, error);
+    point.value = (float)numbers[0], point.extinction = (float)numbers[4];
+    for (int i = 0; i < 3; ++i) point.color[i] = (float)numbers[1 + i];
+    if (ex_transfer_add((ex_transfer *)place, &point)) return unfit(rule, value, "values must rise", error);
+    return 0;
+}
+
+static void default_volume(volume_arguments *volume) {
+    volume->extinction = 1;
+    for (int i = 0; i < 3; ++i) volume->albedo[i] = 0.8, volume->box[3 + i] = 1;
+}
+
+static void default_particles(particles_arguments *particles) {
+    for (int i = 0; i < 3; ++i) particles->albedo[i] = 0.8;
+}
+
+static void default_mesh(mesh_arguments *mesh) {
+    for (int i = 0; i < 3; ++i) mesh->color[i] = 0.8;
+}
+
+static int add_volume(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    volume_arguments *volume = all->volumes + all->volume_count;
+    (void)place;
+    if (set_text(rule, all, &volume->file, value, error)) return 1;
+    if (all->volume_count++ > 0) default_volume(volume);
+    return 0;
+}
+
+static int add_particles(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    particles_arguments *particles = all->particles + all->particles_count;
+    (void)place;
+    if (set_text(rule, all, &particles->file, value, error)) return 1;
+    if (all->particles_count++ > 0) default_particles(particles);
+    return 0;
+}
+
+static int add_mesh(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    mesh_arguments *mesh = all->meshes + all->mesh_count;
+    (void)place;
+    if (set_text(rule, all, &mesh->file, value, error)) return 1;
+    if (all->mesh_count++ > 0) default_mesh(mesh);
+    return 0;
+}
+
+static int add_light(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    static const char *const kinds[] = {"directional,", "point,"};
+    double numbers[6];
+    sps_light *light = all->lights + all->light_count;
+    (void)place;
+    const int point = strncmp(value, kinds[1], strlen(kinds[1])) == 0;
+    if (!point && strncmp(value, kinds[0], strlen(kinds[0])) != 0) return malformed(rule, value, error);
+    if (read_numbers(value + strlen(kinds[point]), 6, numbers) != 6) return malformed(rule, value, error);
+    if (!within(numbers, 3, rule->lo, rule->hi))
+        return outside(rule, value, point ? "x,y,z" : "dx,dy,dz", rule->lo, rule->hi, error);
+    if (!within(numbers + 3, 3, 0, LARGEST)) return outside(rule, value, "r,g,b", 0, LARGEST, error);
+    if (!point && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
+        return unfit(rule, value, "the direction is zero", error);
+    light->kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
+    memcpy(point ? light->position : light->direction, numbers, 3 * sizeof *numbers);
+    for (int i = 0; i < 3; ++i) light->color[i] = (float)numbers[3 + i];
+    all->light_texts[all->light_count++] = value;
+    return 0;
+}
+
+/* =============================================================================================== the table */
+
+#define OF_SCENE(field)     SCENE, offsetof(arguments, field)
+#define OF_VOLUME(field)    VOLUME, offsetof(volume_arguments, field)
+#define OF_MESH(field)      MESH, offsetof(mesh_arguments, field)
+#define OF_PARTICLES(field) PARTICLES, offsetof(particles_arguments, field)
+#define NO_NUMBERS          0, 0, 0, NULL
+#define COORDINATES         -FARTHEST, FARTHEST, NULL /* ranges of numbers */
+#define POSITIVE            0, LARGEST, NULL
+
+/* clang-format off */
+static const option_rule options[] = {
+    {"--look", "FILE", "options from a file; repeatable", NULL, SCENE, 0, NO_NUMBERS},
+    {"--volume", "FILE", "voxels; repeatable", add_volume, SCENE, 0, NO_NUMBERS},
+    {"--size", "X,Y,Z", "voxels along each axis; required for a file without a header", set_integers, OF_VOLUME(size), 3, 1, 65536, NULL},
+    {"--type", "u8|i8|u16|i16|u32|i32|f32|f64", "of a voxel; default: the header's, or u8, little endian", set_choice, OF_VOLUME(type), 1, 0, 0, ex_type_names},
+    {"--range", "LOW,HIGH", "numbers in the file that become the values 0 and 1; what lies beyond counts as these", set_range, OF_VOLUME(range), 2, -LARGEST, LARGEST, NULL},
+    {"--box", "x0,y0,z0,x1,y1,z1", "two opposite corners in the world; default: the header's, or 0,0,0,1,1,1", set_reals, OF_VOLUME(box), 6, COORDINATES},
+    {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
+    {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
+    {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
+    {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
+    {"--transfer", "FILE", "lines: value r g b extinction, values rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
+    {"--transfer-point", "value,r,g,b,extinction", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
+    {"--shading", "gas|surface", "surface: lit by the gradient, where that is strong; default gas", set_choice, OF_VOLUME(shading), 1, 0, 0, shading_names},
+    {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
+    {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
+    {"--particle-emission", "r,g,b", "radiance per unit of optical depth; default 0,0,0", set_reals, OF_PARTICLES(emission), 3, POSITIVE},
+    {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
+    {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
+    {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, not optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
+    {"--mesh", "FILE.obj", "Wavefront OBJ, opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
+    {"--mesh-color", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
+    {"--camera", "px,py,pz,tx,ty,tz", "position and target; default: all of the scene in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
+    {"--up", "x,y,z", "default 0,1,0", set_reals, OF_SCENE(up), 3, COORDINATES},
+    {"--fov", "DEG", "perspective, vertical angle; default 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},
+    {"--ortho", "HEIGHT", "orthographic, world height of the image; not with --fov", set_reals, OF_SCENE(ortho), 1, 1e-15, FARTHEST, NULL},
+    {"--width", "W", "pixels; default 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
+    {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
+    {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
+    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, COORDINATES},
+    {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
+    {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
+    {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
+    {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
+    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer", "what gas shades by: sheets, or this kind of transmittance map; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--map-components", "N", "floats a texel of that map; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 65, NULL},
+    {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
+    {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
+    {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
+    {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
+    {"--map-texel-range", NULL, "a range of depths for each texel, which takes two more floats, for fourier", set_flag, OF_SCENE(map.texel_range), NO_NUMBERS},
+    {"--map-running-maximum", NULL, "shadows never grow lighter with depth: slow, for fourier", set_flag, OF_SCENE(map.running_maximum), NO_NUMBERS},
+    {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
+    {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching: slow; does not look at --quality, --shadow-size, --shadow", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
+    {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
+    {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
+    {"--alpha-pfm", "FILE.pfm", "coverage, one channel", set_text, OF_SCENE(alpha_pfm), NO_NUMBERS},
+    {"--stats", "FILE.json", "what the render did, and how long it took", set_text, OF_SCENE(stats), NO_NUMBERS},
+    {"--plan", NULL, "says what would run, and why, and renders nothing; not with --reference", set_flag, OF_SCENE(plan), NO_NUMBERS},
+    {"--help", NULL, "this text", set_flag, OF_SCENE(help), NO_NUMBERS},
+};
+/* clang-format on */
+
+enum { OPTION_COUNT = sizeof options / sizeof options[0] };
+
+/* What --help says before an option. */
+static const char *const headings[][2] = {
+    {"--look",
+     "Looks. A look is a file of options, one on each line, without the dashes: size 256,256,256. # begins a comment.\n"
+     "  Files that it names are beside it. It stands for its lines: options that come after it count instead of them."},
+    {"--volume",
+     "Volumes. These are about the --volume before them; those before the first --volume, about the first.\n"
+     "  Files called .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii (NIfTI-1) and .npy have a header, which says "
+     "size,\n"
+     "  type, byte order, spacing and place, unless an option below does; their voxels must not be compressed. The\n"
+     "  coordinates are those of the file. Where a header has none, voxels are cubes of edge 1, the first one's centre "
+     "at\n"
+     "  0,0,0; an .npy array is indexed [z,y,x]. All other files are raw: voxels only, x fastest, little endian.\n"
+     "  Numbers become values like this: u8, u16 and u32 are 0..1 over all that the type holds; i8, i16 and i32, and\n"
+     "  integers that a NIfTI header scales, are 0..1 from the smallest to the largest in the file; f32 and f64 are\n"
+     "  values as they stand, negative ones being 0. For anything else there is --range, after NIfTI's scaling."},
+    {"--particles", "Particles, in the same way: balls of gas."},
+    {"--mesh", "Meshes, in the same way."},
+    {"--camera", "View."},
+    {"--light", "Light. Colours are linear: irradiance of a directional light, of a point light at distance 1."},
+    {"--slab", "Rendering."},
+    {"--out", "Results. At least one is required."},
+    {"--help", "Help."},
+};
+
+static void print_help(void) {
+    puts("usage: render [options]\n\n"
+         "Options stand in any order. Of one that is given twice and is not repeatable, the last counts.\n"
+         "Exit status: 0 done, 1 the render failed, 2 an option or a file is wrong.");
+    for (int i = 0; i < OPTION_COUNT; ++i) {
+        char left[120];
+        for (size_t k = 0; k < sizeof headings / sizeof *headings; ++k)
+            if (strcmp(headings[k][0], options[i].name) == 0) printf("\n%s\n", headings[k][1]);
+        snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
+        if (strlen(left) > 28) printf("  %s\n", left), left[0] = '\0'; /* too long: a line of its own */
+        printf("  %-28s %s\n", left, options[i].help);
+    }
+}
+
+/* ================================================================================================= parsing */
+
+static const option_rule *find_option(const char *name) {
+    for (int i = 0; i < OPTION_COUNT; ++i)
+        if (strcmp(options[i].name, name) == 0) return &options[i];
+    return NULL;
+}
+
+/* Whether an option is in a set. */
+static int has(option_set given, const char *name) { return (int)(given >> (find_option(name) - options) & 1); }
+
+/* The struct that the option's field is in: the arguments, or the latest volume, particles or mesh, or else the first
+   to come. */
+static void *find_owner(const option_rule *rule, arguments *all) {
+    if (rule->owner == SCENE) return all;
+    if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
+    if (rule->owner == PARTICLES) return all->particles + (all->particles_count ? all->particles_count - 1 : 0);
+    return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
+}
+
+static int apply_option(const option_rule *rule, arguments *all, const char *value, ex_error *error) {
+    void *owner = find_owner(rule, all);
+    *(option_set *)owner |= (option_set)1 << (rule - options);
+    return rule->apply(rule, all, (char *)owner + rule->offset, value, error);
+}
+
+static void add_setting(settings *all, setting added) {
+    all->list = (setting *)ex_grow(all->list, all->count, &all->capacity, sizeof *all->list);
+    all->list[all->count++] = added;
+}
+
+/* Keeps a text until the settings are freed. */
+static char *keep_text(settings *all, char *text) {
+    all->texts = (char **)ex_grow(all->texts, all->text_count, &all->text_capacity, sizeof *all->texts);
+    return all->texts[all->text_count++] = text;
+}
+
+static void free_settings(settings *all) {
+    for (size_t i = 0; i < all->text_count; ++i) free(all->texts[i]);
+    free(all->texts);
+    free(all->list);
+}
+
+/* The name of a file that a look names. */
+static const char *beside_look(settings *all, const char *look, const char *name) {
+    const char *slash = name[0] == '/' ? NULL : strrchr(look, '/');
+    const size_t folder = slash ? (size_t)(slash - look) + 1 : 0;
+    char *path = keep_text(all, (char *)ex_allocate(folder + strlen(name) + 1, 1));
+    memcpy(path, look, folder);
+    memcpy(path + folder, name, strlen(name));
+    return path;
+}
+
+/* A comment begins with a # at the start of a line or after a blank; elsewhere # is part of a name. */
+static void cut_comment(char *text) {
+    for (char *at = text; *at; ++at) {
+        if (*at != '#' || (at > text && at[-1] != ' ' && at[-1] != '\t')) continue;
+        *at = '\0';
+        return;
+    }
+}
+
+/* One line of a look: an option's name without its dashes, and its value. Neither: an empty line. */
+static int read_look_line(settings *all, const char *look, int line, char *text, ex_error *error) {
+    char name[80];
+    cut_comment(text);
+    text = ex_trim(text);
+    if (!*text) return 0;
+    const size_t length = strcspn(text, " \t");
+    snprintf(name, sizeof name, "--%.*s", (int)(length < 70 ? length : 70), text);
+    const option_rule *rule = find_option(name);
+    const char *value = ex_skip_blanks(text + length);
+    if (!rule || !rule->apply)
+        return ex_fail(error, "%s:%d: '%s' is no option that a look can have", look, line, ex_quoted(name + 2).text);
+    if (rule->form && !*value) return ex_fail(error, "%s:%d: %s needs a value: %s", look, line, name, rule->form);
+    if (!rule->form && *value)
+        return ex_fail(error, "%s:%d: %s takes no value: '%s'", look, line, name, ex_quoted(value).text);
+    if (rule->form && strncmp(rule->form, "FILE", 4) == 0) value = beside_look(all, look, value);
+    const setting added = {rule, rule->form ? value : NULL, look, line};
+    add_setting(all, added);
+    return 0;
+}
+
+static int read_look(settings *all, const char *look, ex_error *error) {
+    char *text = NULL, *line;
+    size_t length = 0;
+    int number = 0;
+    if (ex_read_text(look, &text, &length, error)) return 1;
+    char *rest = keep_text(all, text);
+    while ((line = ex_next_line(&rest, text + length)) != NULL)
+        if (read_look_line(all, look, ++number, line, error)) return 1;
+    return 0;
+}
+
+/* All options, with those of looks where these stand. */
+static int read_settings(int argc, char **argv, settings *all, ex_error *error) {
+    for (int i = 1; i < argc; ++i) {
+        const option_rule *rule = find_option(argv[i]);
+        if (!rule) return ex_fail(error, "unknown option '%.80s'; --help lists them", argv[i]);
+        setting added = {rule, NULL, NULL, 0};
+        if (rule->form) {
+            if (i + 1 == argc || strncmp(argv[i + 1], "--", 2) == 0)
+                return ex_fail(error, "%s needs a value: %s", rule->name, rule->form);
+            added.value = argv[++i];
+        }
+        if (!rule->apply) {
+            if (read_look(all, added.value, error)) return 1;
+        } else {
+            add_setting(all, added);
+        }
+    }
+    return 0;
+}
+
+static int apply_settings(arguments *all, ex_error *error) {
+    for (size_t i = 0; i < all->settings->count; ++i) {
+        const setting *s = &all->settings->list[i];
+        if (apply_option(s->rule, all, s->value, error) == 0) continue;
+        const ex_error why = *error;
+        return s->look ? ex_fail(error, "%s:%d: %s", s->look, s->line, why.text) : 1;
+    }
+    return 0;
+}
+
+/* A setting that cannot show is a mistake: of two ways to say how a volume looks, only one can be meant. */
+static int check_appearance(const volume_arguments *volume, ex_error *error) {
+    static const char *const by_gas[] = {"--extinction", "--albedo", "--emission"};
+    const int has_points = volume->points.point_count > 0;
+    if (volume->transfer_file && has_points)
+        return ex_fail(error, "--transfer and --transfer-point of %s exclude each other: give one of them",
+                       volume->file);
+    for (int i = 0; i < 3 && (volume->transfer_file || has_points); ++i)
+        if (has(volume->given, by_gas[i]))
+            return ex_fail(error, "%s and %s of %s exclude each other: a transfer function's lines say all that",
+                           by_gas[i], has_points ? "--transfer-point" : "--transfer", volume->file);
+    if (volume->shading && has(volume->given, "--emission"))
+        return ex_fail(error, "--emission and --shading surface of %s exclude each other: only a gas glows",
+                       volume->file);
+    return 0;
+}
+
+/* Where the voxels are and what they are: as the file's header says, if it has one, and as options say instead. */
+static int find_voxels(volume_arguments *volume, ex_error *error) {
+    const int has_header = ex_volume_format_of(volume->file) != NULL;
+    ex_volume_file file;
+    ex_voxel_file *voxels = &file.voxels;
+    if (has_header ? ex_volume_file_read(&file, volume->file, error)
+                   : ex_voxel_file_raw(voxels, volume->file, volume->size, (ex_type)volume->type, error))
+        return 1;
+    if (has(volume->given, "--size")) memcpy(voxels->size, volume->size, sizeof voxels->size);
+    if (has(volume->given, "--type")) voxels->type = (ex_type)volume->type;
+    memcpy(voxels->range, volume->range, sizeof voxels->range);
+    volume->voxels = *voxels;
+    if (has_header && !has(volume->given, "--box")) {
+        volume->placement = ex_volume_file_placement(&file);
+        return 0;
+    }
+    for (int a = 0; a < 3; ++a) {
+        volume->placement.origin[a] = volume->box[a];
+        volume->placement.axis[a][a] = volume->box[3 + a] - volume->box[a];
+    }
+    return 0;
+}
+
+static int find_volumes(arguments *all, ex_error *error) {
+    for (int i = 0; i < all->volume_count; ++i)
+        if (find_voxels(&all->volumes[i], error)) return 1;
+    return 0;
+}
+
+static int check_volumes(const arguments *all, ex_error *error) {
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        if (volume->voxels.size[0] == 0)
+            return ex_fail(error, "--volume %s has no --size%s", volume->file, i > 0 ? " after it" : "");
+        for (int a = 0; a < 3; ++a)
+            if (volume->box[a] == volume->box[3 + a])
+                return ex_fail(error, "--box of %s: no extent along %c", volume->file, 'x' + a);
+        if (check_appearance(volume, error)) return 1;
+    }
+    return 0;
+}
+
+/* Options that were about a first volume, set of particles or mesh, and then none came. */
+static int check_owners(const arguments *all, ex_error *error) {
+    static const char *const owners[] = {"", "--volume", "--particles", "--mesh"};
+    const option_set lost = (all->volume_count ? 0 : all->volumes[0].given) |
+                            (all->particles_count ? 0 : all->particles[0].given) |
+                            (all->mesh_count ? 0 : all->meshes[0].given);
+    for (int i = 0; i < OPTION_COUNT; ++i)
+        if (lost >> i & 1)
+            return ex_fail(error, "%s: there is no %s that it could be about", options[i].name,
+                           owners[options[i].owner]);
+    return 0;
+}
+
+/* The file that `path` would be written over, of those that are read; NULL if it is none of them. */
+static const char *find_input(const arguments *all, const char *path) {
+    for (int i = 0; i < all->volume_count; ++i) {
+        const volume_arguments *volume = &all->volumes[i];
+        if (ex_same_file(path, volume->file) || ex_same_file(path, volume->voxels.path)) return "--volume";
+        if (volume->transfer_file && ex_same_file(path, volume->transfer_file)) return "--transfer";
+    }
+    for (int i = 0; i < all->mesh_count; ++i)
+        if (ex_same_file(path, all->meshes[i].file)) return "--mesh";
+    for (int i = 0; i < all->particles_count; ++i)
+        if (ex_same_file(path, all->particles[i].file)) return "--particles";
+    for (size_t i = 0; i < all->settings->count; ++i)
+        if (all->settings->list[i].look && ex_same_file(path, all->settings->list[i].look)) return "--look";
+    return NULL;
+}
+
+/* Files are looked at before a render, which may be long, and no scan is lost to a slip of the pen. */
+static int check_outputs(const arguments *all, ex_error *error) {
+    const char *const names[4] = {"--out", "--pfm", "--alpha-pfm", "--stats"};
+    const char *const files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
+    if (all->plan) return 0;
+    if (!all->out && !all->pfm && !all->alpha_pfm && !all->stats)
+        return ex_fail(error, "nothing to write: give --out, --pfm, --alpha-pfm, --stats or --plan; --help says more");
+    for (int i = 0; i < 4; ++i) {
+        if (!files[i]) continue;
+        const char *input = find_input(all, files[i]);
+        if (input) return ex_fail(error, "%s %s is a file that %s reads", names[i], files[i], input);
+        for (int k = 0; k < i; ++k)
+            if (files[k] && ex_same_file(files[i], files[k]))
+                return ex_fail(error, "%s and %s are the same file: %s", names[k], names[i], files[i]);
+        if (ex_check_writable(files[i], error)) return 1;
+    }
+    return 0;
+}
+
+/* What is said about a transmittance map must be about the one that there is. */
+static int check_map(const arguments *all, ex_error *error) {
+    static const struct {
+        const char *option, *kinds[3]; /* the techniques that it is about; none: all */
+    } about[] = {{"--map-components", {NULL, NULL, NULL}},           {"--map-size", {NULL, NULL, NULL}},
+                 {"--map-window", {"fourier", "cosine", NULL}},      {"--map-epsilon", {"compressed", NULL, NULL}},
+                 {"--map-cubic", {"opacity", "deep-opacity", NULL}}, {"--map-texel-range", {"fourier", NULL, NULL}},
+                 {"--map-running-maximum", {"fourier", NULL, NULL}}};
+    const char *kind = shadow_names[all->shadow];
+    if (all->shadow > 0 && all->no_shadows) return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);
+    for (size_t i = 0; i < sizeof about / sizeof *about; ++i) {
+        const int fits = about[i].kinds[0] ? ex_find_name(about[i].kinds, kind) >= 0 : all->shadow > 0;
+        if (has(all->given, about[i].option) && !fits)
+            return ex_fail(error, "%s says nothing about --shadow %s", about[i].option, kind);
+    }
+    return 0;
+}
+
+/* What only the whole command line can tell. */
+static int check(const arguments *all, ex_error *error) {
+    const int *region = all->region;
+    if (check_owners(all, error) || check_volumes(all, error) || check_map(all, error)) return 1;
+    if (has(all->given, "--fov") && has(all->given, "--ortho"))
+        return ex_fail(error, "--fov (perspective) and --ortho (orthographic) exclude each other: give one of them");
+    if (all->plan && all->reference)
+        return ex_fail(error, "--plan and --reference exclude each other: a plan is about sheets and sweeps, and "
+                              "--reference has none");
+    if (has(all->given, "--region")) {
+        if (region[2] < 1 || region[3] < 1 || region[0] + region[2] > all->width || region[1] + region[3] > all->height)
+            return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],
+                           region[1], region[2], region[3], all->width, all->height);
+    }
+    return check_outputs(all, error);
+}
+
+#endif /* EX_RENDER_OPTIONS_H */

@@ -1,7 +1,8 @@
-/* basics.h: errors as one line of text, exit statuses, memory. All that the other files here build on. Nothing of
-   it belongs to the library: it is the part that an engine has already.
+/* basics.h: what all other files here build on: errors as one line of text, exit statuses, memory. None of it belongs
+   to the library: an engine has all this already.
 
-   Functions that can fail return 0 when all went well; otherwise they fill `error`, one line that names the file. */
+   Functions that can fail return 0 on success. Otherwise they return 1 and fill `error` with one line that names the
+   file. */
 
 #ifndef EX_BASICS_H
 #define EX_BASICS_H
@@ -43,8 +44,8 @@ typedef struct ex_error {
 #define EX_PRINTF
 #endif
 
-/* Fills the error; returns 1, so that a caller can return it on. Names of files and the like may hold newlines and
-   what a terminal takes for a command: these become question marks, so that an error is one line. */
+/* Fills the error and returns 1, so that the caller can `return ex_fail(...)`. File names may contain newlines and
+   terminal commands: these become question marks, so that an error stays one line. */
 static inline int ex_fail(ex_error *error, const char *format, ...) EX_PRINTF;
 static inline int ex_fail(ex_error *error, const char *format, ...) {
     va_list arguments;
@@ -60,7 +61,7 @@ typedef struct ex_quote {
     char text[64];
 } ex_quote;
 
-/* The beginning of a text that may hold anything, as printable characters. */
+/* The start of any text, with question marks for what cannot be printed. */
 static inline ex_quote ex_quoted(const char *text) {
     ex_quote quote;
     const size_t most = sizeof quote.text - 1, length = strlen(text);
@@ -72,22 +73,22 @@ static inline ex_quote ex_quoted(const char *text) {
 
 /* --------------------------------------------------------------------------------------------------------- memory */
 
-/* A program of this size has nothing sensible to do without memory, so these never return NULL. */
+/* Zeroed memory. Small programs like these cannot go on without it, so this and ex_grow never return NULL. */
 static inline void *ex_allocate(size_t count, size_t item_size) {
     void *memory = calloc(count ? count : 1, item_size);
     if (memory) return memory;
     fprintf(stderr, "out of memory (%zu items of %zu bytes)\n", count, item_size);
-    exit(1);
+    exit(EX_FAILED);
 }
 
-/* Makes room for one more item after `count`; the array may move. */
+/* Returns the array with room for at least one more item after the first `count`; it may have moved. */
 static inline void *ex_grow(void *array, size_t count, size_t *capacity, size_t item_size) {
     if (count < *capacity) return array;
     const size_t larger = *capacity ? *capacity * 2 : 64;
     void *moved = larger > SIZE_MAX / item_size ? NULL : realloc(array, larger * item_size);
     if (!moved) {
         fprintf(stderr, "out of memory (%zu items of %zu bytes)\n", larger, item_size);
-        exit(1);
+        exit(EX_FAILED);
     }
     *capacity = larger;
     return moved;

@@ -75,7 +75,7 @@ static void build_dart(ex_mesh *mesh, ex_vec tip, ex_vec axis) {
     static const double barrel[16] = {0.015, 0.38, 0.055, 0.46, 0.078, 0.60, 0.068, 0.72,
                                       0.078, 0.84, 0.068, 0.96, 0.075, 1.06, 0.03,  1.16};
     const ex_lathe lathe = {barrel, 8, tip, axis};
-    const ex_vec side = ex_vec_square_to(axis), other = ex_vec_cross(axis, side);
+    const ex_vec side = ex_vec_perpendicular(axis), other = ex_vec_cross(axis, side);
     ex_shape_cylinder(mesh, ex_vec_add(tip, ex_vec_scale(axis, 0.4)), tip, 0.022, 0, steel);
     ex_shape_lathe(mesh, &lathe, 40, brass, NULL);
     ex_shape_cylinder(mesh, ex_vec_add(tip, ex_vec_scale(axis, 1.14)), ex_vec_add(tip, ex_vec_scale(axis, 2.0)), 0.028,

@@ -1,4 +1,4 @@
-/* densities.h: noise and solid shapes as functions of space, for volumes. */
+/* densities.h: functions of position that volumes are made of: noise, and signed distances of solids. */
 
 #ifndef EX_DENSITIES_H
 #define EX_DENSITIES_H
@@ -7,7 +7,7 @@
 
 /* ---------------------------------------------------------------------------------------------------------- noise */
 
-/* Scrambles a lattice point into 32 bits: multiply and fold, which is all that a noise lattice needs. */
+/* Hashes a lattice point to 32 bits by multiplying and folding, which is good enough for noise. */
 static inline uint32_t ex_hash(int x, int y, int z) {
     uint32_t h = (uint32_t)x * 0x8DA6B343u + (uint32_t)y * 0xD8163841u + (uint32_t)z * 0xCB1AB31Fu;
     h = (h ^ (h >> 15)) * 0x2C9277B5u;
@@ -15,10 +15,10 @@ static inline uint32_t ex_hash(int x, int y, int z) {
     return h ^ (h >> 16);
 }
 
-/* 0..1 from a running counter. */
+/* A pseudo-random number in 0..1; `state` counts up. */
 static inline double ex_random(uint32_t *state) { return ex_hash((int)(*state)++, 71, 5) / 4294967296.0; }
 
-/* The lattice point's gradient (three 10-bit parts of its hash) times the offset from it. */
+/* The dot product of a lattice point's gradient (three 10-bit parts of its hash) and the offset from it. */
 static inline double ex_lattice_slope(int x, int y, int z, double dx, double dy, double dz) {
     const uint32_t h = ex_hash(x, y, z);
     return (h % 1024 / 511.5 - 1) * dx + (h / 1024 % 1024 / 511.5 - 1) * dy + (h / 1048576 % 1024 / 511.5 - 1) * dz;
@@ -37,7 +37,7 @@ static inline double ex_noise(ex_vec p) {
     return 1.5 * sum;
 }
 
-/* Octaves of noise, each at double frequency and half strength; the lattices are shifted so that their zeros part. */
+/* Octaves of noise, each at twice the frequency and half the strength, shifted so that their zeros do not coincide. */
 static inline double ex_fractal(ex_vec p, int octaves) {
     double sum = 0, strength = 1;
     for (int i = 0; i < octaves; ++i, strength *= 0.5) {
@@ -47,7 +47,7 @@ static inline double ex_fractal(ex_vec p, int octaves) {
     return sum;
 }
 
-/* The same with absolute values: creases where the noise passes zero, as between eddies. */
+/* The same with absolute values, which makes creases where the noise is zero, as between eddies. */
 static inline double ex_turbulence(ex_vec p, int octaves) {
     double sum = 0, strength = 1;
     for (int i = 0; i < octaves; ++i, strength *= 0.5) {
@@ -66,24 +66,25 @@ static inline double ex_box_distance(ex_vec p, ex_vec center, ex_vec half, doubl
     const double inside = fmin(fmax(q.x, fmax(q.y, q.z)), 0);
     return ex_vec_length(ex_vec_of(fmax(q.x, 0), fmax(q.y, 0), fmax(q.z, 0))) + inside - rounding;
 }
-/* A ring around `axis` (unit): `major` from the centre to the middle of the rod, `minor` the rod's radius. */
+/* A torus around `axis` (unit). `major`: from the center to the middle of the tube; `minor`: radius of the tube. */
 static inline double ex_ring_distance(ex_vec p, ex_vec center, ex_vec axis, double major, double minor) {
     const ex_vec d = ex_vec_sub(p, center);
     const double along = ex_vec_dot(d, axis), around = ex_vec_length(ex_vec_sub(d, ex_vec_scale(axis, along)));
     return sqrt((around - major) * (around - major) + along * along) - minor;
 }
-/* A rod from a to b with round ends whose radius goes from radius_a to radius_b. */
+/* A rod from a to b with round ends; its radius goes from radius_a to radius_b. */
 static inline double ex_rod_distance(ex_vec p, ex_vec a, ex_vec b, double radius_a, double radius_b) {
     const ex_vec ab = ex_vec_sub(b, a), ap = ex_vec_sub(p, a);
     const double t = ex_clamp(ex_vec_dot(ap, ab) / ex_vec_dot(ab, ab), 0, 1);
     return ex_vec_length(ex_vec_sub(ap, ex_vec_scale(ab, t))) - ex_mix(radius_a, radius_b, t);
 }
-/* 1 inside, 0 outside, over a band `width` wide about the surface. A band of some voxels carries a gradient. */
+/* 1 inside and 0 outside, with a smooth step of `width` at the surface. Make it several voxels wide, so that there is a
+   gradient to shade by. */
 static inline double ex_solid(double distance, double width) {
     return 1 - ex_ramp(-0.5 * width, 0.5 * width, distance);
 }
 
-/* The box low..high, with `voxels` along its longest side and cubic voxels. */
+/* Places a volume in the box low..high, with cubic voxels, `voxels` of them along the longest side. */
 static inline void ex_volume_box(sps_volume *volume, ex_vec low, ex_vec high, int voxels) {
     const double side[3] = {high.x - low.x, high.y - low.y, high.z - low.z};
     const double voxel = fmax(side[0], fmax(side[1], side[2])) / voxels;

@@ -1,5 +1,5 @@
-/* files.h: reading files whole or in part, lines of text, byte order; writing, so that a full disk does not go
-   unnoticed. */
+/* files.h: reading whole files or their start, lines of text, byte order; and writing so that a full disk is noticed.
+ */
 
 #ifndef EX_FILES_H
 #define EX_FILES_H
@@ -11,7 +11,7 @@
 
 /* -------------------------------------------------------------------------------------------------------- reading */
 
-/* Opens a regular file for reading and says how long it is; NULL on failure. */
+/* Opens a regular file for reading and stores its length in bytes. Returns NULL on failure. */
 static inline FILE *ex_open(const char *path, uint64_t *size, ex_error *error) {
     struct stat info;
     FILE *file = fopen(path, "rb");
@@ -28,7 +28,7 @@ static inline FILE *ex_open(const char *path, uint64_t *size, ex_error *error) {
     return file;
 }
 
-/* Whether a file of this name could be written: told before a long render, not after it. */
+/* Fails if a file of this name could not be written: better said before a long render than after it. */
 static inline int ex_check_writable(const char *path, ex_error *error) {
     char folder[4096];
     struct stat info;
@@ -48,7 +48,7 @@ static inline int ex_check_writable(const char *path, ex_error *error) {
     return 0;
 }
 
-/* Whether two names are of one regular file, or would be; what is no file (a terminal, a pipe) may well serve twice. */
+/* Whether two paths lead to the same regular file, or would once it is created. Terminals and pipes do not count. */
 static inline int ex_same_file(const char *left, const char *right) {
     struct stat a, b;
     const int there = stat(left, &a) == 0;
@@ -56,8 +56,8 @@ static inline int ex_same_file(const char *left, const char *right) {
     return there ? S_ISREG(a.st_mode) && a.st_dev == b.st_dev && a.st_ino == b.st_ino : strcmp(left, right) == 0;
 }
 
-/* Reads at most `most` bytes from the start of a file, puts a 0 byte behind them, and says how many bytes the file
-   holds. The caller frees the text. */
+/* Reads up to `most` bytes from the start of a file and appends a 0 byte. `held` is the length of the whole file. The
+   caller frees the text. */
 static inline int ex_read_start(const char *path, size_t most, char **text, size_t *length, uint64_t *held,
                                 ex_error *error) {
     FILE *file = ex_open(path, held, error);
@@ -72,8 +72,8 @@ static inline int ex_read_start(const char *path, size_t most, char **text, size
     return ex_fail(error, "%s: reading failed after %zu of %zu bytes", path, got, *length);
 }
 
-/* The whole file with a 0 byte behind it; freed by the caller. Blanks stand for the mark of UTF-8 that some editors
-   put before the first line. */
+/* Reads a whole file and appends a 0 byte; the caller frees the text. The byte order mark that some editors write at
+   the start of UTF-8 becomes blanks. */
 static inline int ex_read_text(const char *path, char **text, size_t *length, ex_error *error) {
     uint64_t held = 0;
     if (ex_read_start(path, SIZE_MAX / 2, text, length, &held, error)) return 1;
@@ -84,7 +84,7 @@ static inline int ex_read_text(const char *path, char **text, size_t *length, ex
     return ex_fail(error, "%s: too large", path);
 }
 
-/* Cuts the next line off: returns its start with a 0 for its newline, NULL after the last one. */
+/* Returns the next line, with a 0 in place of its newline, and advances `rest`. NULL after the last line. */
 static inline char *ex_next_line(char **rest, const char *end) {
     char *line = *rest;
     if (line >= end) return NULL;
@@ -99,7 +99,7 @@ static inline char *ex_skip_blanks(char *text) {
     return text;
 }
 
-/* Cuts blanks off at both ends. */
+/* Removes blanks and line ends from both ends. */
 static inline char *ex_trim(char *text) {
     text = ex_skip_blanks(text);
     size_t length = strlen(text);
@@ -108,7 +108,7 @@ static inline char *ex_trim(char *text) {
     return text;
 }
 
-/* Turns items from a file's byte order into the machine's, or back, in place. */
+/* Converts items between a file's byte order and the machine's, in place. */
 static inline void ex_byte_order(void *data, size_t count, size_t item_size, int big_endian) {
     const uint16_t one = 1;
     unsigned char first_byte;
@@ -130,8 +130,8 @@ static inline void ex_little_endian(void *data, size_t count, size_t item_size) 
 
 /* -------------------------------------------------------------------------------------------------------- writing */
 
-/* A file that is being written. The first failure stands; closing belongs to it, since a full disk may show only
-   when the last buffer goes out. */
+/* A file that is being written. The first failure is kept until ex_output_end, which reports it. A full disk may show
+   only when the file is closed. */
 typedef struct ex_output {
     FILE *file;
     const char *path;

@@ -246,7 +246,7 @@ static void write_picture(const char *folder, const char *name, const float *rgb
     snprintf(path, sizeof path, "%s/%s.png", folder, name);
     for (char *at = path + strlen(folder) + 1; *at; ++at)
         if (*at == ' ' || *at == ',') *at = '_';
-    ex_stop_if(ex_write_png(path, rgba, width, height, 1, &error), program, &error);
+    ex_stop_if(ex_write_png(path, rgba, width, height, &error), program, &error);
 }
 
 enum { SHEET_COLUMNS = 4, SHEET_SHRINK = 4, CROP_X = 180, CROP_Y = 90, CROP_WIDTH = 600, CROP_HEIGHT = 520 };

@@ -1,11 +1,11 @@
-/* measuring.h: what programs share that print figures. */
+/* measuring.h: for programs that measure. They have nothing to save, so a failure ends them with one line on stderr. */
 
 #ifndef EX_MEASURING_H
 #define EX_MEASURING_H
 
 #include "session.h"
 
-/* The value below which a share of all lie. Reorders them, as far as it takes to find it [Hoare 1961]. */
+/* The value below which `share` of all values lie. Reorders the values. [Hoare 1961, "Find"] */
 static inline double ex_percentile(double *values, size_t count, double share) {
     const size_t wanted = (size_t)(share * (double)(count - 1) + 0.5);
     size_t low = 0, high = count - 1;
@@ -27,28 +27,26 @@ static inline double ex_percentile(double *values, size_t count, double share) {
     return values[wanted];
 }
 
-/* What programs that measure share. They have nothing to save: a failure ends them, with one line on stderr. */
-
 static inline void ex_stop_if(int failed, const char *program, const ex_error *error) {
     if (!failed) return;
     fprintf(stderr, "%s: %s\n", program, error->text);
-    exit(1);
+    exit(EX_FAILED);
 }
 
-/* The same for what the library returns. */
+/* The same for a result of the library. */
 static inline void ex_stop_unless_ok(sps_result result, const char *program, const ex_session *session) {
     ex_error error;
     if (result != SPS_OK) ex_stop_if(ex_fail(&error, "%s", sps_error(session->context)), program, &error);
 }
 
-/* A session without a progress line, which figures would run into. */
+/* Begins a session without a progress line, which would run into the figures. */
 static inline void ex_session_measure(ex_session *session, const char *program, int threads) {
     ex_error error;
     ex_stop_if(ex_session_begin(session, threads, &error), program, &error);
     session->progress.terminal = 0;
 }
 
-/* A finished transmittance map of what the light sees. */
+/* Makes a transmittance map of what the light sees, ready for queries. */
 static inline sps_tmap *ex_tmap_build(const ex_session *session, const char *program, const sps_tmap_light *light,
                                       const sps_tmap_settings *settings, const sps_scene *occluders) {
     sps_tmap *map;
@@ -58,7 +56,7 @@ static inline sps_tmap *ex_tmap_build(const ex_session *session, const char *pro
     return map;
 }
 
-enum { EX_QUERY_BLOCK = 4096 }; /* points of one task */
+enum { EX_QUERY_BLOCK = 4096 }; /* points per task */
 
 typedef struct ex_query {
     const sps_tmap *map;
@@ -76,13 +74,13 @@ static inline void ex_query_block(void *data, int index, int worker) {
                    query->transmittances ? query->transmittances + first : NULL);
 }
 
-/* Bytes that a map holds. */
+/* The number of bytes that a map holds. */
 static inline double ex_tmap_bytes(const sps_tmap *map) {
     sps_tmap_info info;
     return sps_tmap_get_info(map, &info) == SPS_OK ? (double)info.bytes : 0;
 }
 
-/* sps_tmap_query with all of the session's threads. */
+/* sps_tmap_query on all threads of the session. */
 static inline void ex_tmap_query(ex_session *session, const sps_tmap *map, size_t count, const double *positions,
                                  float *optical_depths, float *transmittances) {
     ex_query query = {map, count, positions, optical_depths, transmittances};

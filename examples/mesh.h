@@ -1,4 +1,4 @@
-/* mesh.h: triangles, put together corner by corner or read from a Wavefront OBJ file, and their normals. */
+/* mesh.h: triangles in memory, built corner by corner or loaded from a Wavefront OBJ file, and their normals. */
 
 #ifndef EX_MESH_H
 #define EX_MESH_H
@@ -21,10 +21,10 @@ typedef struct ex_corner {
 } ex_corner;
 #define EX_NO_NORMAL ((size_t)-1)
 
-/* A mesh while it is being put together. All zero is an empty one. */
+/* A mesh under construction. Zero-initialize it. */
 typedef struct ex_builder {
     float *positions, *normals; /* packed triples */
-    ex_corner *corners;         /* three a triangle */
+    ex_corner *corners;         /* three per triangle */
     size_t position_count, position_capacity, normal_count, normal_capacity, corner_count, corner_capacity;
 } ex_builder;
 
@@ -82,7 +82,7 @@ static inline int ex_weld_compare(const void *left, const void *right) {
     return 0;
 }
 
-/* The number of the point in space that each position stands for: files often repeat positions along seams. */
+/* Numbers the distinct positions, and returns the number of each: files often repeat positions along seams. */
 static inline size_t *ex_weld(const ex_builder *builder, size_t *point_count) {
     const size_t count = builder->position_count;
     ex_weld_item *items = (ex_weld_item *)ex_allocate(count, sizeof *items);
@@ -102,7 +102,7 @@ static inline size_t *ex_weld(const ex_builder *builder, size_t *point_count) {
     return points;
 }
 
-/* Corners sorted by the point they meet at: those of point p are list[first[p]] .. list[first[p + 1] - 1]. */
+/* Corners sorted by point: those that meet at point p are list[first[p]] .. list[first[p + 1] - 1]. */
 typedef struct ex_star {
     size_t *points, *first, *list;
 } ex_star;
@@ -113,7 +113,7 @@ static inline ex_star ex_star_make(const ex_builder *builder) {
     star.points = ex_weld(builder, &point_count);
     star.first = (size_t *)ex_allocate(point_count + 2, sizeof *star.first);
     star.list = (size_t *)ex_allocate(builder->corner_count, sizeof *star.list);
-    /* A counting sort; counts stand two places up, so that after filling, first[p] is where p starts. */
+    /* A counting sort. Counts are stored two places up: after the list is filled, first[p] is where p starts. */
     for (size_t i = 0; i < builder->corner_count; ++i) ++star.first[star.points[builder->corners[i].position] + 2];
     for (size_t p = 2; p < point_count + 2; ++p) star.first[p] += star.first[p - 1];
     for (size_t i = 0; i < builder->corner_count; ++i)
@@ -141,8 +141,8 @@ static inline void ex_area_vector(const ex_builder *builder, size_t triangle, do
     out[2] = edge[0][0] * edge[1][1] - edge[0][1] * edge[1][0];
 }
 
-/* The mean normal, weighted by area, of the triangles at this corner that turn from its own by less than the crease
-   angle. Zero for a triangle without area: the library then takes the triangle's own. */
+/* The mean normal, weighted by area, of the triangles at this corner whose normals differ from its own by less than the
+   crease angle. Zero for a triangle without area, which tells the library to use the triangle's own. */
 static inline void ex_smooth_normal(const ex_builder *builder, const ex_star *star, size_t corner, double crease_cosine,
                                     float out[3]) {
     double own[3], sum[3];
@@ -172,8 +172,8 @@ static inline void ex_mesh_measure(ex_mesh *mesh) {
             }
 }
 
-/* Turns what was added into triangles, with normals where none were given, and frees the builder. Edges that turn by
-   more than crease_degrees stay sharp; 60 suits most models. */
+/* Makes triangles of what was added, computes missing normals, and frees the builder. Edges sharper than crease_degrees
+   stay sharp; 60 suits most models. */
 static inline void ex_mesh_build(ex_mesh *mesh, ex_builder *builder, double crease_degrees) {
     const double crease_cosine = cos(crease_degrees * 3.14159265358979 / 180.0);
     ex_star star = ex_star_make(builder);
@@ -193,7 +193,7 @@ static inline void ex_mesh_build(ex_mesh *mesh, ex_builder *builder, double crea
     ex_mesh_measure(mesh);
 }
 
-/* sps_mesh.read_fn over an ex_mesh; has_normals is to be 1. */
+/* sps_mesh.read_fn over an ex_mesh. Set has_normals to 1. */
 static inline int ex_mesh_read(void *user, size_t first, size_t count, sps_triangle *out) {
     const ex_mesh *mesh = (const ex_mesh *)user;
     memcpy(out, mesh->triangles + first, count * sizeof *out);
@@ -207,7 +207,7 @@ static inline void ex_mesh_free(ex_mesh *mesh) {
 
 /* -------------------------------------------------------------------------------------------------- Wavefront OBJ */
 
-/* Three numbers after "v" or "vn"; what follows them (w, a colour) is not read. Gives what is wrong, or NULL. */
+/* Reads three numbers after "v" or "vn" and ignores what follows (w, a color). Returns what is wrong, or NULL. */
 static inline const char *ex_obj_triple(char *text, double out[3]) {
     for (int i = 0; i < 3; ++i) {
         char *end;
@@ -219,7 +219,7 @@ static inline const char *ex_obj_triple(char *text, double out[3]) {
     return NULL;
 }
 
-/* Resolves a 1-based index, or one that counts back from the latest. */
+/* Resolves an index: 1 is the first, -1 is the latest. */
 static inline int ex_obj_index(char **text, size_t count, size_t *out) {
     char *end;
     const long long index = strtoll(*text, &end, 10);
@@ -244,7 +244,7 @@ static inline int ex_obj_corner(char **text, const ex_builder *builder, ex_corne
         ++*text;
         if (**text != '/') {
             char *end;
-            strtoll(*text, &end, 10); /* the texture coordinate: not used */
+            strtoll(*text, &end, 10); /* the texture coordinate is not used */
             if (end == *text) return 1;
             *text = end;
         }
@@ -256,7 +256,7 @@ static inline int ex_obj_corner(char **text, const ex_builder *builder, ex_corne
     return **text != '\0' && **text != ' ' && **text != '\t' && **text != '\r';
 }
 
-/* A face of three corners or more, as a fan round its first. */
+/* Reads a face of three corners or more and splits it into a fan around its first corner. */
 static inline int ex_obj_face(char *text, ex_builder *builder) {
     ex_corner first = {0, 0}, previous = {0, 0}, corner = {0, 0};
     int corner_count = 0;
@@ -274,7 +274,7 @@ static inline int ex_obj_face(char *text, ex_builder *builder) {
     return corner_count < 3;
 }
 
-/* Positions, normals and faces; all else that the format knows is passed over. Gives what is wrong, or NULL. */
+/* Reads positions, normals and faces and skips everything else. Returns what is wrong, or NULL. */
 static inline const char *ex_obj_line(char *line, ex_builder *builder) {
     double triple[3];
     const char *wrong = NULL;
@@ -291,7 +291,7 @@ static inline const char *ex_obj_line(char *line, ex_builder *builder) {
     return wrong;
 }
 
-/* Reads a Wavefront OBJ file. crease_degrees as in ex_mesh_build. */
+/* Loads a Wavefront OBJ file. crease_degrees: see ex_mesh_build. */
 static inline int ex_mesh_load(ex_mesh *mesh, const char *path, double crease_degrees, ex_error *error) {
     ex_builder builder;
     const char *wrong = NULL;

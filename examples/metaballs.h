@@ -1,4 +1,4 @@
-/* metaballs.h: metaballs, and marching cubes, which make a mesh of any field. */
+/* metaballs.h: metaballs, and marching cubes, which turn any field into a mesh. */
 
 #ifndef EX_METABALLS_H
 #define EX_METABALLS_H
@@ -7,10 +7,10 @@
 
 /* ------------------------------------------------------------------------------------------------------ metaballs */
 
-/* A number for every point in space, say a density; its surface at a level is what ex_shape_field makes a mesh of. */
+/* A number for every point in space, for example a density. ex_shape_field makes a mesh of its surface at a level. */
 typedef double (*ex_field_fn)(void *user, ex_vec p);
 
-/* A ball whose field falls from `strength` at its centre to 0 at `radius`. Fields of balls that meet add up, and so
+/* A ball whose field falls from `strength` at its center to 0 at `radius`. The fields of several balls add up, so that
    their surfaces flow into each other. [after Wyvill, McPheeters & Wyvill 1986] */
 typedef struct ex_metaball {
     ex_vec center;
@@ -22,7 +22,8 @@ typedef struct ex_metaballs {
     int count;
 } ex_metaballs;
 
-/* A cubic in the squared distance: no root to take, and the first two derivatives end at 0 too, so no rim shows. */
+/* A cubic in the squared distance: it needs no square root, and its first two derivatives reach 0 at the radius, so
+   that no rim shows. */
 static inline double ex_metaball_value(const ex_metaball *ball, ex_vec p) {
     const ex_vec d = ex_vec_sub(p, ball->center);
     const double rest = 1 - ex_vec_dot(d, d) / (ball->radius * ball->radius);
@@ -46,7 +47,7 @@ static inline int ex_metaballs_eval(void *user, size_t count, const double *posi
 
 /* ------------------------------------------------------------------------------------------------- marching cubes */
 
-/* A field at the corners of cubic cells: the field less the level, so that it is positive inside. */
+/* The field minus the level at the corners of cubic cells: positive inside. */
 typedef struct ex_samples {
     double *values; /* x fastest */
     int size[3];    /* corners along x, y, z */
@@ -59,7 +60,7 @@ static inline double *ex_samples_at(const ex_samples *samples, const int at[3]) 
     return samples->values + row * (size_t)samples->size[0] + at[0];
 }
 
-/* The corners on the box's own faces are made to lie outside: a surface that would leave the box is closed there. */
+/* Corners on the faces of the box count as outside, so that a surface that would leave the box is closed there. */
 static inline ex_samples ex_samples_take(ex_field_fn field, void *user, double level, ex_vec low, ex_vec high,
                                          int cells) {
     const double side[3] = {high.x - low.x, high.y - low.y, high.z - low.z};
@@ -103,11 +104,12 @@ static inline int ex_edge_faces(int edge) {
     return faces;
 }
 
-/* For each edge that the surface crosses, the edge that follows along the surface's border on the cell's faces; -1 for
-   the others. A walk round each face, counter-clockwise from outside of the cell, enters and leaves runs of inside
-   corners, and the border joins each entry to the exit of the same run. Every edge is walked once either way, so the
-   borders close to loops, counter-clockwise from outside of the surface. Where inside corners face each other across
-   a face, they are parted; the neighbour sees the same face and does the same. */
+/* The surface leaves a cell along curves on the cell's faces: its border. For each edge of the cell that the surface
+   crosses, this finds the next one along the border; -1 for the other edges. A walk around each face, counter-clockwise
+   as seen from outside the cell, enters and leaves runs of inside corners, and the border connects each entry to the
+   exit of the same run. Each edge is walked once in either direction, so the borders form closed loops,
+   counter-clockwise as seen from outside the surface. Inside corners that are diagonal on a face are separated; the
+   neighboring cell sees the same face and does the same. */
 static inline void ex_cell_borders(int inside, int follower[24]) {
     for (int i = 0; i < 24; ++i) follower[i] = -1;
     for (int face = 0; face < 6; ++face) {
@@ -115,7 +117,7 @@ static inline void ex_cell_borders(int inside, int follower[24]) {
         const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3;
         const int ring[4] = {base, base | (upper ? u : v), base | u | v, base | (upper ? v : u)};
         int entry = -1;
-        for (int i = 0; i < 8; ++i) { /* twice round, as a run may begin anywhere */
+        for (int i = 0; i < 8; ++i) { /* two rounds, since a run may begin anywhere */
             const int from = ring[i & 3], to = ring[(i + 1) & 3];
             if ((inside >> from & 1) == (inside >> to & 1)) continue;
             if (inside >> to & 1)
@@ -126,7 +128,7 @@ static inline void ex_cell_borders(int inside, int follower[24]) {
     }
 }
 
-/* Takes the loop that goes through `start` out of the borders; gives how many edges it has, 3 to 7, or 0. */
+/* Removes the loop through `start` from the borders. Returns its number of edges, 3 to 7, or 0. */
 static inline int ex_cell_loop(int follower[24], int start, int loop[12]) {
     int count = 0;
     for (int edge = start; follower[edge] >= 0;) {
@@ -138,9 +140,8 @@ static inline int ex_cell_loop(int follower[24], int start, int loop[12]) {
     return count;
 }
 
-/* Where in the loop a fan of triangles can start without a diagonal that lies in a face of the cell: the neighbour
-   could have the same diagonal, and four triangles would meet there. All loops that occur have such a place; -1 for
-   none. */
+/* Finds where a fan of triangles can start so that no diagonal lies in a face of the cell: the neighboring cell could
+   have the same diagonal, and four triangles would share it. Every loop that occurs has such a place; -1 otherwise. */
 static inline int ex_loop_apex(const int loop[12], int count) {
     for (int apex = 0; apex < count; ++apex) {
         int shared = 0;
@@ -151,8 +152,8 @@ static inline int ex_loop_apex(const int loop[12], int count) {
     return -1;
 }
 
-/* Where the surface crosses an edge, and which way is out. The same bits in all four cells round the edge; kept off the
-   edge's ends a little, so that no triangle shrinks to nothing. */
+/* The point where the surface crosses an edge, and its normal. All four cells around the edge get the same bits. The
+   point stays off the ends of the edge, so that no triangle degenerates. */
 static inline void ex_samples_crossing(const ex_samples *samples, const int cell[3], int edge, float position[3],
                                        float normal[3]) {
     const int corner = edge / 3, axis = edge % 3;
@@ -190,10 +191,10 @@ static inline void ex_samples_cell(const ex_samples *samples, const int cell[3],
     }
 }
 
-/* Marching cubes: adds the surface on which the field is at `level`, with what is above it inside: closed, triangles
-   counter-clockwise from outside, normals against the field's gradient. The box low..high is cut into cubic cells,
-   `cells` of them along its longest side; what would leave the box is closed just inside of it. [Lorensen & Cline 1987;
-   the triangles of a cell come from its borders on the cell's faces instead of a table] */
+/* Marching cubes: adds the surface on which the field equals `level`; higher values are inside. The surface is closed,
+   its triangles are counter-clockwise as seen from outside, its normals point against the gradient. The box low..high
+   is divided into cubic cells, `cells` of them along its longest side; a surface that would leave the box is closed
+   just inside it. [Lorensen & Cline 1987; triangles come from borders on the faces of a cell instead of a table] */
 static inline void ex_shape_field(ex_mesh *mesh, ex_field_fn field, void *user, double level, ex_vec low, ex_vec high,
                                   int cells, const float color[3]) {
     ex_samples samples = ex_samples_take(field, user, level, low, high, cells);

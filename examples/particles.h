@@ -1,4 +1,4 @@
-/* particles.h: particles in memory and from a file. */
+/* particles.h: particles in memory, and loading them from a file. */
 
 #ifndef EX_PARTICLES_H
 #define EX_PARTICLES_H
@@ -11,11 +11,11 @@ static inline int ex_particles_read(void *user, size_t first, size_t count, sps_
     return 0;
 }
 
-/* Particles from a file of 32-bit floats, five each. */
+/* Particles as a file has them: x y z radius opticaldepth, five 32-bit floats each. */
 typedef struct ex_particles {
     sps_particle *list;
     size_t count;
-    double lo[3], hi[3]; /* bounds of those that are finite; lo > hi without any */
+    double lo[3], hi[3]; /* bounds of those that are finite; lo > hi if there are none */
 } ex_particles;
 
 static inline void ex_particles_measure(ex_particles *particles) {
@@ -24,7 +24,7 @@ static inline void ex_particles_measure(ex_particles *particles) {
         const sps_particle *p = particles->list + i;
         for (int a = 0; a < 3; ++a) {
             const double at = (double)p->position[a], radius = (double)p->radius;
-            if (!(fabs(at) <= 1e15 && radius > 0 && radius <= 1e15)) continue; /* the library will say so */
+            if (!(fabs(at) <= 1e15 && radius > 0 && radius <= 1e15)) continue; /* the library reports these */
             particles->lo[a] = fmin(particles->lo[a], at - radius);
             particles->hi[a] = fmax(particles->hi[a], at + radius);
         }

@@ -1,4 +1,4 @@
-/* picture.h: pictures as PNG and PFM. */
+/* picture.h: writing pictures as PNG and PFM files. */
 
 #ifndef EX_PICTURE_H
 #define EX_PICTURE_H
@@ -20,7 +20,7 @@ static inline void ex_halve(const float *in, int width, int height, int channels
         }
 }
 
-/* Linear radiance to an 8-bit sRGB code; what is not a number is black. */
+/* Converts linear radiance to an 8-bit sRGB code; NaN becomes black. */
 static inline unsigned char ex_srgb_code(float linear) {
     if (!(linear > 0.0f)) return 0;
     if (linear >= 1.0f) return 255;
@@ -32,18 +32,17 @@ static inline void ex_png_bytes(void *output, void *data, int size) {
     ex_output_bytes((ex_output *)output, data, (size_t)size);
 }
 
-/* RGB of an RGBA image as it stands (premultiplied, over its background), times `exposure`, clamped. */
-static inline int ex_write_png(const char *path, const float *rgba, int width, int height, float exposure,
-                               ex_error *error) {
+/* Writes RGB of an RGBA image as it is: premultiplied, over its background; clamped to 0..1. */
+static inline int ex_write_png(const char *path, const float *rgba, int width, int height, ex_error *error) {
     const size_t count = (size_t)width * (size_t)height;
     ex_output output;
     if (ex_output_begin(&output, path, error)) return 1;
     unsigned char *codes = (unsigned char *)ex_allocate(count, 3);
     for (size_t i = 0; i < count; ++i)
-        for (size_t c = 0; c < 3; ++c) codes[3 * i + c] = ex_srgb_code(exposure * rgba[4 * i + c]);
+        for (size_t c = 0; c < 3; ++c) codes[3 * i + c] = ex_srgb_code(rgba[4 * i + c]);
     const int encoded = stbi_write_png_to_func(ex_png_bytes, &output, width, height, 3, codes, 3 * width);
     free(codes);
-    if (!encoded) errno = ENOMEM; /* the only failure that the encoder has */
+    if (!encoded) errno = ENOMEM; /* the encoder fails in no other way */
     ex_output_note(&output, !encoded);
     return ex_output_end(&output, error);
 }

@@ -1,4 +1,4 @@
-/* puff.h: puffs of smoke, as particles, and wind that blows them away. */
+/* puff.h: puffs of smoke made of particles, and wind that carries them away. */
 
 #ifndef EX_PUFF_H
 #define EX_PUFF_H
@@ -6,9 +6,9 @@
 #include "densities.h"
 #include "particles.h"
 
-enum { EX_PUFF_PARTICLES = 2500 }; /* what one puff takes to look like smoke */
+enum { EX_PUFF_PARTICLES = 2500 }; /* enough for one puff to look like smoke */
 
-/* A ball of particles whose edge turbulence has eaten into. */
+/* A ball of particles, eroded by turbulence. */
 typedef struct ex_puff {
     ex_vec center;
     double radius;            /* no particle reaches further */
@@ -17,7 +17,7 @@ typedef struct ex_puff {
     uint32_t seed;
 } ex_puff;
 
-/* A point in the unit ball. */
+/* A uniformly distributed point in the unit ball. */
 static inline ex_vec ex_random_in_ball(uint32_t *random) {
     ex_vec p;
     do {
@@ -28,17 +28,18 @@ static inline ex_vec ex_random_in_ball(uint32_t *random) {
     return p;
 }
 
-/* Draws points until one lies within what the turbulence leaves: two fifths of the radius at the least. */
+/* Draws points and keeps those inside what the turbulence leaves, which is at least two fifths of the radius. */
 static inline void ex_puff_fill(const ex_puff *puff, size_t count, sps_particle *out) {
-    uint32_t random = ex_hash((int)puff->seed, 17, 3);                  /* seeds 1 and 2 start far apart */
-    const ex_vec shift = ex_vec_scale(ex_random_in_ball(&random), 100); /* another puff, another turbulence */
+    uint32_t random = ex_hash((int)puff->seed, 17, 3);                  /* so that seeds 1 and 2 are unrelated */
+    const ex_vec shift = ex_vec_scale(ex_random_in_ball(&random), 100); /* each puff has its own turbulence */
     for (size_t i = 0; i < count; ++i) {
         ex_vec p;
         double inside;
         do {
             p = ex_random_in_ball(&random);
             const double billows = ex_turbulence(ex_vec_add(ex_vec_scale(p, 1.3), shift), 4);
-            const double eaten = 0.6 * ex_clamp(1.2 - 1.6 * billows, 0, 1); /* creases, round in between */
+            const double eaten =
+                0.6 * ex_clamp(1.2 - 1.6 * billows, 0, 1); /* creases with round billows between them */
             inside = 1 - eaten - ex_vec_length(p);
         } while (inside < 0);
         const double size = ex_ramp(0, 0.4, inside) * (0.6 + 0.4 * ex_random(&random));
@@ -53,12 +54,13 @@ static inline void ex_puff_fill(const ex_puff *puff, size_t count, sps_particle 
 typedef struct ex_wind {
     ex_vec velocity;         /* at `height` above the ground */
     double ground, height;   /* the ground's y; the height that `velocity` is for */
-    double exponent;         /* of the power law of speed over height; 1/7 over open land, more over rough ground */
-    double eddy_size, gusts; /* world units; speed of the eddies, about */
+    double exponent;         /* of speed as a power of height: 1/7 over open land, more over rough ground */
+    double eddy_size, gusts; /* world units; approximate speed of the eddies */
     uint32_t seed;
 } ex_wind;
 
-/* The curl of three noises: swirls that neither gather nor thin out what floats in them. [Bridson et al. 2007] */
+/* The curl of three noise fields. It has no divergence, so particles neither gather nor thin out. [Bridson et al. 2007]
+ */
 static inline ex_vec ex_swirl(ex_vec p) {
     const double step = 1e-3;
     double slope[3][3]; /* of noise i along axis k */
@@ -78,7 +80,7 @@ static inline ex_vec ex_wind_velocity(const ex_wind *wind, ex_vec p) {
     return ex_vec_add(ex_vec_scale(wind->velocity, share), ex_vec_scale(swirl, wind->gusts));
 }
 
-/* Lets the particles drift for a time, by midpoint steps; they keep their sizes and optical depths. */
+/* Moves the particles with the wind, in midpoint steps. Their sizes and optical depths do not change. */
 static inline void ex_puff_blow(const ex_wind *wind, double seconds, int steps, size_t count, sps_particle *particles) {
     const double step = seconds / steps;
     for (size_t i = 0; i < count; ++i) {

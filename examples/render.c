@@ -312,7 +312,7 @@ static int finish_standard_output(ex_error *error) {
 
 static int write_files(const arguments *all, const ex_session *session, const float *rgba, int width, int height,
                        ex_error *error) {
-    if (all->out && ex_write_png(all->out, rgba, width, height, 1.0f, error)) return 1;
+    if (all->out && ex_write_png(all->out, rgba, width, height, error)) return 1;
     if (all->pfm && ex_write_pfm(all->pfm, rgba, width, height, 0, 3, error)) return 1;
     if (all->alpha_pfm && ex_write_pfm(all->alpha_pfm, rgba, width, height, 3, 1, error)) return 1;
     return all->stats ? write_stats(all->stats, session->context, error) : 0;

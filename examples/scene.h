@@ -1,4 +1,4 @@
-/* scene.h: the light, the backdrop and the camera that most of the example scenes have. */
+/* scene.h: the sun, the backdrop and the camera of the scene programs. */
 
 #ifndef EX_SCENE_H
 #define EX_SCENE_H
@@ -15,7 +15,7 @@ static inline sps_light ex_sun(ex_vec direction, double strength) {
     return sun;
 }
 
-/* sps_scene.background_fn: of the two colors that `user` holds, the first is below and the second above. */
+/* sps_scene.background_fn: `user` holds two colors, one for below and one for above. */
 static inline int ex_backdrop(void *user, size_t count, const float *directions, float *out_rgb) {
     const float(*ends)[3] = (const float(*)[3])user;
     for (size_t i = 0; i < count; ++i) {
@@ -26,14 +26,14 @@ static inline int ex_backdrop(void *user, size_t count, const float *directions,
     return 0;
 }
 
-/* A scene with nothing in it: the sun, which it borrows, weak bluish ambient light and a grey backdrop. */
+/* An empty scene under the sun, which it borrows, with weak bluish ambient light before a gray backdrop. */
 static inline sps_scene ex_scene(const sps_light *sun) {
-    static float grey[2][3] = {{0.34f, 0.36f, 0.38f}, {0.11f, 0.14f, 0.19f}};
+    static float gray[2][3] = {{0.34f, 0.36f, 0.38f}, {0.11f, 0.14f, 0.19f}};
     sps_scene scene;
     memset(&scene, 0, sizeof scene);
     scene.lights = sun, scene.light_count = 1;
     ex_color(scene.ambient, 0.13, 0.15, 0.18);
-    scene.background_fn = ex_backdrop, scene.background_user = grey;
+    scene.background_fn = ex_backdrop, scene.background_user = gray;
     return scene;
 }
 

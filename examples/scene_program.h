@@ -1,4 +1,4 @@
-/* scene_program.h: what a scene program does besides its scene: options, rendering, the picture. */
+/* scene_program.h: what a scene program does with its scene: reads options, renders, writes the picture. */
 
 #ifndef EX_SCENE_PROGRAM_H
 #define EX_SCENE_PROGRAM_H
@@ -32,13 +32,13 @@ static inline int ex_scene_options_read(int argc, char **argv, ex_scene_options 
     return ex_check_writable(options->out, error);
 }
 
-/* What a program does to the large picture before it is made small. Distances are rendered only for that. */
+/* Changes the large picture before it is made small. If there is one, image.depth is rendered, too. */
 typedef struct ex_finish {
     void (*apply_fn)(void *user, const sps_view *view, const sps_image *image);
     void *user;
 } ex_finish;
 
-/* Twice the size of the picture, for the edges of polygons. */
+/* The view at twice the size of the picture, which smooths the edges of polygons. */
 static inline sps_view ex_scene_large_view(const sps_view *view, const ex_scene_options *options) {
     sps_view large = *view;
     int width = view->width, height = view->height;
@@ -49,7 +49,7 @@ static inline sps_view ex_scene_large_view(const sps_view *view, const ex_scene_
     return large;
 }
 
-/* Renders a large picture, makes it small, and writes it. `finish` may be NULL. */
+/* Renders the large picture, makes it small, and writes it. `finish` may be NULL. */
 static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, const ex_scene_options *options,
                                   const ex_finish *finish, ex_error *error) {
     const sps_view large = ex_scene_large_view(view, options);
@@ -68,7 +68,7 @@ static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, 
     ex_session_end(&session);
     if (!failed) {
         ex_halve(image.rgba, large.width, large.height, 4, image.rgba);
-        failed = ex_write_png(options->out, image.rgba, large.width / 2, large.height / 2, 1, error);
+        failed = ex_write_png(options->out, image.rgba, large.width / 2, large.height / 2, error);
     }
     if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, large.width / 2, large.height / 2, seconds);
     free(image.rgba);
@@ -76,9 +76,9 @@ static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, 
     return failed;
 }
 
-/* All that the main of a scene program has left to do: reads --out FILE.png --width W --threads N --quality Q and
-   makes the picture. Without --out it is called `name`; without --width it is as wide as the view. `finish` may be
-   NULL. Returns what main returns. */
+/* The rest of a scene program: reads --out FILE.png --width W --threads N --quality Q and renders the picture. `name`
+   is the file without --out, and the view's width that without --width. `finish` may be NULL. Returns the exit status.
+ */
 static inline int ex_scene_program(int argc, char **argv, const char *name, const sps_scene *scene,
                                    const sps_view *view, const ex_finish *finish) {
     ex_scene_options options = {name, 0, 0, 0};

@@ -1,4 +1,4 @@
-/* session.h: a context with threads, a clock and a line of progress. */
+/* session.h: a context that has threads, a clock and a progress line. */
 
 #ifndef EX_SESSION_H
 #define EX_SESSION_H
@@ -7,7 +7,7 @@
 
 /* ------------------------------------------------------------------------------------------------------- progress */
 
-/* The progress line: on a terminal only, and only for what takes longer than a second. */
+/* The progress line. It appears on terminals only, and after one second. */
 typedef struct ex_progress {
     double start, shown; /* seconds */
     int terminal, visible;
@@ -39,14 +39,14 @@ static inline void ex_progress_end(ex_progress *progress) {
 
 /* ---------------------------------------------------------------------------------------------------- the session */
 
-/* A context with threads, a clock and a progress line. Stays where it is between begin and end. */
+/* Must not move between begin and end: the context points into it. */
 typedef struct ex_session {
     ex_pool pool;
     ex_progress progress;
     sps_context *context;
 } ex_session;
 
-/* threads 0: one for each processor. */
+/* threads 0: one per processor. */
 static inline int ex_session_begin(ex_session *session, int threads, ex_error *error) {
     sps_config config;
     sps_error_info why;

@@ -1,4 +1,4 @@
-/* shapes.h: polygon shapes: surfaces of two parameters, lathes, tubes, boxes, a mushroom. */
+/* shapes.h: polygon shapes: parametric surfaces, surfaces of revolution, tubes, boxes, a mushroom. */
 
 #ifndef EX_SHAPES_H
 #define EX_SHAPES_H
@@ -6,7 +6,7 @@
 #include "densities.h"
 #include "mesh.h"
 
-/* Appends one triangle. The array doubles whenever its count is a power of two, so no capacity is kept. */
+/* Appends one triangle. The array doubles whenever its count is a power of two, so that no capacity is stored. */
 static inline void ex_shape_triangle(ex_mesh *mesh, const sps_triangle *triangle) {
     const size_t count = mesh->triangle_count;
     size_t capacity = count;
@@ -15,7 +15,7 @@ static inline void ex_shape_triangle(ex_mesh *mesh, const sps_triangle *triangle
     mesh->triangles[mesh->triangle_count++] = *triangle;
 }
 
-/* The library's view of the shapes that were added to `mesh`, which stays where it is until the scene is rendered. */
+/* The sps_mesh that reads its triangles from `mesh`, which must stay where it is until the scene is rendered. */
 static inline sps_mesh ex_shape_mesh(ex_mesh *mesh) {
     sps_mesh out;
     memset(&out, 0, sizeof out);
@@ -32,14 +32,15 @@ static inline sps_placement ex_turned(double angle, ex_vec origin) {
     return r;
 }
 
-/* A curved surface over u,v in 0..1. It is called a little beside every vertex too, for the normals. */
+/* A point of a surface at u,v in 0..1. Also called close to each vertex, for the normals. */
 typedef ex_vec (*ex_surface_fn)(const void *shape, double u, double v);
-/* Colour at u,v, given the shape's own. */
+/* The color at u,v; `own` is the color of the shape. */
 typedef void (*ex_paint_fn)(const float own[3], double u, double v, float out[3]);
 
 static inline void ex_surface_corner(sps_triangle *t, int corner, ex_surface_fn surface, const void *shape, double u,
                                      double v) {
-    const double step = 1e-4, m = ex_clamp(u, 1e-3, 1 - 1e-3); /* off the poles, where v has no direction */
+    const double step = 1e-4,
+                 m = ex_clamp(u, 1e-3, 1 - 1e-3); /* off the poles, where the direction of v is undefined */
     const ex_vec du = ex_vec_sub(surface(shape, m + step, v), surface(shape, m - step, v));
     const ex_vec dv = ex_vec_sub(surface(shape, m, v + step), surface(shape, m, v - step));
     ex_store(t->position[corner], surface(shape, u, v));
@@ -75,7 +76,7 @@ static inline double ex_curve(const double *points, int count, int width, int wh
     return p1 + f * (m1 + f * (3 * (p2 - p1) - 2 * m1 - m2 + f * (2 * (p1 - p2) + m1 + m2)));
 }
 
-/* Surface of revolution: `profile` holds pairs (radius, height along the axis). End a call where a crease is wanted. */
+/* A surface of revolution: `profile` holds pairs (radius, height along the axis). For a crease, make two of them. */
 typedef struct ex_lathe {
     const double *profile;
     int count;
@@ -84,22 +85,22 @@ typedef struct ex_lathe {
 
 static inline ex_vec ex_lathe_point(const void *shape, double u, double v) {
     const ex_lathe *l = (const ex_lathe *)shape;
-    const double angle = 2 * EX_PI * (v - floor(v)); /* 1 falls on 0, so the seam is watertight */
+    const double angle = 2 * EX_PI * (v - floor(v)); /* v = 1 equals v = 0, so the seam is watertight */
     const double radius = fmax(ex_curve(l->profile, l->count, 2, 0, u), 0),
                  height = ex_curve(l->profile, l->count, 2, 1, u);
-    const ex_vec side = ex_vec_square_to(l->axis), other = ex_vec_cross(l->axis, side);
+    const ex_vec side = ex_vec_perpendicular(l->axis), other = ex_vec_cross(l->axis, side);
     const ex_vec around = ex_vec_add(ex_vec_scale(side, radius * cos(angle)), ex_vec_scale(other, radius * sin(angle)));
     return ex_vec_add(l->base, ex_vec_add(ex_vec_scale(l->axis, height), around));
 }
 
 static inline void ex_shape_lathe(ex_mesh *mesh, const ex_lathe *lathe, int columns, const float color[3],
                                   ex_paint_fn paint) {
-    const int fine = paint ? 16 : 6; /* paint is kept per vertex only */
+    const int fine = paint ? 16 : 6; /* paint is stored per vertex */
     ex_shape_surface(mesh, ex_lathe_point, lathe, lathe->count > 2 ? fine * (lathe->count - 1) : 1, columns, color,
                      paint);
 }
 
-/* A cylinder from a to b, closed; other radii make a cone, its tip where the radius is 0. */
+/* A closed cylinder from a to b, or a cone, where the radii differ. */
 static inline void ex_shape_cylinder(ex_mesh *mesh, ex_vec a, ex_vec b, double radius_a, double radius_b,
                                      const float color[3]) {
     const double length = ex_vec_length(ex_vec_sub(b, a));
@@ -112,7 +113,7 @@ static inline void ex_shape_cylinder(ex_mesh *mesh, ex_vec a, ex_vec b, double r
     }
 }
 
-/* A bent tube: `points` holds x, y, z, radius; the curve should stay about square to `side` (unit). */
+/* A bent tube: `points` holds x, y, z, radius. The curve should stay roughly perpendicular to `side` (unit). */
 typedef struct ex_tube {
     const double *points;
     int count;
@@ -135,12 +136,12 @@ static inline void ex_shape_tube(ex_mesh *mesh, const ex_tube *tube, const float
     ex_shape_surface(mesh, ex_tube_point, tube, 8 * (tube->count - 1), 24, color, NULL);
 }
 
-/* One flat four-sided face, corners in order. */
+/* A flat quadrilateral, corners in order around it. */
 static inline void ex_shape_quad(ex_mesh *mesh, ex_vec a, ex_vec b, ex_vec c, ex_vec d, const float color[3]) {
     const ex_vec corners[2][3] = {{a, b, c}, {a, c, d}};
     for (int i = 0; i < 2; ++i) {
         sps_triangle t;
-        memset(&t, 0, sizeof t); /* normals of zero: the triangle's own */
+        memset(&t, 0, sizeof t); /* normals of zero: the library uses the triangle's own */
         for (int k = 0; k < 3; ++k) {
             ex_store(t.position[k], corners[i][k]);
             memcpy(t.color[k], color, sizeof t.color[k]);
@@ -163,7 +164,7 @@ static inline void ex_shape_box(ex_mesh *mesh, ex_vec low, ex_vec high, const fl
 
 /* ----------------------------------------------------------------------------------------------------- a mushroom */
 
-/* Pale dots in rows around the cap; u runs from the rim to the top. */
+/* Pale dots in rows around the cap. u runs from the rim to the top. */
 static inline void ex_paint_dots(const float own[3], double u, double v, float out[3]) {
     double dot = ex_ramp(0.97, 0.99, u);
     for (int row = 0; row < 3; ++row) {
@@ -183,7 +184,7 @@ static inline void ex_paint_gills(const float own[3], double u, double v, float 
     ex_color(out, shade * (double)own[0], shade * (double)own[1], shade * (double)own[2]);
 }
 
-/* A mushroom on a foot at `base`, leaning along `axis`; the cap as wide as twice `cap`. */
+/* A mushroom that grows from `base` along `axis`. `cap` is the radius of its cap. */
 static inline void ex_shape_mushroom(ex_mesh *mesh, ex_vec base, ex_vec axis, double height, double cap,
                                      const float color[3], ex_paint_fn paint) {
     static const float cream[3] = {0.66f, 0.57f, 0.43f};

@@ -1,4 +1,4 @@
-/* thickness.h: how far each ray of a picture runs inside of a closed mesh. */
+/* thickness.h: the length of each pixel's ray inside a closed mesh, for fog with a polygon border. */
 
 #ifndef EX_THICKNESS_H
 #define EX_THICKNESS_H
@@ -6,10 +6,10 @@
 #include "mesh.h"
 #include "vectors.h"
 
-/* The rays of a view that has a position, a target and an `up` across them; neither matrix nor region. */
+/* The rays of a view that has a position, a target and an up vector; no matrix, no region. */
 typedef struct ex_camera {
     ex_vec eye, right, up, forward;
-    double scale; /* pixels to the side per unit of x / z; orthographic: of x */
+    double scale; /* pixels per unit of x / z; orthographic: per unit of x */
     int perspective, width, height;
 } ex_camera;
 
@@ -32,12 +32,12 @@ static inline ex_vec ex_camera_space(const ex_camera *camera, const float positi
     return ex_vec_of(ex_vec_dot(d, camera->right), ex_vec_dot(d, camera->up), ex_vec_dot(d, camera->forward));
 }
 
-#define EX_SUBPIXELS  256.0       /* corners are rounded to so many steps a pixel, and all that follows is exact */
-#define EX_SCREEN_MAX 536870912.0 /* steps: products of two differences still fit into 64 bits */
+#define EX_SUBPIXELS  256.0       /* corners are rounded to 1 / 256 pixel; what follows is exact */
+#define EX_SCREEN_MAX 536870912.0 /* in such steps: products of two differences fit in 64 bits */
 
 typedef struct ex_thickness {
     ex_camera camera;
-    double near;        /* z from which on triangles count, so that none is further out than EX_SCREEN_MAX */
+    double near;        /* z at which triangles are cut, so that no corner is beyond EX_SCREEN_MAX */
     const float *depth; /* where each ray ends; NULL: nowhere */
     double *sums;       /* for each pixel */
 } ex_thickness;
@@ -57,8 +57,8 @@ static inline ex_facet ex_facet_of(const ex_camera *camera, const sps_triangle *
     return f;
 }
 
-/* Cuts off what is nearer than `near`; leaves 0, 3 or 4 corners. A cut edge is cut from its further end on, whichever
-   triangle asks, so that neighbours get the same corner. */
+/* Cuts off what is nearer than `near`, which leaves 0, 3 or 4 corners. An edge is always cut starting from its far end,
+   so that both triangles at the edge get the same corner. */
 static inline int ex_facet_cut(const ex_facet *facet, double near, ex_vec out[4]) {
     int count = 0;
     for (int i = 0; i < 3; ++i) {
@@ -72,7 +72,7 @@ static inline int ex_facet_cut(const ex_facet *facet, double near, ex_vec out[4]
     return count;
 }
 
-/* Where a point is in the image, in steps from its upper left corner. */
+/* The position of a point in the image, in steps from the upper left corner. */
 static inline void ex_thickness_project(const ex_camera *camera, ex_vec p, int64_t out[2]) {
     const double scale = camera->perspective ? camera->scale / p.z : camera->scale;
     const double x = (0.5 * camera->width + scale * p.x) * EX_SUBPIXELS;
@@ -81,17 +81,17 @@ static inline void ex_thickness_project(const ex_camera *camera, ex_vec p, int64
     out[1] = (int64_t)floor(ex_clamp(y, -EX_SCREEN_MAX, EX_SCREEN_MAX) + 0.5);
 }
 
-/* Which side of the edge a -> b a point lies on: positive within a triangle that goes clockwise in the image. Never 0:
-   a point on the edge counts as a hair further to the right and, by a hair's square, further down, which gives it to
-   exactly one of the two triangles at an edge, and to one of all those at a corner that surround it. */
+/* The side of the edge a -> b that a point lies on: positive inside a triangle that is clockwise in the image. Never 0:
+   a point on the edge counts as infinitesimally further right, and by an infinitesimal of second order further down. So
+   it belongs to exactly one of the two triangles at an edge, and to one of those around a corner. */
 static inline int64_t ex_side(const int64_t a[2], const int64_t b[2], const int64_t p[2]) {
     const int64_t dx = b[0] - a[0], dy = b[1] - a[1], side = dx * (p[1] - a[1]) - dy * (p[0] - a[0]);
     if (side != 0) return side;
     return dy < 0 || (dy == 0 && dx > 0) ? 1 : -1;
 }
 
-/* Adds, with a sign, how far along a pixel's ray the facet's plane is. Rounded corners can put a pixel beyond the
-   facet's edge by a hair: nearest and furthest keep a facet seen edge-on from being met far away. */
+/* Adds, with a sign, the distance along a pixel's ray to the facet's plane. Since corners are rounded, a pixel may lie
+   slightly beyond the facet's edge; the clamp keeps an intersection with a facet seen edge-on from being far away. */
 static inline void ex_thickness_add(const ex_thickness *all, const ex_facet *facet, int x, int y, double sign) {
     const ex_camera *c = &all->camera;
     const ex_vec ray =
@@ -104,7 +104,7 @@ static inline void ex_thickness_add(const ex_thickness *all, const ex_facet *fac
     all->sums[pixel] += sign * (all->depth ? fmin(distance, (double)all->depth[pixel]) : distance);
 }
 
-/* All pixels whose centres lie in a triangle of the image. Back faces count positive, front faces negative. */
+/* Visits all pixels whose centers lie in a triangle of the image. Back faces add, front faces subtract. */
 static inline void ex_thickness_fill(const ex_thickness *all, const ex_facet *facet, int64_t corner[3][2]) {
     const int size[2] = {all->camera.width, all->camera.height};
     const int64_t *a = corner[0], *b = corner[1], *c = corner[2];
@@ -135,11 +135,11 @@ static inline double ex_thickness_reach(const ex_camera *camera, const ex_mesh *
     return reach;
 }
 
-/* Adds to sums[y * width + x] how long that pixel's ray runs inside of a closed mesh: distances to where it comes out
-   less those to where it goes in, in any order, since they are only added. Where the mesh covers itself, each layer
-   counts. A ray starts at the eye, which may be inside, and ends at depth[y * width + x] (sps_image.depth; NULL:
-   nowhere). Both come for free: what is cut off at an end adds as much as it takes, 0 or the depth. Triangles go
-   counter-clockwise from outside, as ex_shape_field makes them. */
+/* Adds to sums[y * width + x] the length of that pixel's ray inside a closed mesh: the distances to where the ray
+   leaves the mesh minus the distances to where it enters, in any order, since they are only added. Where the mesh
+   overlaps itself, each layer counts. A ray starts at the eye, which may be inside, and ends at depth[y * width + x]
+   (sps_image.depth; NULL: it does not end). Neither needs extra work: what lies beyond an end adds as much as it
+   subtracts. Triangles are counter-clockwise as seen from outside, as ex_shape_field makes them. */
 static inline void ex_mesh_thickness(const ex_mesh *mesh, const sps_view *view, const float *depth, double *sums) {
     ex_thickness all;
     all.camera = ex_camera_of(view);

@@ -1,4 +1,4 @@
-/* threads.h: a clock, and threads that share loops: what sps_config wants for clock_fn and parallel_for_fn. */
+/* threads.h: clock_fn and parallel_for_fn of sps_config: a clock, and a pool of threads. */
 
 #ifndef EX_THREADS_H
 #define EX_THREADS_H
@@ -11,7 +11,7 @@
 
 /* ------------------------------------------------------------------------------------------------------ the clock */
 
-/* Seconds since some moment; never runs back. sps_config.clock_fn. */
+/* sps_config.clock_fn: seconds since some moment, never decreasing. */
 static inline double ex_now(void *unused) {
     struct timespec now;
     (void)unused;
@@ -21,23 +21,23 @@ static inline double ex_now(void *unused) {
 
 /* -------------------------------------------------------------------------------------------- the pool of threads */
 
-/* Threads that wait for loops to share. A frame has hundreds of short loops, so a thread that runs out of work first
-   looks out for the next loop for some microseconds, and only then goes to sleep; and the caller never waits for a
-   thread that has not begun to take part. One loop at a time. */
+/* Threads that wait for loops and share their iterations, one loop at a time. A frame has hundreds of short loops, so a
+   thread without work spins for some microseconds before it goes to sleep, and the caller never waits for a thread that
+   has not joined the loop. */
 typedef struct ex_pool {
-    int worker_count; /* who can take part at once, the calling thread (worker 0) included */
+    int worker_count; /* threads that share a loop, the calling thread (worker 0) included */
     struct ex_worker *workers;
     double spin_seconds;
     pthread_mutex_t mutex;
     pthread_cond_t wake, done;
-    sps_task_fn task; /* this and the next two change only while `open` is 0 and `inside` is 0 */
+    sps_task_fn task; /* this and the next two change only while `open` and `inside` are 0 */
     void *task_data;
     int count;
-    int next;                      /* atomic, as are all below: the next index to hand out */
+    int next;                      /* atomic, as are all below: the next index to run */
     int open;                      /* 1 while a loop may be joined */
-    int inside;                    /* threads, but for the caller, that may be at the loop */
-    int generation, quit;          /* a new generation is a new loop, or the end */
-    int sleeping, caller_sleeping; /* who has to be woken */
+    int inside;                    /* threads, except for the caller, that may be in the loop */
+    int generation, quit;          /* the generation counts loops, and the end */
+    int sleeping, caller_sleeping; /* who must be woken up */
 } ex_pool;
 
 typedef struct ex_worker {
@@ -56,7 +56,7 @@ static inline void ex_spin_pause(void) {
 #endif
 }
 
-/* Looks at a value until it is (wanted = 1) or is no longer (wanted = 0) `expected`, for a short time. */
+/* Spins for a short time, until the value equals `expected` (wanted = 1) or differs from it (wanted = 0). */
 static inline void ex_spin(const ex_pool *pool, int *value, int expected, int wanted) {
     if (pool->spin_seconds <= 0.0) return;
     const double end = ex_now(NULL) + pool->spin_seconds;
@@ -76,8 +76,8 @@ static inline void ex_pool_take(ex_pool *pool, int worker) {
     }
 }
 
-/* A thread counts itself in before it looks whether a loop is open, and the caller closes the loop before it looks
-   at the count: so either the caller waits for the thread, or the thread sees that the loop is closed. */
+/* A thread counts itself in before it checks whether the loop is open, and the caller closes the loop before it reads
+   the count. So either the caller waits for the thread, or the thread sees that the loop is closed. */
 static inline void ex_pool_join(ex_pool *pool, int worker) {
     ex_atomic_add(&pool->inside, 1);
     if (ex_atomic_get(&pool->open)) ex_pool_take(pool, worker);
@@ -146,7 +146,7 @@ static inline int ex_processor_count(void) {
     return online < 1 ? 1 : online > 1024 ? 1024 : (int)online;
 }
 
-/* worker_count 0: one for each processor. With fewer threads to be had than asked for, the pool is smaller. */
+/* worker_count 0: one per processor. If the system refuses a thread, the pool is smaller. */
 static inline void ex_pool_begin(ex_pool *pool, int worker_count) {
     const int processors = ex_processor_count();
     if (worker_count < 1) worker_count = processors;
@@ -154,7 +154,8 @@ static inline void ex_pool_begin(ex_pool *pool, int worker_count) {
     pthread_mutex_init(&pool->mutex, NULL);
     pthread_cond_init(&pool->wake, NULL);
     pthread_cond_init(&pool->done, NULL);
-    /* About what sleeping and waking costs. With more threads than processors, looking out would only be in the way. */
+    /* About the cost of going to sleep and waking up. With more threads than processors, spinning only gets in the way.
+     */
     pool->spin_seconds = worker_count <= processors ? 20e-6 : 0.0;
     pool->workers = (ex_worker *)ex_allocate((size_t)worker_count, sizeof *pool->workers);
     for (pool->worker_count = 1; pool->worker_count < worker_count; ++pool->worker_count) {

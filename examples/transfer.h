@@ -1,17 +1,17 @@
-/* transfer.h: transfer functions from a file. */
+/* transfer.h: transfer functions, and loading them from a file. */
 
 #ifndef EX_TRANSFER_H
 #define EX_TRANSFER_H
 
 #include "files.h"
 
-/* All zero is an empty one. */
+/* The points of a transfer function. Zero-initialize it. */
 typedef struct ex_transfer {
     sps_transfer_point *points;
     size_t point_count, point_capacity;
 } ex_transfer;
 
-/* Adds a point. Fails if its value is not above the last one's. */
+/* Appends a point. Fails if its value is not above the previous one's. */
 static inline int ex_transfer_add(ex_transfer *transfer, const sps_transfer_point *point) {
     const size_t count = transfer->point_count;
     if (count > 0 && !(point->value > transfer->points[count - 1].value)) return 1;
@@ -25,7 +25,7 @@ static inline void ex_transfer_free(ex_transfer *transfer) {
     memset(transfer, 0, sizeof *transfer);
 }
 
-/* `value r g b extinction`, with room for a comment behind it. */
+/* Parses `value r g b extinction`; a comment may follow. */
 static inline int ex_transfer_line(char *text, sps_transfer_point *point) {
     float *fields[5] = {&point->value, &point->color[0], &point->color[1], &point->color[2], &point->extinction};
     for (int i = 0; i < 5; ++i) {
@@ -39,7 +39,7 @@ static inline int ex_transfer_line(char *text, sps_transfer_point *point) {
     return *text != '\0' && *text != '#';
 }
 
-/* Reads a transfer function: one point a line, values rising; # starts a comment, blank lines are passed over. */
+/* Reads one point from each line, values rising. # starts a comment; blank lines are skipped. */
 static inline int ex_transfer_load(ex_transfer *transfer, const char *path, ex_error *error) {
     char *text = NULL, *line;
     size_t length = 0;

@@ -1,4 +1,4 @@
-/* tree.h: a tree that grows into a volume. */
+/* tree.h: a tree as a volume: rods of wood and clumps of leaves. */
 
 #ifndef EX_TREE_H
 #define EX_TREE_H
@@ -7,8 +7,9 @@
 #include "volume.h"
 
 enum { EX_TREE_RODS = 1024, EX_TREE_CLUMPS = 256 };
-#define EX_TREE_LEAF 0.30 /* value of leaves, about: low, as the skin of the wood passes through it */
-#define EX_TREE_WOOD 1.0  /* value of wood */
+#define EX_TREE_LEAF                                                                                                   \
+    0.30 /* approximate value of leaves; low, since the value falls through it at the skin of the wood */
+#define EX_TREE_WOOD 1.0 /* value of wood */
 
 typedef struct ex_tree {
     struct {
@@ -42,7 +43,7 @@ static inline void ex_tree_rod(ex_tree *tree, ex_vec a, ex_vec b, double radius_
     ++tree->rod_count;
 }
 
-/* One branch as three tapering rods that wander; returns its tip and turns `direction` to where the tip points. */
+/* Grows one branch of three tapering rods. Returns its tip; `direction` becomes the direction of the tip. */
 static inline ex_vec ex_tree_branch(ex_tree *tree, ex_vec base, ex_vec *direction, double length, double radius) {
     for (int i = 0; i < 3; ++i) {
         *direction = ex_tree_bend(tree, *direction, 0.22);
@@ -53,13 +54,13 @@ static inline ex_vec ex_tree_branch(ex_tree *tree, ex_vec base, ex_vec *directio
     return base;
 }
 
-/* Grows a branch and, from its tip, three thinner ones that spread evenly around it, `levels` deep. */
+/* Grows a branch and, from its tip, three thinner ones, spread evenly around it, down to `levels` levels. */
 static inline void ex_tree_grow(ex_tree *tree, ex_vec base, ex_vec direction, double length, double radius,
                                 int levels) {
     const ex_vec tip = ex_tree_branch(tree, base, &direction, length, radius);
     if (levels <= 1) ex_tree_leaves(tree, tip, length * (0.85 + 0.3 * ex_random(&tree->random)));
     if (levels == 0) return;
-    const ex_vec side = ex_vec_square_to(direction), other = ex_vec_cross(direction, side);
+    const ex_vec side = ex_vec_perpendicular(direction), other = ex_vec_cross(direction, side);
     const double start = 2 * EX_PI * ex_random(&tree->random);
     for (int i = 0; i < 3; ++i) {
         const double angle = start + 2 * EX_PI * i / 3 + 0.6 * (ex_random(&tree->random) - 0.5);
@@ -67,12 +68,12 @@ static inline void ex_tree_grow(ex_tree *tree, ex_vec base, ex_vec direction, do
         ex_vec aim = ex_vec_add(
             direction,
             ex_vec_scale(ex_vec_add(ex_vec_scale(side, cos(angle)), ex_vec_scale(other, sin(angle))), spread));
-        aim.y = 0.62 * aim.y + 0.12; /* branches reach out more than up, but do not hang */
+        aim.y = 0.62 * aim.y + 0.12; /* branches reach out more than up, but do not droop */
         ex_tree_grow(tree, tip, ex_vec_unit(aim), length * shrink, radius * 0.62, levels - 1);
     }
 }
 
-/* Leaves of a clump at p: a flat noisy ellipsoid; its grain opens holes and spreads values over the greens. */
+/* The value of a clump of leaves at p: a flat noisy ellipsoid. The grain opens holes and varies the green. */
 static inline double ex_clump_value(ex_vec p, ex_vec center, double radius, double voxel) {
     const ex_vec d = ex_vec_sub(p, center);
     const double far = ex_vec_length(ex_vec_of(d.x, 1.7 * d.y, d.z));
@@ -83,7 +84,7 @@ static inline double ex_clump_value(ex_vec p, ex_vec center, double radius, doub
     return EX_TREE_LEAF * (1 + 0.15 * grain) * ex_solid(distance, 3 * voxel);
 }
 
-/* Raises the values of the voxels in a box around `center` to what one rod (or clump) of the tree gives there. */
+/* Raises the voxels around one rod (clump < 0) or one clump (rod < 0) to its value there, where that is higher. */
 static inline void ex_tree_raise(const ex_tree *tree, int rod, int clump, const sps_volume *volume, float *values) {
     const double voxel = volume->placement.axis[0][0] / volume->size[0];
     const ex_vec a = rod >= 0 ? tree->rods[rod].a : tree->clumps[clump].center, b = rod >= 0 ? tree->rods[rod].b : a;
@@ -113,7 +114,7 @@ static inline void ex_tree_raise(const ex_tree *tree, int rod, int clump, const 
             }
 }
 
-/* Makes `grid` the voxels of `volume` with the whole tree in them. */
+/* Makes a grid of the size of `volume` and fills it with the tree. The caller frees it. */
 static inline void ex_tree_fill(const ex_tree *tree, const sps_volume *volume, ex_grid *grid) {
     ex_grid_begin(grid, volume->size, EX_F32);
     for (int i = 0; i < tree->clump_count; ++i) ex_tree_raise(tree, -1, i, volume, (float *)grid->data);

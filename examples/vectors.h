@@ -1,4 +1,4 @@
-/* vectors.h: vectors, colors, and a few functions of one number. */
+/* vectors.h: vectors, colors, interpolation. World axes of the scenes: x to the right, y up, z towards the viewer. */
 
 #ifndef EX_VECTORS_H
 #define EX_VECTORS_H
@@ -27,11 +27,11 @@ static inline ex_vec ex_vec_unit(ex_vec a) {
     const double length = ex_vec_length(a);
     return length > 0 ? ex_vec_scale(a, 1 / length) : a;
 }
-/* Some unit vector square to `a`. */
-static inline ex_vec ex_vec_square_to(ex_vec a) {
+/* A unit vector perpendicular to `a`. */
+static inline ex_vec ex_vec_perpendicular(ex_vec a) {
     return ex_vec_unit(ex_vec_cross(a, fabs(a.y) < 0.9 * ex_vec_length(a) ? ex_vec_of(0, 1, 0) : ex_vec_of(1, 0, 0)));
 }
-/* The same for numbers in a row. */
+/* The dot product of packed vectors. */
 static inline double ex_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static inline double ex_clamp(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 static inline double ex_mix(double a, double b, double t) { return a + (b - a) * t; }
@@ -41,6 +41,7 @@ static inline double ex_ramp(double low, double high, double x) {
     return t * t * (3 - 2 * t);
 }
 
+/* Colors are linear RGB. */
 static inline void ex_color(float out[3], double r, double g, double b) {
     out[0] = (float)r, out[1] = (float)g, out[2] = (float)b;
 }

@@ -1,4 +1,4 @@
-/* volume.h: volumes in memory, the callbacks that hand them to the library, and the voxels in a file. */
+/* volume.h: a volume in memory, the callbacks through which the library reads it, and loading it from a file. */
 
 #ifndef EX_VOLUME_H
 #define EX_VOLUME_H
@@ -19,10 +19,10 @@ static inline size_t ex_type_size(ex_type type) {
 
 static inline int ex_type_is_float(ex_type type) { return type == EX_F32 || type == EX_F64; }
 
-enum { EX_GRID_BLOCK = 32 }; /* voxels along the edge of a block whose range is known */
+enum { EX_GRID_BLOCK = 32 }; /* voxels along the edge of a block that has a range */
 
-/* A volume in memory as it was read, x fastest. A stored number s stands for the value (s - zero) / unit; what lies
-   outside of least..most counts as these. `ranges` holds min and max by block. */
+/* A volume in memory, in the type of its file, x fastest. A stored number s means the value (s - zero) / unit, clamped
+   to least..most. `ranges` holds the minimum and the maximum value of each block. */
 typedef struct ex_grid {
     int size[3];
     ex_type type;
@@ -44,7 +44,7 @@ typedef struct ex_grid {
         }                                                                                                              \
     } while (0)
 
-/* The values of `count` voxels from the one with number `first` on. NaN stays NaN. */
+/* Converts `count` voxels to values, from voxel number `first` on. NaN stays NaN. */
 static inline void ex_grid_values(const ex_grid *grid, size_t first, size_t count, float *out) {
     switch (grid->type) {
     case EX_U8: EX_CONVERT(uint8_t, float); break;
@@ -59,7 +59,7 @@ static inline void ex_grid_values(const ex_grid *grid, size_t first, size_t coun
 }
 #undef EX_CONVERT
 
-/* The values of `count` voxels from (x,y,z) along x. */
+/* Converts `count` voxels to values, from (x,y,z) along x. */
 static inline void ex_grid_row(const ex_grid *grid, int x, int y, int z, int count, float *out) {
     const size_t row = (size_t)z * (size_t)grid->size[1] + (size_t)y;
     ex_grid_values(grid, row * (size_t)grid->size[0] + (size_t)x, (size_t)count, out);
@@ -73,8 +73,8 @@ static inline int ex_grid_read(void *user, const int lo[3], const int size[3], f
     return 0;
 }
 
-/* Widens `range` by a row. A value that the library refuses makes it as wide as can be: then the block is read,
-   and the library gets to see the value. */
+/* Widens `range` by a row of values. A value that the library refuses makes the range as wide as possible: then the
+   library reads the block and reports the value. */
 static inline void ex_range_add(float range[2], const float *values, int count) {
     for (int i = 0; i < count; ++i) {
         if (!(values[i] >= 0.0f && values[i] <= 1e18f)) {
@@ -99,7 +99,7 @@ static inline void ex_grid_measure_block(const ex_grid *grid, int bx, int by, in
         }
 }
 
-/* Fills `ranges`; to be called once when the data are complete. */
+/* Fills `ranges`. Call it once the data are complete. */
 static inline void ex_grid_measure(ex_grid *grid) {
     for (int a = 0; a < 3; ++a) grid->blocks[a] = (grid->size[a] + EX_GRID_BLOCK - 1) / EX_GRID_BLOCK;
     const size_t count = (size_t)grid->blocks[0] * (size_t)grid->blocks[1] * (size_t)grid->blocks[2];
@@ -110,7 +110,7 @@ static inline void ex_grid_measure(ex_grid *grid) {
             for (int x = 0; x < grid->blocks[0]; ++x, range += 2) ex_grid_measure_block(grid, x, y, z, range);
 }
 
-/* sps_volume.range_fn over an ex_grid: bounds over all measured blocks that the asked one touches. */
+/* sps_volume.range_fn over an ex_grid: bounds over all measured blocks that the given box touches. */
 static inline int ex_grid_range(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
     const ex_grid *grid = (const ex_grid *)user;
     int from[3], to[3];
@@ -131,7 +131,7 @@ static inline int ex_grid_range(void *user, const int lo[3], const int size[3], 
     return 0;
 }
 
-/* Bytes that such a grid takes; 0 if that is more than can be addressed. */
+/* The number of bytes of a grid's voxels; 0 if that is more than can be addressed. */
 static inline uint64_t ex_grid_bytes(const int size[3], ex_type type) {
     uint64_t bytes = ex_type_size(type);
     for (int a = 0; a < 3; ++a) {
@@ -141,7 +141,7 @@ static inline uint64_t ex_grid_bytes(const int size[3], ex_type type) {
     return bytes;
 }
 
-/* A grid of zeros, whose stored numbers are its values. */
+/* Makes a grid of zeros whose stored numbers are its values. */
 static inline void ex_grid_begin(ex_grid *grid, const int size[3], ex_type type) {
     memset(grid, 0, sizeof *grid);
     memcpy(grid->size, size, sizeof grid->size);
@@ -161,21 +161,21 @@ static inline void ex_grid_free(ex_grid *grid) {
 
 enum { EX_PATH_MAX = 4096 };
 
-/* Where in a file the voxels are, and what they stand for. */
+/* Where in a file the voxels are, and what they mean. */
 typedef struct ex_voxel_file {
     char path[EX_PATH_MAX];
     uint64_t offset;         /* bytes before the first voxel */
-    int at_end;              /* 1: instead of that, the voxels are the last thing in the file */
-    int may_go_on;           /* 1: other things may follow the voxels */
+    int at_end;              /* 1: the voxels are the last thing in the file, and `offset` does not count */
+    int may_go_on;           /* 1: the file may be longer */
     int size[3];             /* voxels along x, y, z */
     ex_type type;            /* of the stored numbers */
     int big_endian;          /* byte order of the stored numbers */
-    int x_slowest;           /* 1: z runs fastest in the file and x slowest, instead of the other way round */
-    double slope, intercept; /* a number s stands for slope * s + intercept; slope 0: for itself */
-    double range[2];         /* what of that becomes value 0 and value 1; both 0: by type, see ex_voxel_file_scale */
+    int x_slowest;           /* 1: in the file, z runs fastest and x slowest */
+    double slope, intercept; /* a stored number s means slope * s + intercept; slope 0: just s */
+    double range[2];         /* which of these numbers become the values 0 and 1; both 0: see ex_grid_scale */
 } ex_voxel_file;
 
-/* A little-endian file of nothing but voxels. */
+/* Describes a file without a header: little-endian voxels and nothing else. */
 static inline int ex_voxel_file_raw(ex_voxel_file *file, const char *path, const int size[3], ex_type type,
                                     ex_error *error) {
     memset(file, 0, sizeof *file);
@@ -186,7 +186,7 @@ static inline int ex_voxel_file_raw(ex_voxel_file *file, const char *path, const
     return 0;
 }
 
-/* Finds the first voxel and goes there. */
+/* Moves to the first voxel. Fails if the file does not hold all of them. */
 static inline int ex_voxel_file_seek(const ex_voxel_file *from, FILE *file, uint64_t held, ex_error *error) {
     const uint64_t needed = ex_grid_bytes(from->size, from->type);
     const uint64_t before = !from->at_end ? from->offset : held > needed ? held - needed : 0;
@@ -194,14 +194,14 @@ static inline int ex_voxel_file_seek(const ex_voxel_file *from, FILE *file, uint
         if (fseeko(file, (off_t)before, SEEK_SET) == 0) return 0;
         return ex_fail(error, "%s: byte %llu: %s", from->path, (unsigned long long)before, strerror(errno));
     }
-    char behind[48] = "";
-    if (before > 0) snprintf(behind, sizeof behind, ", behind the first %llu", (unsigned long long)before);
+    char after[48] = "";
+    if (before > 0) snprintf(after, sizeof after, ", after the first %llu", (unsigned long long)before);
     return ex_fail(error, "%s: the file holds %llu bytes, but size %d,%d,%d and type %s call for %llu%s", from->path,
                    (unsigned long long)held, from->size[0], from->size[1], from->size[2], ex_type_names[from->type],
-                   (unsigned long long)needed, behind);
+                   (unsigned long long)needed, after);
 }
 
-/* Turns an order with z fastest into one with x fastest. */
+/* Reorders voxels from z fastest to x fastest. */
 static inline void ex_grid_reverse_axes(ex_grid *grid) {
     const size_t width = (size_t)grid->size[0], height = (size_t)grid->size[1], depth = (size_t)grid->size[2];
     const size_t item = ex_type_size(grid->type);
@@ -231,9 +231,9 @@ static inline void ex_grid_extremes(const ex_grid *grid, double out[2]) {
     }
 }
 
-/* Says what stored numbers stand for. With a range: its two ends are the values 0 and 1. Without one: floats are values
-   as they stand; unsigned integers are 0..1 over all that their type holds; signed integers, and those with a slope,
-   over what the file holds, since nothing else tells where they begin and end. */
+/* Chooses what stored numbers mean. With a range, its two ends become the values 0 and 1. Without one, floats are
+   values already; unsigned integers become 0..1 over the whole range of their type; signed and scaled integers become
+   0..1 over the numbers in the file, because scanners use only a part of those types. */
 static inline void ex_grid_scale(ex_grid *grid, const ex_voxel_file *from) {
     const double slope = from->slope != 0 ? from->slope : 1, intercept = from->slope != 0 ? from->intercept : 0;
     const int is_signed = grid->type == EX_I8 || grid->type == EX_I16 || grid->type == EX_I32;
@@ -250,13 +250,14 @@ static inline void ex_grid_scale(ex_grid *grid, const ex_voxel_file *from) {
         ex_grid_extremes(grid, extremes);
         grid->zero = extremes[slope < 0];
         grid->unit = extremes[slope > 0] - grid->zero;
-        if (grid->unit == 0) grid->unit = 1; /* all voxels are the same: all 0 */
+        if (grid->unit == 0) grid->unit = 1; /* all voxels are equal: all become 0 */
     } else {
         grid->zero = 0;
         grid->unit = ldexp(1, 8 * (int)ex_type_size(grid->type)) - 1;
     }
 }
 
+/* Reads the voxels. Nothing is allocated before the length of the file is known to be right. */
 static inline int ex_grid_load(ex_grid *grid, const ex_voxel_file *from, ex_error *error) {
     uint64_t held = 0;
     size_t got = 0;

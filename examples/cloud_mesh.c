@@ -1,5 +1,5 @@
-/* A cloud as polygons: marching cubes around metaballs that noise has roughened. Its shadow, like those of the trees,
-   lies on rolling country.
+/* A cloud made of polygons: marching cubes around metaballs, roughened by noise. The cloud and the trees cast their
+   shadows on rolling country.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/cloud_mesh.c -o cloud_mesh -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -13,7 +13,7 @@ static const ex_metaball heaps[] = {
     {{0.55, 2.25, 0.60}, 0.75, 1.0},  {{0.35, 3.05, 0.05}, 0.75, 1.0},  {{-0.45, 2.90, -0.1}, 0.70, 1.0},
     {{-0.20, 2.25, -0.7}, 0.85, 1.0}, {{0.80, 2.20, -0.7}, 0.75, 1.0}};
 
-/* Turbulence makes billows: round where it is large, creased where it passes zero. Flat underneath. */
+/* ex_field_fn. Turbulence makes billows: round where it is large, creased where it is zero. Flat at the bottom. */
 static double cloud_field(void *user, ex_vec p) {
     const double heap = ex_metaballs_value(user, p);
     if (heap <= 0) return -1;
@@ -29,14 +29,14 @@ static void build_cloud(ex_mesh *mesh) {
 
 static double ground_height(double x, double z) { return 0.28 * ex_fractal(ex_vec_of(0.45 * x, 7.3, 0.45 * z), 3); }
 
-/* u across, v into the distance. */
+/* ex_surface_fn: u across, v into the distance. */
 static ex_vec ground_point(const void *shape, double u, double v) {
     const double x = ex_mix(-6, 6, u), z = ex_mix(4, -9, v);
     (void)shape;
     return ex_vec_of(x, ground_height(x, z), z);
 }
 
-/* Meadows and fields, by a coarse noise that is cut into steps. */
+/* ex_paint_fn: meadows and fields, by the level of coarse noise. */
 static void paint_ground(const float own[3], double u, double v, float out[3]) {
     static const double shades[3][3] = {{0.13, 0.24, 0.05}, {0.20, 0.29, 0.08}, {0.34, 0.32, 0.12}};
     const ex_vec p = ground_point(NULL, u, v);
@@ -56,7 +56,7 @@ static void build_country(ex_mesh *mesh) {
     for (int i = 0; i < 400; ++i) {
         const double x = ex_mix(-5.5, 5.5, ex_random(&random)), z = ex_mix(2.6, -8, ex_random(&random));
         const double size = 0.10 + 0.08 * ex_random(&random), y = ground_height(x, z);
-        if (ex_noise(ex_vec_of(0.5 * x, 3.5, 0.5 * z)) < 0.12) continue; /* they stand in woods */
+        if (ex_noise(ex_vec_of(0.5 * x, 3.5, 0.5 * z)) < 0.12) continue; /* trees stand in woods */
         ex_shape_cylinder(mesh, ex_vec_of(x, y - 0.05, z), ex_vec_of(x, y + size, z), 0.12 * size, 0.1 * size, bark);
         ex_shape_cylinder(mesh, ex_vec_of(x, y + 0.5 * size, z), ex_vec_of(x, y + 3 * size, z), 0.7 * size, 0, green);
     }

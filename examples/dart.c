@@ -1,5 +1,5 @@
-/* A polygon dart thrown at a target of three volumetric rings on pegs, with a volumetric plate behind: the dart's
-   shadow runs over the rings, and all of them throw theirs on the plate.
+/* A polygon dart in a target of three volumetric rings on pegs, before a volumetric plate. The dart's shadow runs over
+   the rings, and all of them cast shadows on the plate.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/dart.c -o dart -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -7,7 +7,7 @@
 #include "scene_program.h"
 #include "shapes.h"
 
-/* A ring in front of the plate, held by four pegs. Each is a volume of its own, so each has its own colour. */
+/* A ring in front of the plate, held by four pegs. Each ring is a volume of its own and so has its own color. */
 typedef struct ring {
     double radius, height;
     sps_transfer_point paint[2];
@@ -44,7 +44,7 @@ static void set_ring(sps_volume *volume, ring *r, double radius, double height, 
     volume->specular = 0.3f;
 }
 
-/* Upright boards with dark joints and a grain along them. */
+/* sps_volume.eval_fn: upright boards with dark joints and grain. */
 static int plate_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
@@ -68,7 +68,7 @@ static void set_plate(sps_volume *plate) {
     plate->shading = SPS_SHADING_SURFACE;
 }
 
-/* Point, barrel, shaft and four flights, along `axis` from the point of the needle on. */
+/* Needle, barrel, shaft and four flights, along `axis` from the tip of the needle. */
 static void build_dart(ex_mesh *mesh, ex_vec tip, ex_vec axis) {
     static const float steel[3] = {0.55f, 0.56f, 0.60f}, brass[3] = {0.60f, 0.40f, 0.12f},
                        blue[3] = {0.08f, 0.26f, 0.62f};

@@ -108,6 +108,16 @@ static inline char *ex_trim(char *text) {
     return text;
 }
 
+/* The path of a file that `path` names relative to itself; the caller frees it. */
+static inline char *ex_path_beside(const char *path, const char *name) {
+    const char *slash = name[0] == '/' ? NULL : strrchr(path, '/');
+    const size_t folder = slash ? (size_t)(slash - path) + 1 : 0;
+    char *out = (char *)ex_allocate(folder + strlen(name) + 1, 1);
+    memcpy(out, path, folder);
+    memcpy(out + folder, name, strlen(name));
+    return out;
+}
+
 /* Converts items between a file's byte order and the machine's, in place. */
 static inline void ex_byte_order(void *data, size_t count, size_t item_size, int big_endian) {
     const uint16_t one = 1;

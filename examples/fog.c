@@ -1,7 +1,7 @@
-/* A stone circle in ground fog. The fog is a closed polygon mesh with nothing but a colour and an extinction: for each
-   pixel, back faces' distances less front faces' are the length that the ray is in it, up to the stones, the ground or
-   the sky. The library renders what is behind the fog, and tells how far away that is.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/fog.c -o fog -lm */
+/* A stone circle in ground fog. The fog is a closed polygon mesh with a color and an extinction: for each pixel, the
+   distances of back faces minus those of front faces are the length of the ray inside it, up to the stones, the ground
+   or the sky. The library renders what is behind the fog, and its distance (sps_image.depth). cc -std=c99 -O3
+   -march=native -pthread -I. -I/usr/include/stb examples/fog.c -o fog -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
 #include "metaballs.h"
@@ -11,20 +11,21 @@
 
 enum { STONES = 11 };
 
-/* A rough box with its lower end in the ground; it stands `around` the circle, at `height`, as wide as `half` says. */
+/* A rough box with its lower end in the ground: its angle around the circle, the height of its center, its half size.
+ */
 typedef struct stone {
     double around, height;
     ex_vec half;
 } stone;
 
-/* Uprights, and the lintels that are left. */
+/* The uprights, and the three lintels that are left. */
 static const stone stones[STONES] = {
     {0.30, 0.42, {0.20, 1.00, 0.13}}, {0.85, 0.43, {0.19, 1.01, 0.14}}, {1.42, 0.41, {0.21, 0.99, 0.12}},
     {2.10, 0.27, {0.18, 0.78, 0.13}}, {2.75, 0.42, {0.20, 0.98, 0.14}}, {3.33, 0.42, {0.19, 1.00, 0.13}},
     {4.00, 0.04, {0.20, 0.54, 0.15}}, {5.10, 0.37, {0.18, 0.90, 0.13}}, {0.575, 1.53, {0.60, 0.12, 0.15}},
     {1.14, 1.53, {0.60, 0.12, 0.14}}, {3.04, 1.53, {0.60, 0.12, 0.15}}};
 
-/* How deep p is in a stone, which the weather has worn. */
+/* ex_field_fn: how deep p is inside a weathered stone. */
 static double stone_field(void *user, ex_vec p) {
     const double worn = 0.05 * ex_fractal(ex_vec_scale(p, 3.5), 4);
     double deepest = -1;
@@ -53,8 +54,8 @@ static void paint_ground(const float own[3], double u, double v, float out[3]) {
     for (int c = 0; c < 3; ++c) out[c] = (float)(grain * ex_mix((double)own[c], c == 2 ? 0.06 : 0.21 - 0.02 * c, dry));
 }
 
-/* A bank that lies on the ground, lower towards its end all round, with billows; hollows go down to the ground. Its
-   underside is below the ground, where no ray gets to. */
+/* ex_field_fn: a bank of billows on the ground, lower towards its rim; its hollows reach the ground. Its bottom is
+   below the ground, where no ray arrives. */
 static double fog_field(void *user, ex_vec p) {
     const double away = sqrt(p.x * p.x + (p.z + 1) * (p.z + 1));
     const double billows = ex_turbulence(ex_vec_of(0.7 * p.x, 1.1 * p.y, 0.7 * p.z), 4);
@@ -62,7 +63,7 @@ static double fog_field(void *user, ex_vec p) {
     return 1.05 * billows - 0.05 - 1.2 * ex_ramp(2.6, 5.2, away) - p.y;
 }
 
-/* How the fog looks: extinction a unit of length, and the light that it sends to the eye where it is thick. */
+/* The look of the fog: its extinction per world unit, and its radiance where it is thick. */
 typedef struct fog {
     ex_mesh mesh;
     double extinction;

@@ -1,4 +1,4 @@
-/* Metaballs: drops of gas that rise from a pool, part and flow into each other, and their shadows on a chequered floor.
+/* Metaballs: drops of gas that rise from a pool, separate and merge, and their shadows on a checkered floor.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/metaballs.c -o metaballs -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -6,7 +6,7 @@
 #include "scene.h"
 #include "scene_program.h"
 
-/* The pool, three necks that rise from it, and drops above. */
+/* The pool, three necks that rise from it, and drops above. Each: center, radius, strength. */
 static const ex_metaball drops[] = {
     {{-0.95, -0.10, 0.05}, 0.95, 1.0}, {{0.10, -0.15, 0.30}, 1.05, 1.0}, {{1.10, -0.10, -0.05}, 0.90, 1.0},
     {{0.15, -0.10, -0.70}, 0.95, 1.0}, {{-0.95, 0.62, 0.00}, 0.58, 0.9}, {{-0.90, 1.12, -0.05}, 0.66, 1.2},
@@ -14,7 +14,8 @@ static const ex_metaball drops[] = {
     {{1.10, 0.55, 0.00}, 0.50, 0.9},   {{1.18, 1.22, 0.10}, 0.62, 1.4},  {{1.02, 1.98, -0.15}, 0.42, 1.4},
     {{-0.62, 2.12, 0.10}, 0.48, 1.4},  {{-1.62, 0.75, 0.40}, 0.36, 1.4}};
 
-/* The sum of balls is soft all the way to their middles; a ramp gives the drops a body and a rim. */
+/* sps_volume.eval_fn. The sum of the fields is soft all the way to the centers; the ramp makes the drops even inside,
+   with a narrow rim. */
 static int gas_value(void *user, size_t count, const double *positions, float *out) {
     if (ex_metaballs_eval(user, count, positions, out)) return 1;
     for (size_t i = 0; i < count; ++i) out[i] = (float)ex_ramp(0.12, 0.55, (double)out[i]);

@@ -1,4 +1,4 @@
-/* Three polygon mushrooms on a volumetric plate, which takes their shadows.
+/* Three polygon mushrooms cast their shadows on a volumetric plate.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/mushrooms.c -o mushrooms -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -6,8 +6,8 @@
 #include "scene_program.h"
 #include "shapes.h"
 
-/* A round plate with a raised rim, of stone: the grain goes into the value, and from there into the colour; the relief
- * is real. */
+/* sps_volume.eval_fn: a round stone plate with a raised rim. The grain changes the value, and by that the color; the
+   relief changes the shape. */
 static int plate_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i) {
         const ex_vec p = ex_vec_of(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]);

@@ -1,13 +1,13 @@
-/* A polygon pot inside a translucent volumetric cube: the pot's shadow falls on itself, through the cube's haze, and on
-   the table; the cube dims all that lies behind it.
-   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/pot.c -o pot -lm */
+/* A polygon pot inside a translucent volumetric cube. The pot casts shadows on itself, through the haze of the cube,
+   and on the table; the cube dims everything behind it. cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb
+   examples/pot.c -o pot -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
 #include "scene.h"
 #include "scene_program.h"
 #include "shapes.h"
 
-/* Even haze, a little denser in veils. */
+/* sps_volume.eval_fn: haze with slightly denser veils. */
 static int haze_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
@@ -41,7 +41,7 @@ static void build_pot(ex_mesh *mesh) {
     for (int i = 0; i < 2; ++i) ex_shape_tube(mesh, &tubes[i], glaze);
 }
 
-/* Stone slabs, two shades. */
+/* Stone tiles in two shades. */
 static void build_table(ex_mesh *mesh) {
     static const float shades[2][3] = {{0.15f, 0.13f, 0.12f}, {0.07f, 0.065f, 0.065f}};
     for (int z = -4; z < 4; ++z)
@@ -62,7 +62,7 @@ int main(int argc, char **argv) {
     build_table(&table);
     sps_mesh meshes[2] = {ex_shape_mesh(&pot), ex_shape_mesh(&table)};
     meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
-    view.shadow_size = 512; /* coarse voxels serve for haze, but the pot's shadow has sharp edges */
+    view.shadow_size = 512; /* haze needs few voxels, but the pot's shadow has sharp edges */
     scene.volumes = &haze, scene.volume_count = 1;
     scene.meshes = meshes, scene.mesh_count = 2;
     ex_color(scene.ambient, 0.06, 0.07, 0.09);

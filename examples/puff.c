@@ -1,5 +1,5 @@
-/* Puff: 2500 particles of smoke over level ground, and as many that the wind has carried away, each in the other's
-   light; gas shades by a Fourier opacity map of 15 components.
+/* Two puffs of smoke over level ground, 2500 particles each: one fresh, one carried away by the wind. They shade each
+   other and the ground by a Fourier opacity map of 15 components.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/puff.c -o puff -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION

@@ -17,7 +17,7 @@ static void to_floats(const double *from, float *out) {
     for (int i = 0; i < 3; ++i) out[i] = (float)from[i];
 }
 
-/* Surface shading needs a transfer function; without a file it is the gas's: extinction rises with the value. */
+/* Surface shading needs a transfer function. Without one, extinction is proportional to the value, as in a gas. */
 static void make_linear_transfer(volume_arguments *volume) {
     float range[2];
     const int zero[3] = {0, 0, 0};
@@ -31,7 +31,7 @@ static void make_linear_transfer(volume_arguments *volume) {
     points[1].extinction = (float)fmin(volume->extinction * (double)points[1].value, LARGEST);
 }
 
-/* Points that no value can reach come from a table in the units of the scanner, 0..255 say: a mistake. */
+/* Points that no value can reach are a mistake: they are probably in units of the scanner, for example 0..255. */
 static int check_transfer(const volume_arguments *volume, ex_error *error) {
     const ex_transfer *transfer = &volume->points;
     const char *name = volume->transfer_file ? volume->transfer_file : "--transfer-point";
@@ -87,7 +87,7 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
     return 0;
 }
 
-/* All lights' shadows of gas. */
+/* Sets the technique by which all lights cast the shadows of gas. */
 static void set_shadows(arguments *all) {
     if (all->shadow == 0) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
@@ -99,7 +99,7 @@ static void set_shadows(arguments *all) {
     }
 }
 
-/* What a scene borrows, each longer than the list of settings. */
+/* What the scene borrows. */
 typedef struct scene_arrays {
     sps_volume *volumes;
     sps_particles *particles;
@@ -132,7 +132,7 @@ static void widen(double lo[3], double hi[3], const double *a, const double *b) 
     }
 }
 
-/* The corners of a placed unit cube. */
+/* Widens the bounds by the corners of a placed unit cube. */
 static void widen_by_box(double lo[3], double hi[3], const sps_placement *box) {
     for (int corner = 0; corner < 8; ++corner) {
         double p[3];
@@ -154,7 +154,7 @@ static void frame_scene(const arguments *all, sps_view *view) {
         if (all->particles[i].particles.lo[0] <= all->particles[i].particles.hi[0])
             widen(lo, hi, all->particles[i].particles.lo, all->particles[i].particles.hi);
     if (lo[0] > hi[0])
-        for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* nothing to see */
+        for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* the scene is empty */
     double half[3];
     for (int a = 0; a < 3; ++a) half[a] = 0.5 * (hi[a] - lo[a]);
     const double radius = fmax(sqrt(ex_dot(half, half)), 1e-12);
@@ -169,7 +169,7 @@ static void frame_scene(const arguments *all, sps_view *view) {
 }
 
 static void make_view(const arguments *all, sps_view *view) {
-    const double degree = 3.14159265358979323846 / 180.0;
+    const double degree = EX_PI / 180.0;
     view->width = all->width, view->height = all->height;
     if (all->ortho > 0)
         view->camera.ortho_height = all->ortho;
@@ -339,7 +339,7 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
     return status;
 }
 
-/* From checked arguments to files. Returns the exit status. */
+/* Loads the scene, and plans or renders it. Returns the exit status. */
 static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *error) {
     ex_session session;
     sps_scene scene;
@@ -355,7 +355,7 @@ static int run_checked(arguments *all, const scene_arrays *arrays, ex_error *err
     return status;
 }
 
-/* All defaults, with room for whatever the settings name. */
+/* Sets all defaults and makes room for whatever the settings name. */
 static void begin_arguments(arguments *all, const settings *given) {
     const size_t most = given->count + 1;
     memset(all, 0, sizeof *all);
@@ -385,7 +385,7 @@ static void free_arguments(arguments *all) {
     free(all->light_texts);
 }
 
-/* From settings to files. Returns the exit status. */
+/* Does what the settings say. Returns the exit status. */
 static int run(arguments *all, ex_error *error) {
     scene_arrays arrays;
     if (apply_settings(all, error)) return EX_MISTAKEN;

@@ -1,5 +1,4 @@
-/* render_options.h: the options of render.c: what there are, what they set, what does not go together, and looks, which
-   are files of them. */
+/* render_options.h: the options of render.c: a table of all, what they set, files of options (looks), and checks. */
 
 #ifndef EX_RENDER_OPTIONS_H
 #define EX_RENDER_OPTIONS_H
@@ -10,28 +9,27 @@
 #include "transfer.h"
 #include "volume_file.h"
 
-/* What the library takes; conversions to float stay finite as well. */
-#define LARGEST  1e18 /* extinctions and colours */
+/* The library accepts no more; and conversions to float stay finite. */
+#define LARGEST  1e18 /* extinctions and colors */
 #define FARTHEST 1e15 /* coordinates */
 
 /* ============================================================================================== arguments */
 
-typedef uint64_t option_set; /* a bit for each place in the table of options */
+typedef uint64_t option_set; /* one bit per row of the table of options */
 
 typedef struct phase_lobes {
     sps_lobe list[2];
     int count;
 } phase_lobes;
 
-/* In this and in every other struct that options have fields in, `given` comes first: which options were said about
-   it. */
+/* Structs whose fields options set begin with `given`: which options were given for them. */
 typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
     int size[3], type, shading;
     double range[2], box[6], extinction, albedo[3], emission[3];
     phase_lobes lobes;
-    ex_voxel_file voxels; /* what the file's header says, and the options instead of it */
+    ex_voxel_file voxels; /* from the file's header, overridden by options */
     sps_placement placement;
     ex_grid grid;
     ex_transfer points;
@@ -54,24 +52,24 @@ typedef struct mesh_arguments {
     ex_mesh mesh;
 } mesh_arguments;
 
-/* One option as it was given. */
+/* One option with its value. */
 typedef struct setting {
     const struct option_rule *rule;
-    const char *value; /* NULL where it takes none */
-    const char *look;  /* the file it stands in, and the line there; NULL: the command line */
-    int line;
+    const char *value; /* NULL if it takes none */
+    const char *look;  /* the look that it comes from; NULL: the command line */
+    int line;          /* in the look */
 } setting;
 
-/* All of them, in order. */
+/* All options, in order. */
 typedef struct settings {
     setting *list;
     size_t count, capacity;
-    char **texts; /* that were read from looks, or made from what was read */
+    char **texts; /* memory that values point into */
     size_t text_count, text_capacity;
 } settings;
 
-/* Every list is longer than the list of settings, which none can outgrow. The first volume, set of particles and mesh
-   are there before their file is known, for the options that stand before it. */
+/* No list can be longer than the list of settings, so all have its length. The first volume, set of particles and mesh
+   exist before their file is known, for options that come before it. */
 typedef struct arguments {
     option_set given;
     const settings *settings;
@@ -85,20 +83,20 @@ typedef struct arguments {
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
     int shadow, map_size, map_window;
     double map_epsilon;
-    sps_tmap_settings map; /* what all lights shade gas by, but for --shadow sheets; options set fields of it */
+    sps_tmap_settings map; /* of all lights, except with --shadow sheets; options set its fields */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
 typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH } option_owner; /* whose field an option sets */
 
 typedef struct option_rule {
-    const char *name, *form, *help; /* form NULL: takes no value */
+    const char *name, *form, *help; /* form NULL: it takes no value */
     int (*apply)(const struct option_rule *rule, arguments *all, void *place, const char *value, ex_error *error);
     option_owner owner;
     size_t offset;            /* of the field in its owner */
     int count;                /* of numbers */
     double lo, hi;            /* each number's range */
-    const char *const *names; /* of a choice, by number; those below lo are not for users */
+    const char *const *names; /* of a choice; names before number `lo` are not for users */
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
@@ -124,8 +122,8 @@ static int outside(const option_rule *rule, const char *value, const char *what,
                    lo, hi);
 }
 
-/* Reads up to `most` comma-separated decimal numbers; returns how many, or -1. Strict: no blanks, no hexadecimals,
-   nothing behind. What is too large for a double is infinite: within no range. */
+/* Parses up to `most` decimal numbers with commas between them. Returns their number, or -1 if there are more or
+   anything else is in the text. A number too large for a double becomes infinity, which is in no range. */
 static int read_numbers(const char *text, int most, double *out) {
     int count = 0;
     if (text[strspn(text, "+-.,0123456789eE")] != '\0') return -1;
@@ -215,14 +213,14 @@ static int set_phase(const option_rule *rule, arguments *all, void *place, const
     const double weights[2] = {1 - g[2], g[2]};
     lobes->count = 0;
     for (int i = 0; i < 2; ++i) {
-        if (weights[i] <= 0) continue; /* the library wants weights above 0 */
+        if (weights[i] <= 0) continue; /* the library requires weights above 0 */
         lobes->list[lobes->count].asymmetry = (float)g[i];
         lobes->list[lobes->count++].weight = (float)weights[i];
     }
     return 0;
 }
 
-/* A point of a transfer function, instead of a file of them. */
+/* Appends a point of a transfer function. */
 static int add_point(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     double numbers[5];
     sps_transfer_point point;
@@ -362,26 +360,26 @@ static const option_rule options[] = {
 
 enum { OPTION_COUNT = sizeof options / sizeof options[0] };
 
-/* What --help says before an option. */
+/* Printed by --help before an option. */
 static const char *const headings[][2] = {
     {"--look",
-     "Looks. A look is a file of options, one on each line, without the dashes: size 256,256,256. # begins a comment.\n"
-     "  Files that it names are beside it. It stands for its lines: options that come after it count instead of them."},
+     "Looks. A look is a file of options, one per line, without dashes: size 256,256,256. # starts a comment.\n"
+     "  File names in it are relative to the look. Options after --look override those of the look."},
     {"--volume",
-     "Volumes. These are about the --volume before them; those before the first --volume, about the first.\n"
-     "  Files called .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii (NIfTI-1) and .npy have a header, which says "
-     "size,\n"
-     "  type, byte order, spacing and place, unless an option below does; their voxels must not be compressed. The\n"
-     "  coordinates are those of the file. Where a header has none, voxels are cubes of edge 1, the first one's centre "
-     "at\n"
-     "  0,0,0; an .npy array is indexed [z,y,x]. All other files are raw: voxels only, x fastest, little endian.\n"
-     "  Numbers become values like this: u8, u16 and u32 are 0..1 over all that the type holds; i8, i16 and i32, and\n"
-     "  integers that a NIfTI header scales, are 0..1 from the smallest to the largest in the file; f32 and f64 are\n"
-     "  values as they stand, negative ones being 0. For anything else there is --range, after NIfTI's scaling."},
+     "Volumes. Options apply to the --volume before them; those before the first --volume, to the first.\n"
+     "  Files ending in .nrrd, .nhdr (NRRD), .mhd, .mha (MetaImage), .nii (NIfTI-1) or .npy have a header:\n"
+     "  it determines size, type, byte order, spacing and placement, unless an option below does. Voxels\n"
+     "  must be uncompressed. Coordinates are used as they are in the file. Without any in the header, voxels\n"
+     "  are cubes of edge 1, the first one centered at 0,0,0. An .npy array is indexed [z,y,x]. Any other\n"
+     "  file is raw: only voxels, x fastest, little endian.\n"
+     "  Voxels become values as follows. u8, u16 and u32: 0..1 over the whole range of the type. i8, i16 and\n"
+     "  i32, and integers that a NIfTI header scales: 0..1 from the smallest to the largest in the file.\n"
+     "  f32 and f64: as they are, except that negative ones become 0. --range replaces all this; it is in\n"
+     "  units after NIfTI's scaling."},
     {"--particles", "Particles, in the same way: balls of gas."},
     {"--mesh", "Meshes, in the same way."},
     {"--camera", "View."},
-    {"--light", "Light. Colours are linear: irradiance of a directional light, of a point light at distance 1."},
+    {"--light", "Light. Colors are linear: irradiance of a directional light, of a point light at distance 1."},
     {"--slab", "Rendering."},
     {"--out", "Results. At least one is required."},
     {"--help", "Help."},
@@ -396,7 +394,7 @@ static void print_help(void) {
         for (size_t k = 0; k < sizeof headings / sizeof *headings; ++k)
             if (strcmp(headings[k][0], options[i].name) == 0) printf("\n%s\n", headings[k][1]);
         snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
-        if (strlen(left) > 28) printf("  %s\n", left), left[0] = '\0'; /* too long: a line of its own */
+        if (strlen(left) > 28) printf("  %s\n", left), left[0] = '\0'; /* too long: the help goes to the next line */
         printf("  %-28s %s\n", left, options[i].help);
     }
 }
@@ -409,11 +407,11 @@ static const option_rule *find_option(const char *name) {
     return NULL;
 }
 
-/* Whether an option is in a set. */
+/* Whether a set contains an option. */
 static int has(option_set given, const char *name) { return (int)(given >> (find_option(name) - options) & 1); }
 
-/* The struct that the option's field is in: the arguments, or the latest volume, particles or mesh, or else the first
-   to come. */
+/* The struct whose field the option sets: the arguments, or the volume, particles or mesh before it, or else the first.
+ */
 static void *find_owner(const option_rule *rule, arguments *all) {
     if (rule->owner == SCENE) return all;
     if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
@@ -444,17 +442,7 @@ static void free_settings(settings *all) {
     free(all->list);
 }
 
-/* The name of a file that a look names. */
-static const char *beside_look(settings *all, const char *look, const char *name) {
-    const char *slash = name[0] == '/' ? NULL : strrchr(look, '/');
-    const size_t folder = slash ? (size_t)(slash - look) + 1 : 0;
-    char *path = keep_text(all, (char *)ex_allocate(folder + strlen(name) + 1, 1));
-    memcpy(path, look, folder);
-    memcpy(path + folder, name, strlen(name));
-    return path;
-}
-
-/* A comment begins with a # at the start of a line or after a blank; elsewhere # is part of a name. */
+/* A comment starts with # at the beginning of a line or after a blank. Elsewhere # is part of a name. */
 static void cut_comment(char *text) {
     for (char *at = text; *at; ++at) {
         if (*at != '#' || (at > text && at[-1] != ' ' && at[-1] != '\t')) continue;
@@ -463,7 +451,7 @@ static void cut_comment(char *text) {
     }
 }
 
-/* One line of a look: an option's name without its dashes, and its value. Neither: an empty line. */
+/* Reads one line of a look: the name of an option without dashes, and its value; or nothing. */
 static int read_look_line(settings *all, const char *look, int line, char *text, ex_error *error) {
     char name[80];
     cut_comment(text);
@@ -474,11 +462,11 @@ static int read_look_line(settings *all, const char *look, int line, char *text,
     const option_rule *rule = find_option(name);
     const char *value = ex_skip_blanks(text + length);
     if (!rule || !rule->apply)
-        return ex_fail(error, "%s:%d: '%s' is no option that a look can have", look, line, ex_quoted(name + 2).text);
+        return ex_fail(error, "%s:%d: '%s' is not an option for a look", look, line, ex_quoted(name + 2).text);
     if (rule->form && !*value) return ex_fail(error, "%s:%d: %s needs a value: %s", look, line, name, rule->form);
     if (!rule->form && *value)
         return ex_fail(error, "%s:%d: %s takes no value: '%s'", look, line, name, ex_quoted(value).text);
-    if (rule->form && strncmp(rule->form, "FILE", 4) == 0) value = beside_look(all, look, value);
+    if (rule->form && strncmp(rule->form, "FILE", 4) == 0) value = keep_text(all, ex_path_beside(look, value));
     const setting added = {rule, rule->form ? value : NULL, look, line};
     add_setting(all, added);
     return 0;
@@ -495,7 +483,7 @@ static int read_look(settings *all, const char *look, ex_error *error) {
     return 0;
 }
 
-/* All options, with those of looks where these stand. */
+/* Reads the command line. Looks are replaced by their options. */
 static int read_settings(int argc, char **argv, settings *all, ex_error *error) {
     for (int i = 1; i < argc; ++i) {
         const option_rule *rule = find_option(argv[i]);
@@ -525,7 +513,7 @@ static int apply_settings(arguments *all, ex_error *error) {
     return 0;
 }
 
-/* A setting that cannot show is a mistake: of two ways to say how a volume looks, only one can be meant. */
+/* A setting without effect is a mistake: of two ways to specify how a volume looks, only one can be meant. */
 static int check_appearance(const volume_arguments *volume, ex_error *error) {
     static const char *const by_gas[] = {"--extinction", "--albedo", "--emission"};
     const int has_points = volume->points.point_count > 0;
@@ -542,7 +530,7 @@ static int check_appearance(const volume_arguments *volume, ex_error *error) {
     return 0;
 }
 
-/* Where the voxels are and what they are: as the file's header says, if it has one, and as options say instead. */
+/* Finds out where the voxels are and what they mean, from the file's header, if it has one, and from options. */
 static int find_voxels(volume_arguments *volume, ex_error *error) {
     const int has_header = ex_volume_format_of(volume->file) != NULL;
     ex_volume_file file;
@@ -584,7 +572,7 @@ static int check_volumes(const arguments *all, ex_error *error) {
     return 0;
 }
 
-/* Options that were about a first volume, set of particles or mesh, and then none came. */
+/* Refuses options for a first volume, set of particles or mesh that never came. */
 static int check_owners(const arguments *all, ex_error *error) {
     static const char *const owners[] = {"", "--volume", "--particles", "--mesh"};
     const option_set lost = (all->volume_count ? 0 : all->volumes[0].given) |
@@ -597,7 +585,7 @@ static int check_owners(const arguments *all, ex_error *error) {
     return 0;
 }
 
-/* The file that `path` would be written over, of those that are read; NULL if it is none of them. */
+/* The option whose file writing to `path` would overwrite; NULL if there is none. */
 static const char *find_input(const arguments *all, const char *path) {
     for (int i = 0; i < all->volume_count; ++i) {
         const volume_arguments *volume = &all->volumes[i];
@@ -613,7 +601,7 @@ static const char *find_input(const arguments *all, const char *path) {
     return NULL;
 }
 
-/* Files are looked at before a render, which may be long, and no scan is lost to a slip of the pen. */
+/* Checks files before the render, which may be long, and keeps inputs from being overwritten by mistake. */
 static int check_outputs(const arguments *all, ex_error *error) {
     const char *const names[4] = {"--out", "--pfm", "--alpha-pfm", "--stats"};
     const char *const files[4] = {all->out, all->pfm, all->alpha_pfm, all->stats};
@@ -632,10 +620,10 @@ static int check_outputs(const arguments *all, ex_error *error) {
     return 0;
 }
 
-/* What is said about a transmittance map must be about the one that there is. */
+/* Options for transmittance maps must match the technique. */
 static int check_map(const arguments *all, ex_error *error) {
     static const struct {
-        const char *option, *kinds[3]; /* the techniques that it is about; none: all */
+        const char *option, *kinds[3]; /* the techniques it applies to; none: all */
     } about[] = {{"--map-components", {NULL, NULL, NULL}},           {"--map-size", {NULL, NULL, NULL}},
                  {"--map-window", {"fourier", "cosine", NULL}},      {"--map-epsilon", {"compressed", NULL, NULL}},
                  {"--map-cubic", {"opacity", "deep-opacity", NULL}}, {"--map-texel-range", {"fourier", NULL, NULL}},
@@ -650,7 +638,7 @@ static int check_map(const arguments *all, ex_error *error) {
     return 0;
 }
 
-/* What only the whole command line can tell. */
+/* Checks that need the whole command line. */
 static int check(const arguments *all, ex_error *error) {
     const int *region = all->region;
     if (check_owners(all, error) || check_volumes(all, error) || check_map(all, error)) return 1;

@@ -1,5 +1,5 @@
-/* A polygon desk in a room full of turbulent smoke. The light comes through the window behind it towards the eye, so
-   the sheets are composited back to front; sash bars, desk and lamp draw shafts of shadow through the smoke.
+/* A polygon desk in a room full of turbulent smoke. The light comes through the windows behind it, towards the eye, so
+   the sheets are composited back to front. Window bars, desk and lamp cast shafts of shadow through the smoke.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/smoke_room.c -o smoke_room -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -7,7 +7,7 @@
 #include "scene_program.h"
 #include "shapes.h"
 
-/* The room: x -2..2, y 0..2.6, z -2 (window) .. 2 (open, where the viewer stands). */
+/* sps_volume.eval_fn. The room: x -2..2, y 0..2.6, z -2 (windows) .. 2 (open, where the viewer stands). */
 static int smoke_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
@@ -26,7 +26,7 @@ static void set_smoke(sps_volume *smoke) {
     smoke->lobes = &forward, smoke->lobe_count = 1;
 }
 
-/* Floor, ceiling, side walls, and a back wall of piers and bars that leaves two tall windows. */
+/* Floor, ceiling, side walls, and a back wall of piers and bars with two tall windows. */
 static void build_room(ex_mesh *mesh) {
     static const float wall[3] = {0.42f, 0.36f, 0.30f}, boards[2][3] = {{0.30f, 0.17f, 0.09f}, {0.25f, 0.14f, 0.07f}},
                        frame[3] = {0.30f, 0.28f, 0.26f};
@@ -46,7 +46,7 @@ static void build_room(ex_mesh *mesh) {
     }
 }
 
-/* The desk, with drawers on one side, a lamp and some books. */
+/* The desk, with drawers on one side, a lamp and books. */
 static void build_desk(ex_mesh *mesh) {
     static const float wood[3] = {0.36f, 0.18f, 0.08f}, brass[3] = {0.50f, 0.36f, 0.12f},
                        green[3] = {0.05f, 0.26f, 0.12f};
@@ -78,7 +78,7 @@ int main(int argc, char **argv) {
     build_room(&room);
     build_desk(&room);
     const sps_mesh mesh = ex_shape_mesh(&room);
-    view.shadow_size = 704; /* coarse voxels serve for smoke, but shadows of the window have sharp edges */
+    view.shadow_size = 704; /* smoke needs few voxels, but the windows' shadows have sharp edges */
     scene.volumes = &smoke, scene.volume_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.09, 0.10, 0.12);

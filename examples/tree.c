@@ -1,5 +1,5 @@
-/* A volumetric tree, bark and leaves told apart by a transfer function, above polygon mushrooms on a volumetric plate:
-   volume and polygons throw shadows on each other and on the plate.
+/* A volumetric tree above polygon mushrooms on a volumetric plate. A transfer function separates bark from leaves;
+   volumes and polygons cast shadows on each other.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/tree.c -o tree -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -8,7 +8,7 @@
 #include "shapes.h"
 #include "tree.h"
 
-/* A low mound of mossy earth. */
+/* sps_volume.eval_fn: a low mound of mossy earth. */
 static int earth_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
@@ -20,7 +20,7 @@ static int earth_value(void *user, size_t count, const double *positions, float 
     return user != NULL;
 }
 
-/* The rim of the clay dish that holds it. */
+/* sps_volume.eval_fn: the rim of the clay dish that holds it. */
 static int dish_value(void *user, size_t count, const double *positions, float *out) {
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
@@ -41,7 +41,7 @@ static void set_plate(sps_volume plate[2]) {
     plate[0].shading = plate[1].shading = SPS_SHADING_SURFACE;
 }
 
-/* The S of a bonsai's trunk, with branches from its bends. */
+/* The S-shaped trunk of a bonsai, with branches at its bends. */
 static void grow_tree(ex_tree *tree) {
     static const double trunk[6][3] = {{-0.45, -0.05, -0.20}, {-0.32, 0.30, -0.18}, {-0.02, 0.60, -0.22},
                                        {0.12, 0.90, -0.25},   {-0.05, 1.20, -0.22}, {-0.22, 1.45, -0.20}};

@@ -1,4 +1,4 @@
-/* A cloud: a ball of gas whose edge and inside are stirred by turbulence, under a directional light.
+/* A cloud in the sun: a procedural gas, merged from puffs and eroded by turbulence. The simplest of the scene programs.
    cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/turbulence.c -o turbulence -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
@@ -6,7 +6,7 @@
 #include "scene.h"
 #include "scene_program.h"
 
-/* Five merged puffs, flat underneath; the turbulence eats into their edge, where little is to be eaten. */
+/* sps_volume.eval_fn: five merged puffs, flat at the bottom. Turbulence erodes their edges. */
 static int cloud_value(void *user, size_t count, const double *positions, float *out) {
     static const double puffs[5][4] = {{0.05, 0.20, 0.0, 0.95},
                                        {-0.85, -0.10, 0.15, 0.70},
@@ -15,7 +15,7 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
                                        {0.42, -0.15, 0.45, 0.66}};
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
-        double merged = 0; /* a soft maximum of how deep p is in each puff, so that no crease shows */
+        double merged = 0; /* a smooth maximum of the depths of p in each puff, which makes no creases */
         for (int k = 0; k < 5; ++k)
             merged += exp(
                 10 * (puffs[k][3] - ex_vec_length(ex_vec_sub(p, ex_vec_of(puffs[k][0], puffs[k][1], puffs[k][2])))));

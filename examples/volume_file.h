@@ -1,8 +1,8 @@
-/* volume_file.h: reads the headers of NRRD, MetaImage, NIfTI-1 and NPY files: how many voxels there are, of which type,
-   where in which file, and where in the world. ex_grid_load of volume.h then reads the voxels.
+/* volume_file.h: reads the headers of NRRD, MetaImage, NIfTI-1 and NPY files: how many voxels there are, their type,
+   where they are stored, and where they lie in the world. ex_grid_load of volume.h then reads the voxels.
 
-   Only voxels as they are in memory are read: nothing compressed, no text, one number a voxel, three dimensions. World
-   coordinates are those of the file; those of patients (left or right, front or back) are not converted.
+   Supported are three dimensions and one number per voxel, stored as in memory: not compressed, not as text. World
+   coordinates are those of the file; no patient coordinate system (LPS, RAS) is converted to another.
 
    The formats are described at https://teem.sourceforge.net/nrrd/format.html, https://itk.org/Wiki/MetaIO,
    https://nifti.nimh.nih.gov/nifti-1 and https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html. */
@@ -30,7 +30,7 @@ static inline int ex_nrrd_type(ex_header *header, const char *field, char *value
 }
 
 static inline int ex_nrrd_encoding(ex_header *header, const char *field, char *value) {
-    return strcasecmp(value, "raw") == 0 ? 0 : ex_header_fail(header, field, value, "is not read: only raw is");
+    return strcasecmp(value, "raw") == 0 ? 0 : ex_header_fail(header, field, value, "is not supported: only raw is");
 }
 
 static inline int ex_nrrd_endian(ex_header *header, const char *field, char *value) {
@@ -39,7 +39,7 @@ static inline int ex_nrrd_endian(ex_header *header, const char *field, char *val
     return ex_header_fail(header, field, value, "is neither little nor big");
 }
 
-/* As many vectors as `count`: (x,y,z) (x,y,z). */
+/* Parses `count` vectors: (x,y,z) (x,y,z). */
 static inline int ex_nrrd_vectors(const ex_header *header, const char *field, const char *value, int count,
                                   double (*out)[3]) {
     const char *at = value;
@@ -52,7 +52,7 @@ static inline int ex_nrrd_vectors(const ex_header *header, const char *field, co
                 return ex_header_fail(header, field, value, "has a number out of range");
         at += length;
     }
-    return *at ? ex_header_fail(header, field, value, "has more to it than vectors, or too many") : 0;
+    return *at ? ex_header_fail(header, field, value, "has too many vectors, or something else") : 0;
 }
 
 static inline int ex_nrrd_directions(ex_header *header, const char *field, char *value) {
@@ -71,9 +71,9 @@ static inline int ex_nrrd_lines_to_skip(ex_header *header, const char *field, ch
     return 0;
 }
 
-/* Where the axes begin and end is an old way to say what the spacing is; nothing else is said then about it. */
+/* The ends of the axes are an old way to specify the spacing. Refused, so that the spacing is not silently wrong. */
 static inline int ex_nrrd_axis_ends(ex_header *header, const char *field, char *value) {
-    return ex_header_fail(header, field, value, "is not read: only spacings or space directions are");
+    return ex_header_fail(header, field, value, "is not supported: only spacings and space directions are");
 }
 
 /* clang-format off */
@@ -99,7 +99,7 @@ static const ex_header_field ex_nrrd_fields[] = {
     {NULL, NULL, 0}};
 /* clang-format on */
 
-/* `field: value`; comments and `key:=value`, which is anybody's, say nothing here. */
+/* Reads `field: value`. Comments and `key:=value`, which any program may add, are skipped. */
 static inline int ex_nrrd_line(ex_header *header, char *line) {
     int known;
     char *colon = strchr(line, ':');
@@ -110,7 +110,7 @@ static inline int ex_nrrd_line(ex_header *header, char *line) {
     return known ? 0 : ex_fail(header->error, "%s: unknown field '%s'", header->path, ex_quoted(line).text);
 }
 
-/* Moves the offset past the first lines of the file with the voxels. */
+/* Moves the offset of the voxels past the header and the lines to skip. */
 static inline int ex_nrrd_skip_lines(ex_header *header) {
     ex_voxel_file *voxels = &header->file->voxels;
     uint64_t held;
@@ -124,22 +124,22 @@ static inline int ex_nrrd_skip_lines(ex_header *header) {
         failed = byte == EOF;
     }
     fclose(file);
-    if (failed) return ex_fail(header->error, "%s: line skip: there are fewer lines than that", voxels->path);
+    if (failed) return ex_fail(header->error, "%s: line skip: the file has fewer lines", voxels->path);
     voxels->offset += from;
     return 0;
 }
 
-/* Fields up to an empty line, and then the voxels, if no data file is named. */
+/* The fields end at an empty line. The voxels follow, unless a data file is named. */
 static inline int ex_nrrd_read(ex_header *header, char *text, size_t length) {
     char *rest = text, *line = ex_next_line(&rest, text + length);
     if (!line || strncmp(line, "NRRD000", 7) != 0)
-        return ex_fail(header->error, "%s: does not begin with NRRD000, as NRRD files do", header->path);
+        return ex_fail(header->error, "%s: not a NRRD file: it does not start with NRRD000", header->path);
     while ((line = ex_next_line(&rest, text + length)) != NULL && *(line = ex_trim(line)))
         if (ex_nrrd_line(header, line)) return 1;
     header->end = (size_t)(rest - text);
     if (ex_header_check_required(header, ex_nrrd_fields)) return 1;
     if (!header->detached && !line)
-        return ex_fail(header->error, "%s: no empty line ends the header, and no data file is named", header->path);
+        return ex_fail(header->error, "%s: data file: there is none, and no empty line ends the header", header->path);
     if (ex_type_size(header->file->voxels.type) > 1 && !ex_header_has(header, ex_nrrd_fields, "endian"))
         return ex_fail(header->error, "%s: endian: the header has no such field", header->path);
     return ex_nrrd_skip_lines(header);
@@ -156,7 +156,7 @@ static inline int ex_meta_type(ex_header *header, const char *field, char *value
 }
 
 static inline int ex_meta_object(ex_header *header, const char *field, char *value) {
-    return strcmp(value, "Image") == 0 ? 0 : ex_header_fail(header, field, value, "is not read: only Image is");
+    return strcmp(value, "Image") == 0 ? 0 : ex_header_fail(header, field, value, "is not supported: only Image is");
 }
 
 static inline int ex_meta_bool(const ex_header *header, const char *field, const char *value, int *out) {
@@ -168,13 +168,13 @@ static inline int ex_meta_bool(const ex_header *header, const char *field, const
 static inline int ex_meta_binary(ex_header *header, const char *field, char *value) {
     int binary;
     if (ex_meta_bool(header, field, value, &binary)) return 1;
-    return binary ? 0 : ex_header_fail(header, field, value, "is text, which is not read");
+    return binary ? 0 : ex_header_fail(header, field, value, "means text, which is not supported");
 }
 
 static inline int ex_meta_compressed(ex_header *header, const char *field, char *value) {
     int compressed;
     if (ex_meta_bool(header, field, value, &compressed)) return 1;
-    return compressed ? ex_header_fail(header, field, value, "is not read: only uncompressed voxels are") : 0;
+    return compressed ? ex_header_fail(header, field, value, "is not supported: only uncompressed voxels are") : 0;
 }
 
 static inline int ex_meta_byte_order(ex_header *header, const char *field, char *value) {
@@ -184,14 +184,14 @@ static inline int ex_meta_byte_order(ex_header *header, const char *field, char 
 static inline int ex_meta_channels(ex_header *header, const char *field, char *value) {
     double channels;
     if (ex_header_integer(header, field, value, 1, 1e9, &channels)) return 1;
-    return channels == 1 ? 0 : ex_header_fail(header, field, value, "numbers a voxel are not read: only one is");
+    return channels == 1 ? 0 : ex_header_fail(header, field, value, "is not supported: only one number per voxel is");
 }
 
 static inline int ex_meta_origin(ex_header *header, const char *field, char *value) {
     return ex_header_coordinates(header, field, value, 3, header->file->origin);
 }
 
-/* The first three numbers are the direction of x. */
+/* The first three numbers are the direction of the x axis. */
 static inline int ex_meta_matrix(ex_header *header, const char *field, char *value) {
     header->placed_by = field;
     return ex_header_coordinates(header, field, value, 9, header->direction[0]);
@@ -219,8 +219,7 @@ static const ex_header_field ex_meta_fields[] = {
     {NULL, NULL, 0}};
 /* clang-format on */
 
-/* Lines of `field = value`; the one that names the data file is the last. Fields that are not in the table are of other
-   programs. */
+/* Lines of `field = value`; ElementDataFile is the last one. Unknown fields belong to other programs. */
 static inline int ex_meta_read(ex_header *header, char *text, size_t length) {
     char *rest = text, *line;
     int known;
@@ -240,12 +239,12 @@ static inline int ex_meta_read(ex_header *header, char *text, size_t length) {
 
 /* --------------------------------------------------------------------------------------------- NIfTI-1 */
 
-/* By code, and with the bits that go with it. */
+/* By the code in `datatype` */
 static const ex_header_type ex_nifti_types[] = {{"2", EX_U8},   {"256", EX_I8},  {"512", EX_U16},
                                                 {"4", EX_I16},  {"768", EX_U32}, {"8", EX_I32},
                                                 {"16", EX_F32}, {"64", EX_F64},  {NULL, EX_U8}};
 
-/* One of the header's numbers. */
+/* Reads one of the header's numbers. */
 static inline double ex_nifti_number(const ex_header *header, const char *bytes, size_t offset, ex_type type) {
     int16_t i16;
     int32_t i32;
@@ -268,24 +267,26 @@ static inline int ex_nifti_size(ex_header *header, const char *bytes) {
     double dim[8], type = ex_nifti_number(header, bytes, 70, EX_I16), bits = ex_nifti_number(header, bytes, 72, EX_I16);
     char text[64];
     for (size_t i = 0; i < 8; ++i) dim[i] = ex_nifti_number(header, bytes, 40 + 2 * i, EX_I16);
-    if (!(dim[0] >= 3 && dim[0] <= 7)) return ex_nifti_fail(header, "dim[0]", dim[0], "dimensions: 3 are read");
+    if (!(dim[0] >= 3 && dim[0] <= 7))
+        return ex_nifti_fail(header, "dim[0]", dim[0], "dimensions are not supported: only 3 are");
     for (int i = 4; i <= (int)dim[0]; ++i)
-        if (dim[i] != 1) return ex_nifti_fail(header, "dim", dim[i], "along a fourth axis or beyond: only 1 is read");
+        if (dim[i] != 1)
+            return ex_nifti_fail(header, "dim", dim[i], "along a fourth axis or beyond is not supported: only 1 is");
     snprintf(text, sizeof text, "%g %g %g", dim[1], dim[2], dim[3]);
     if (ex_header_set_size(header, "dim", text, dim + 1)) return 1;
     snprintf(text, sizeof text, "%g", type);
     if (ex_header_set_type(header, "datatype", text, ex_nifti_types)) return 1;
     if (bits != 8 * (double)ex_type_size(header->file->voxels.type))
-        return ex_nifti_fail(header, "bitpix", bits, "does not go with the datatype");
+        return ex_nifti_fail(header, "bitpix", bits, "does not match the datatype");
     return 0;
 }
 
-/* vox_offset, scl_slope, scl_inter. A slope that is 0 or no number scales nothing. */
+/* vox_offset, scl_slope, scl_inter. A slope that is 0 or not finite means no scaling. */
 static inline int ex_nifti_values(ex_header *header, const char *bytes) {
     ex_voxel_file *voxels = &header->file->voxels;
     const double offset = ex_nifti_number(header, bytes, 108, EX_F32);
     if (!(offset >= 352 && offset <= 1e15 && offset == floor(offset)))
-        return ex_nifti_fail(header, "vox_offset", offset, "is no whole number from 352 on");
+        return ex_nifti_fail(header, "vox_offset", offset, "is not a whole number from 352 on");
     voxels->offset = (uint64_t)offset;
     voxels->slope = ex_nifti_number(header, bytes, 112, EX_F32);
     voxels->intercept = ex_nifti_number(header, bytes, 116, EX_F32);
@@ -295,7 +296,7 @@ static inline int ex_nifti_values(ex_header *header, const char *bytes) {
     return 0;
 }
 
-/* The matrix of sform: a row for each coordinate of the world. */
+/* sform: a matrix with one row per world coordinate. */
 static inline void ex_nifti_sform(ex_header *header, const char *bytes) {
     header->placed_by = "srow";
     for (size_t i = 0; i < 3; ++i) {
@@ -305,7 +306,7 @@ static inline void ex_nifti_sform(ex_header *header, const char *bytes) {
     }
 }
 
-/* The rotation of qform: a quaternion, of which the first number follows from the others. */
+/* qform: a rotation as a unit quaternion, whose first number follows from the other three. */
 static inline void ex_nifti_qform(ex_header *header, const char *bytes) {
     double q[4], sum = 0;
     header->placed_by = "quatern";
@@ -315,9 +316,9 @@ static inline void ex_nifti_qform(ex_header *header, const char *bytes) {
         header->file->origin[i - 1] = ex_nifti_number(header, bytes, 264 + 4 * i, EX_F32);
     }
     q[0] = sqrt(fmax(1 - sum, 0));
-    const double length = sqrt(q[0] * q[0] + sum); /* above 1 by rounding, or where the file is wrong */
+    const double length = sqrt(q[0] * q[0] + sum); /* above 1 because of rounding, or of a bad file */
     for (int i = 0; i < 4; ++i) q[i] /= length;
-    /* The axis that a unit step along `a` is turned to: columns of the matrix of a unit quaternion */
+    /* Column `a` of the rotation matrix of a unit quaternion */
     for (int a = 0; a < 3; ++a) {
         const int b = (a + 1) % 3, c = (a + 2) % 3;
         header->direction[a][a] = 1 - 2 * (q[1 + b] * q[1 + b] + q[1 + c] * q[1 + c]);
@@ -326,7 +327,7 @@ static inline void ex_nifti_qform(ex_header *header, const char *bytes) {
     }
 }
 
-/* pixdim, and sform, or else qform: where the file has both, sform is the better known */
+/* sform is preferred to qform; without either, only the spacing is known. */
 static inline int ex_nifti_placement(ex_header *header, const char *bytes) {
     const int has_qform = ex_nifti_number(header, bytes, 252, EX_I16) > 0;
     const int has_sform = ex_nifti_number(header, bytes, 254, EX_I16) > 0;
@@ -337,7 +338,7 @@ static inline int ex_nifti_placement(ex_header *header, const char *bytes) {
         for (size_t a = 0; a < 3; ++a) {
             const double spacing = fabs(ex_nifti_number(header, bytes, 80 + 4 * a, EX_F32));
             if (!(spacing <= EX_COORDINATE_MAX)) return ex_nifti_fail(header, "pixdim", spacing, "is out of range");
-            header->spacing[a] = spacing > 0 ? spacing : 1; /* 0: not known */
+            header->spacing[a] = spacing > 0 ? spacing : 1; /* 0: unknown */
         }
         if (has_qform && ex_nifti_number(header, bytes, 76, EX_F32) < 0) header->spacing[2] *= -1; /* "qfac" */
     }
@@ -347,39 +348,38 @@ static inline int ex_nifti_placement(ex_header *header, const char *bytes) {
     return 0;
 }
 
-/* 348 bytes of numbers at fixed places; the first of them tells the byte order. */
+/* 348 bytes of numbers at fixed offsets. The first number is 348, which reveals the byte order. */
 static inline int ex_nifti_read(ex_header *header, char *bytes, size_t length) {
-    if (length < 352) return ex_fail(header->error, "%s: %zu bytes are less than a header's 352", header->path, length);
+    if (length < 352) return ex_fail(header->error, "%s: only %zu bytes, but the header has 352", header->path, length);
     if (ex_nifti_number(header, bytes, 0, EX_I32) != 348) header->file->voxels.big_endian = 1;
     if (ex_nifti_number(header, bytes, 0, EX_I32) != 348)
         return ex_fail(header->error, "%s: sizeof_hdr: not the 348 of a NIfTI-1 file", header->path);
     if (memcmp(bytes + 344, "n+1", 4) != 0)
-        return ex_header_fail(header, "magic", bytes + 344, "is not n+1: header and voxels in one file");
+        return ex_header_fail(header, "magic", bytes + 344, "is not n+1 (header and voxels in one file)");
     return ex_nifti_size(header, bytes) || ex_nifti_values(header, bytes) || ex_nifti_placement(header, bytes);
 }
 
 /* --------------------------------------------------------------------------------------------------- NPY */
 
-/* Behind the byte order */
+/* Without the byte order */
 static const ex_header_type ex_npy_types[] = {{"u1", EX_U8},  {"i1", EX_I8},  {"u2", EX_U16},
                                               {"i2", EX_I16}, {"u4", EX_U32}, {"i4", EX_I32},
                                               {"f4", EX_F32}, {"f8", EX_F64}, {NULL, EX_U8}};
 
-/* 'u1', '<f4', '>i2'; | is for types of one byte */
+/* '|u1', '<f4', '>i2': byte order, kind, bytes */
 static inline int ex_npy_descr(ex_header *header, const char *field, char *value) {
     const size_t length = strlen(value);
     if (length < 4 || (value[0] != '\'' && value[0] != '"') || value[length - 1] != value[0])
-        return ex_header_fail(header, field, value, "is no type that is read");
+        return ex_header_fail(header, field, value, "is not supported: only plain types are");
     value[length - 1] = '\0';
     const char *type = value + 1 + (strchr("<>|=", value[1]) != NULL);
     if (ex_header_set_type(header, field, type, ex_npy_types)) return 1;
     header->file->voxels.big_endian = value[1] == '>';
     if (ex_type_size(header->file->voxels.type) == 1 || value[1] == '<' || value[1] == '>') return 0;
-    return ex_header_fail(header, field, value + 1, "does not say which byte order");
+    return ex_header_fail(header, field, value + 1, "has no byte order");
 }
 
-/* An array's last index is x, whichever of them runs fastest in the file: the same array saved in either order is the
-   same volume. */
+/* The last index of the array is x, in either order: an array saved in C or in Fortran order is the same volume. */
 static inline int ex_npy_order(ex_header *header, const char *field, char *value) {
     header->file->voxels.x_slowest = strcmp(value, "True") == 0;
     if (header->file->voxels.x_slowest || strcmp(value, "False") == 0) return 0;
@@ -392,15 +392,14 @@ static inline int ex_npy_shape(ex_header *header, const char *field, char *value
     int length = 0;
     if (sscanf(value, "( %lf , %lf , %lf )%n", &sizes[2], &sizes[1], &sizes[0], &length) != 3 || length == 0 ||
         value[length])
-        return ex_header_fail(header, field, value, "is not (z, y, x): only 3 dimensions are read");
+        return ex_header_fail(header, field, value, "is not (z, y, x): only 3 dimensions are supported");
     return ex_header_set_size(header, field, value, sizes);
 }
 
 static const ex_header_field ex_npy_fields[] = {
     {"descr", ex_npy_descr, 1}, {"fortran_order", ex_npy_order, 1}, {"shape", ex_npy_shape, 1}, {NULL, NULL, 0}};
 
-/* Cuts `'name': value` off the text, up to a comma or brace that is not in parentheses; returns what follows, NULL if
-   it is no such thing. */
+/* Splits `'name': value` in place. Returns the comma or brace after the value; NULL if the text is malformed. */
 static inline char *ex_npy_entry(char *text, char **name, char **value) {
     int depth = 0;
     const char quote = *text;
@@ -416,22 +415,22 @@ static inline char *ex_npy_entry(char *text, char **name, char **value) {
     return *end ? end : NULL;
 }
 
-/* A magic number, the header's length, and a Python dictionary of three entries. */
+/* A magic string, the version, the length of the header, and a Python dictionary of three entries. */
 static inline int ex_npy_read(ex_header *header, char *bytes, size_t length) {
     if (length < 12 || memcmp(bytes, "\x93NUMPY", 6) != 0)
-        return ex_fail(header->error, "%s: does not begin with \\x93NUMPY, as NPY files do", header->path);
+        return ex_fail(header->error, "%s: not an NPY file: it does not start with \\x93NUMPY", header->path);
     const int version = (unsigned char)bytes[6];
     if (version < 1 || version > 3)
-        return ex_fail(header->error, "%s: version %d is not read: only 1, 2 and 3 are", header->path, version);
+        return ex_fail(header->error, "%s: version %d is not supported: only 1, 2 and 3 are", header->path, version);
     size_t said = 0;
     const size_t start = version == 1 ? 10 : 12;
     for (size_t i = start; i-- > 8;) said = said << 8 | (unsigned char)bytes[i]; /* little endian */
     if (said > length - start)
-        return ex_fail(header->error, "%s: header length: %zu bytes, but only %zu are there", header->path, said,
+        return ex_fail(header->error, "%s: header length: %zu bytes, but the file has only %zu", header->path, said,
                        length - start);
     bytes[start + said] = '\0';
     char *at = ex_trim(bytes + start), *name, *value, separator = *at;
-    if (separator != '{') return ex_fail(header->error, "%s: the header is no dictionary", header->path);
+    if (separator != '{') return ex_fail(header->error, "%s: the header is not a dictionary", header->path);
     while (separator != '}' && *(at = ex_skip_blanks(at + 1)) != '}') {
         int known;
         at = ex_npy_entry(at, &name, &value);
@@ -449,19 +448,19 @@ static inline int ex_npy_read(ex_header *header, char *bytes, size_t length) {
 
 static inline int ex_compressed_read(ex_header *header, char *bytes, size_t length) {
     (void)bytes, (void)length;
-    return ex_fail(header->error, "%s: compressed files are not read: gunzip makes a file that is", header->path);
+    return ex_fail(header->error, "%s: compressed files are not supported: gunzip it first", header->path);
 }
 
 typedef struct ex_volume_format {
     const char *ending;
-    int (*read)(ex_header *header, char *bytes, size_t length); /* from the file's first bytes, which it may change */
+    int (*read)(ex_header *header, char *bytes, size_t length); /* may change the bytes */
 } ex_volume_format;
 
 static const ex_volume_format ex_volume_formats[] = {
     {".nrrd", ex_nrrd_read}, {".nhdr", ex_nrrd_read}, {".mhd", ex_meta_read},      {".mha", ex_meta_read},
     {".nii", ex_nifti_read}, {".npy", ex_npy_read},   {".gz", ex_compressed_read}, {NULL, NULL}};
 
-/* The format that a file's name ends with; NULL: none, its voxels are raw. */
+/* The format of a file, by the ending of its name. NULL: raw voxels. */
 static inline const ex_volume_format *ex_volume_format_of(const char *path) {
     for (const ex_volume_format *format = ex_volume_formats; format->ending; ++format) {
         const size_t length = strlen(path), ending = strlen(format->ending);
@@ -470,7 +469,7 @@ static inline const ex_volume_format *ex_volume_format_of(const char *path) {
     return NULL;
 }
 
-/* Reads the header of a file whose name has one of the endings above. */
+/* Reads the header of a file whose name has one of these endings. */
 static inline int ex_volume_file_read(ex_volume_file *file, const char *path, ex_error *error) {
     static const int none[3] = {0, 0, 0};
     const ex_volume_format *format = ex_volume_format_of(path);
@@ -480,7 +479,7 @@ static inline int ex_volume_file_read(ex_volume_file *file, const char *path, ex
     uint64_t held = 0;
     memset(&header, 0, sizeof header);
     memset(file, 0, sizeof *file);
-    if (!format) return ex_fail(error, "%s: no header is known for files of that name", path);
+    if (!format) return ex_fail(error, "%s: unknown format", path);
     header.path = path, header.file = file, header.error = error;
     for (int a = 0; a < 3; ++a) header.spacing[a] = header.direction[a][a] = 1;
     if (ex_voxel_file_raw(&file->voxels, path, none, EX_U8, error)) return 1;

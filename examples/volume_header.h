@@ -1,4 +1,5 @@
-/* volume_header.h: what the formats of volume_file.h share: fields by name, numbers in text, a place in the world. */
+/* volume_header.h: what the formats of volume_file.h have in common: fields with names, numbers in text, a placement.
+ */
 
 #ifndef EX_VOLUME_HEADER_H
 #define EX_VOLUME_HEADER_H
@@ -8,33 +9,34 @@
 #include <ctype.h>
 #include <strings.h>
 
+/* What a header says. */
 typedef struct ex_volume_file {
     ex_voxel_file voxels;
-    double origin[3];  /* the centre of the first voxel */
-    double step[3][3]; /* from a voxel to the next along x, y, z */
+    double origin[3];  /* the center of the first voxel */
+    double step[3][3]; /* from one voxel to the next along x, y, z */
 } ex_volume_file;
 
-enum { EX_HEADER_MAX = 1 << 20 }; /* bytes; real headers have some hundred */
+enum { EX_HEADER_MAX = 1 << 20 }; /* bytes; real headers have a few hundred */
 
-/* A header while it is read. */
+/* The state of reading a header. */
 typedef struct ex_header {
     const char *path;
     ex_volume_file *file;
-    double spacing[3], direction[3][3]; /* their product is file->step */
-    const char *placed_by;              /* the field that the latter came from; NULL: none */
-    uint64_t seen;                      /* a bit for each field that has been read */
-    size_t end;                         /* bytes of the header, if voxels follow it */
-    int lines_to_skip;                  /* before the voxels */
-    int detached;                       /* voxels are in a file of their own */
+    double spacing[3], direction[3][3]; /* file->step is their product */
+    const char *placed_by;              /* the field that specified them, for errors; NULL: none */
+    uint64_t seen;                      /* one bit per row of the format's table of fields */
+    size_t end;                         /* bytes of the header */
+    int lines_to_skip;                  /* lines before the voxels */
+    int detached;                       /* 1: the voxels are in another file */
     ex_error *error;
 } ex_header;
 
-/* A line of a header: reads `value`, or fails with a line that names the file and the field. */
+/* Reads the value of a field, or fails with a line that names the file and the field. May change the value. */
 typedef int (*ex_header_fn)(ex_header *header, const char *field, char *value);
 
 typedef struct ex_header_field {
     const char *name;
-    ex_header_fn read; /* NULL: it does not matter here */
+    ex_header_fn read; /* NULL: the field is ignored */
     int required;
 } ex_header_field;
 
@@ -47,7 +49,7 @@ static inline int ex_header_fail(const ex_header *header, const char *field, con
     return ex_fail(header->error, "%s: %s: '%s' %s", header->path, field, ex_quoted(value).text, why);
 }
 
-/* Whether two names differ in nothing but capitals and blanks: NRRD has both "data file" and "datafile". */
+/* Whether two names are the same except for case and blanks: NRRD has both "data file" and "datafile". */
 static inline int ex_header_same_name(const char *left, const char *right) {
     for (;;) {
         while (*left == ' ') ++left;
@@ -58,14 +60,15 @@ static inline int ex_header_same_name(const char *left, const char *right) {
     }
 }
 
-/* Finds the field by its name and reads its value. `*known` says whether there is such a field. */
+/* Finds a field by its name and reads its value. `known` becomes 0 if there is no such field. */
 static inline int ex_header_read_field(ex_header *header, const ex_header_field *fields, const char *name, char *value,
                                        int *known) {
     *known = 0;
     for (int i = 0; fields[i].name; ++i) {
         if (!ex_header_same_name(fields[i].name, name)) continue;
         *known = 1;
-        if (header->seen >> i & 1) return ex_header_fail(header, fields[i].name, value, "is the field's second value");
+        if (header->seen >> i & 1)
+            return ex_header_fail(header, fields[i].name, value, "is a second value of this field");
         header->seen |= (uint64_t)1 << i;
         return fields[i].read ? fields[i].read(header, fields[i].name, value) : 0;
     }
@@ -85,7 +88,7 @@ static inline int ex_header_check_required(const ex_header *header, const ex_hea
     return 0;
 }
 
-/* Exactly `count` numbers with blanks between them, each within `lo`..`hi`. */
+/* Parses exactly `count` numbers with blanks between them, each within `lo`..`hi`. */
 static inline int ex_header_numbers(const ex_header *header, const char *field, const char *value, int count, double lo,
                                     double hi, double *out) {
     const char *at = value;
@@ -96,14 +99,14 @@ static inline int ex_header_numbers(const ex_header *header, const char *field, 
         if (!(out[i] >= lo && out[i] <= hi)) return ex_header_fail(header, field, value, "has a number out of range");
         at = end;
     }
-    if (*at) return ex_header_fail(header, field, value, "has more to it than numbers, or too many");
+    if (*at) return ex_header_fail(header, field, value, "has too many numbers, or something else");
     return 0;
 }
 
 static inline int ex_header_integer(const ex_header *header, const char *field, const char *value, double lo, double hi,
                                     double *out) {
     if (ex_header_numbers(header, field, value, 1, lo, hi, out)) return 1;
-    return *out == floor(*out) ? 0 : ex_header_fail(header, field, value, "is no whole number");
+    return *out == floor(*out) ? 0 : ex_header_fail(header, field, value, "is not a whole number");
 }
 
 static inline int ex_header_coordinates(const ex_header *header, const char *field, const char *value, int count,
@@ -127,13 +130,14 @@ static inline int ex_header_set_type(ex_header *header, const char *field, const
             header->file->voxels.type = types[i].type;
             return 0;
         }
-    return ex_header_fail(header, field, value, "is no type that is read: integers up to 32 bits, float, double");
+    return ex_header_fail(header, field, value,
+                          "is not supported: only integers of up to 32 bits, float and double are");
 }
 
 static inline int ex_header_dimension(ex_header *header, const char *field, char *value) {
     double dimension;
     if (ex_header_integer(header, field, value, 0, 1e9, &dimension)) return 1;
-    return dimension == 3 ? 0 : ex_header_fail(header, field, value, "dimensions are not read: only 3 are");
+    return dimension == 3 ? 0 : ex_header_fail(header, field, value, "is not supported: only 3 dimensions are");
 }
 
 static inline int ex_header_size(ex_header *header, const char *field, char *value) {
@@ -150,22 +154,21 @@ static inline int ex_header_spacing(ex_header *header, const char *field, char *
     return 0;
 }
 
-/* The file of the voxels, as seen from the header's folder. */
+/* The file of the voxels, relative to the header. */
 static inline int ex_header_data_file(ex_header *header, const char *field, char *value) {
-    const char *slash = value[0] == '/' ? NULL : strrchr(header->path, '/');
-    const int folder = slash ? (int)(slash - header->path) + 1 : 0;
-    char *path = header->file->voxels.path;
     if (strncmp(value, "LIST", 4) == 0 || strchr(value, '%'))
-        return ex_header_fail(header, field, value, "is more than one file: only one is read");
-    if (!*value) return ex_header_fail(header, field, value, "is no file's name");
-    if (snprintf(path, EX_PATH_MAX, "%.*s%s", folder, header->path, value) >= EX_PATH_MAX)
-        return ex_header_fail(header, field, value, "is too long");
-    if (access(path, R_OK) != 0) return ex_header_fail(header, field, value, strerror(errno));
+        return ex_header_fail(header, field, value, "is more than one file, which is not supported");
+    if (!*value) return ex_header_fail(header, field, value, "is not the name of a file");
+    char *path = ex_path_beside(header->path, value);
+    const int length = snprintf(header->file->voxels.path, EX_PATH_MAX, "%s", path);
+    free(path);
+    if (length >= EX_PATH_MAX) return ex_header_fail(header, field, value, "is too long");
+    if (access(header->file->voxels.path, R_OK) != 0) return ex_header_fail(header, field, value, strerror(errno));
     header->detached = 1;
     return 0;
 }
 
-/* Bytes before the voxels; -1: whatever is before them. */
+/* The number of bytes before the voxels; -1: the voxels are at the end of the file. */
 static inline int ex_header_bytes_to_skip(ex_header *header, const char *field, char *value) {
     double bytes;
     if (ex_header_integer(header, field, value, -1, 1e15, &bytes)) return 1;
@@ -174,7 +177,7 @@ static inline int ex_header_bytes_to_skip(ex_header *header, const char *field, 
     return 0;
 }
 
-/* When all fields are read: puts spacing and directions together. */
+/* Combines spacing and directions, once all fields are read. */
 static inline int ex_header_place(ex_header *header) {
     const double(*d)[3] = (const double(*)[3])header->direction;
     const char *field = header->placed_by ? header->placed_by : "placement";
@@ -191,7 +194,7 @@ static inline int ex_header_place(ex_header *header) {
     return 0;
 }
 
-/* The volume's box, which reaches half a voxel beyond the centres of the outermost voxels. */
+/* The placement of the volume's box, which extends half a voxel beyond the centers of the outermost voxels. */
 static inline sps_placement ex_volume_file_placement(const ex_volume_file *file) {
     sps_placement placement;
     for (int i = 0; i < 3; ++i) {

@@ -1140,8 +1140,8 @@ static void test_looks(void) {
         {"--look looks/empty.txt " VOLUME "--plan >plan", 0, NULL}};
     static const complaint bad[] = {
         {"--look missing.txt --plan", 2, "missing.txt: No such file"},
-        {"--look looks/unknown.txt --plan", 2, "looks/unknown.txt:3: 'bogus' is no option that a look can have"},
-        {"--look looks/nested.txt --plan", 2, "looks/nested.txt:1: 'look' is no option that a look can have"},
+        {"--look looks/unknown.txt --plan", 2, "looks/unknown.txt:3: 'bogus' is not an option for a look"},
+        {"--look looks/nested.txt --plan", 2, "looks/nested.txt:1: 'look' is not an option for a look"},
         {"--look looks/value.txt --plan", 2, "looks/value.txt:1: --size needs a value: X,Y,Z"},
         {"--look looks/flag.txt --plan", 2, "looks/flag.txt:1: --no-shadows takes no value: 'please'"},
         {"--look looks/range.txt --plan", 2, "looks/range.txt:2: --size: '2,2,0' is out of range"},

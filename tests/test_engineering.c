@@ -1331,7 +1331,7 @@ static void test_library_errors(void) {
         {VOLUME "--box -1e15,0,0,1e15,1,1 --camera 1,2,3,0,0,0 --out a.png", 2, "--box of two.raw: "},
         {VOLUME "--box -1e15,0,0,1e15,1,1 --out a.png", 2, "--camera (not given, so that all of the scene is in view)"},
         {VOLUME "--ortho 1e-15 --camera 1e15,0,0,0,0,0 --out a.png", 1,
-         "--volume two.raw: volume[0].placement's voxel edge"},
+         "--box of two.raw: volume[0].placement's voxel edge"},
         {"--volume nan.raw --type f32 --size 1,1,1 " SMALL "--out a.png", 2, "--volume nan.raw: volume[0].value is "},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--light point,0.5,0.5,0.5,1,1,1: light[0]"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--no-shadows and --reference have no such limit"},

@@ -1266,10 +1266,11 @@ static int spsi_most(int a, int b) { return a > b ? a : b; }
    Memory lives in numbered buffers that keep their largest size from call to call. */
 
 typedef enum spsi_buffer_id {
-    SPSI_BUFFER_FRAME,  /* the checked scene, >>scene */
-    SPSI_BUFFER_TABLES, /* transfer functions */
-    SPSI_BUFFER_LAMPS,  /* lights, as resolved */
-    SPSI_BUFFER_BLOCK,  /* one block of values, its positions and flags, >>gather */
+    SPSI_BUFFER_FRAME,   /* the checked scene, >>scene; */
+    SPSI_BUFFER_CONTENT, /* and what is read of it */
+    SPSI_BUFFER_TABLES,  /* transfer functions */
+    SPSI_BUFFER_LAMPS,   /* lights, as resolved */
+    SPSI_BUFFER_BLOCK,   /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_SEGMENTS,   /* the list of voxel segments */
     SPSI_BUFFER_FACES,      /* triangles, >>polygons */
@@ -3420,7 +3421,6 @@ typedef struct spsi_particle_set { /* a set of particles that is not empty */
     const sps_particles *particles;
     int index;   /* in the scene's array */
     int channel; /* of the eye's sheets, and index of its material; all share the light's number 0 */
-    int end;     /* of its particles in the list of those that are kept, in which it begins where the last set ends */
 } spsi_particle_set;
 
 typedef struct spsi_lamp { /* a light that is not black */
@@ -3441,8 +3441,22 @@ typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
 } spsi_bounds;
 
+/* What reading finds in a frame. Before that, bounds are those of the volumes' boxes. */
+typedef struct spsi_content {
+    spsi_bounds bounds;            /* of gas */
+    spsi_bounds mesh_bounds;       /* of polygons */
+    const sps_particle *particles; /* those of all sets that are something, >>gather */
+    int particle_count;            /* 0 until they are read */
+    int set_ends[SPSI_SETS_MAX];   /* in that list, where each set begins where the last one ends */
+    double particle_radius;        /* the geometric mean */
+    double particle_spread;        /* root of the mean square of their distance from their mean */
+    spsi_rays eye;                 /* the frame's, with depths that are counted from the middle of what there is */
+} spsi_content;
+
+/* The checked and resolved scene, complete before anything is read, and never written again. */
 typedef struct spsi_frame {
     const sps_scene *scene;
+    spsi_content *content;
     sps_view view;        /* all fields resolved; region filled in */
     sps_object viewer;    /* who says so: a view, or a map's light */
     double threshold;     /* transmittance at which an eye ray ends */
@@ -3454,16 +3468,12 @@ typedef struct spsi_frame {
     int medium_count, material_count, light_channel_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
     spsi_material materials[SPSI_MATERIALS_MAX];
-    spsi_bounds volume_bounds, mesh_bounds; /* volume_bounds: particles are in it once they are read */
+    spsi_bounds volume_bounds; /* of the volumes' boxes, and as far as their kernels reach */
     size_t triangle_count;
     int set_count;
     spsi_particle_set sets[SPSI_SETS_MAX];
-    size_t particles_asked;        /* of all sets together */
-    const sps_particle *particles; /* those of them that are something, >>gather; */
-    int particle_count;            /* 0 until they are read */
-    double particle_radius;        /* the geometric mean */
-    double particle_spread;        /* root of the mean square of their distance from their mean */
-    int channels;                  /* of radiance: 1 where all is grey */
+    size_t particles_asked; /* of all sets together */
+    int channels;           /* of radiance: 1 where all is grey */
     float ambient[3];
     spsi_lamp *lamps; /* lamp_count */
     int lamp_count;
@@ -4193,14 +4203,16 @@ static int spsi_count_channels(const spsi_frame *frame) {
 static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     int wants_depth) {
     spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
-    if (!frame) return NULL;
+    spsi_content *content = (spsi_content *)spsi_reserve(context, SPSI_BUFFER_CONTENT, 1, sizeof(spsi_content));
+    if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
     memset(frame, 0, sizeof *frame);
     frame->scene = scene;
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
-    frame->volume_bounds = frame->mesh_bounds = spsi_nowhere;
+    frame->volume_bounds = spsi_nowhere;
+    frame->content = content;
     if (spsi_resolve_particles(context, frame) || spsi_resolve_volumes(context, frame) ||
         spsi_resolve_meshes(context, frame))
         return NULL;
@@ -4210,6 +4222,10 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     memcpy(frame->ambient, scene->ambient, sizeof frame->ambient);
     frame->has_ambient = !spsi_black(scene->ambient);
     frame->channels = spsi_count_channels(frame);
+    memset(content, 0, sizeof *content);
+    content->bounds = frame->volume_bounds;
+    content->mesh_bounds = spsi_nowhere;
+    content->eye = frame->eye;
     return frame;
 }
 
@@ -4540,9 +4556,9 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
 }
 
 /* The world bounds of the relevant voxels and their kernels; empty where there are none. */
-static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
+static void spsi_tighten_bounds(const sps_context *context, const spsi_frame *frame) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    frame->volume_bounds = spsi_nowhere;
+    frame->content->bounds = spsi_nowhere;
     for (int i = 0; i < context->brick_count; ++i)
         for (int corner = 0; corner < 8; ++corner) {
             double at[3], point[3];
@@ -4550,7 +4566,7 @@ static void spsi_tighten_bounds(const sps_context *context, spsi_frame *frame) {
                 at[k] = bricks[i].base[k] + 0.5 +
                         (corner >> k & 1 ? bricks[i].high[k] + SPSI_REACH : bricks[i].low[k] - SPSI_REACH);
             spsi_voxel_position(&frame->media[bricks[i].medium], at, point);
-            spsi_bounds_add(&frame->volume_bounds, point);
+            spsi_bounds_add(&frame->content->bounds, point);
         }
 }
 
@@ -4564,7 +4580,7 @@ static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
 }
 
 /* Holds the relevant voxels of all volumes, reading them unless they are still held from the last call. */
-static sps_result spsi_gather(sps_context *context, spsi_frame *frame) {
+static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_volumes_fingerprint(frame), replaced = context->stats.values_replaced;
     if (fingerprint == 0 || fingerprint != context->gathered) {
         int current = -1;
@@ -4629,12 +4645,13 @@ static int spsi_particles_keep(sps_particle *batch, size_t count) {
     return kept;
 }
 
-static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_particle_set *set, size_t *asked,
-                                  sps_particle *list) {
+static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
+                                  size_t *asked, sps_particle *list) {
     const sps_particles *particles = set->particles;
     for (size_t first = 0; first < particles->count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = particles->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
-        sps_particle *batch = list + frame->particle_count; /* there is room: what was asked before is at least that */
+        sps_particle *batch =
+            list + frame->content->particle_count; /* there is room: what was asked before is at least that */
         int returned;
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles_asked))
             return context->result;
@@ -4646,20 +4663,20 @@ static sps_result spsi_gather_set(sps_context *context, spsi_frame *frame, spsi_
                                    NULL);
         if (spsi_particles_validate(context, set, batch, first, count, frame->scene->replace_invalid))
             return context->result;
-        frame->particle_count += spsi_particles_keep(batch, count);
+        frame->content->particle_count += spsi_particles_keep(batch, count);
         *asked += count;
     }
-    set->end = frame->particle_count;
+    frame->content->set_ends[set - frame->sets] = frame->content->particle_count;
     return SPS_OK;
 }
 
 /* Where the particles are, how large and how far apart: means that one stray particle among many does not move. */
-static void spsi_measure_particles(spsi_frame *frame) {
+static void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
-    if (frame->particle_count == 0) return;
-    for (int i = 0; i < 3; ++i) origin[i] = (double)frame->particles[0].position[i];
-    for (int n = 0; n < frame->particle_count; ++n) {
-        const sps_particle *particle = &frame->particles[n];
+    if (frame->content->particle_count == 0) return;
+    for (int i = 0; i < 3; ++i) origin[i] = (double)frame->content->particles[0].position[i];
+    for (int n = 0; n < frame->content->particle_count; ++n) {
+        const sps_particle *particle = &frame->content->particles[n];
         double low[3], high[3];
         for (int i = 0; i < 3; ++i) {
             const double at = (double)particle->position[i], apart = at - origin[i];
@@ -4670,17 +4687,17 @@ static void spsi_measure_particles(spsi_frame *frame) {
             sum[i] += apart;
             squares += apart * apart;
         }
-        spsi_bounds_add(&frame->volume_bounds, low);
-        spsi_bounds_add(&frame->volume_bounds, high);
+        spsi_bounds_add(&frame->content->bounds, low);
+        spsi_bounds_add(&frame->content->bounds, high);
         logs += log((double)particle->radius);
     }
-    frame->particle_radius = exp(logs / frame->particle_count);
-    squares -= spsi_dot(sum, sum) / frame->particle_count;
-    frame->particle_spread = sqrt(fmax(squares / frame->particle_count, 0));
+    frame->content->particle_radius = exp(logs / frame->content->particle_count);
+    squares -= spsi_dot(sum, sum) / frame->content->particle_count;
+    frame->content->particle_spread = sqrt(fmax(squares / frame->content->particle_count, 0));
 }
 
 /* Reads every set of particles, once, and keeps 20 bytes of each particle. */
-static sps_result spsi_gather_particles(sps_context *context, spsi_frame *frame) {
+static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     size_t asked = 0;
     sps_particle *list;
@@ -4689,8 +4706,8 @@ static sps_result spsi_gather_particles(sps_context *context, spsi_frame *frame)
     if (!list) return context->result;
     for (int i = 0; i < frame->set_count; ++i)
         if (spsi_gather_set(context, frame, &frame->sets[i], &asked, list)) return context->result;
-    frame->particles = list;
-    context->stats.particles = (uint64_t)frame->particle_count;
+    frame->content->particles = list;
+    context->stats.particles = (uint64_t)frame->content->particle_count;
     spsi_measure_particles(frame);
     if (context->stats.values_replaced > replaced && context->config.message_fn) {
         char text[96];
@@ -4706,7 +4723,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
     int low = 0, high = frame->set_count - 1;
     while (low < high) {
         const int middle = (low + high) / 2;
-        if (particle < frame->sets[middle].end)
+        if (particle < frame->content->set_ends[middle])
             high = middle;
         else
             low = middle + 1;
@@ -5034,14 +5051,14 @@ static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placeme
 
 /* Turns one triangle into a face; returns 0 if it has no area. */
 static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
-                                   double world[3][3], spsi_frame *frame, spsi_face *face) {
+                                   double world[3][3], const spsi_frame *frame, spsi_face *face) {
     double u[3], v[3], own[3], reach = 0;
     spsi_along(world[1], world[0], -1, u);
     spsi_along(world[2], world[0], -1, v);
     spsi_cross(u, v, own);
     if (!spsi_normalise(own)) return 0;
     for (int corner = 0; corner < 3; ++corner) {
-        spsi_bounds_add(&frame->mesh_bounds, world[corner]);
+        spsi_bounds_add(&frame->content->mesh_bounds, world[corner]);
         for (int i = 0; i < 3; ++i) {
             face->position[corner][i] = world[corner][i];
             face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
@@ -5064,7 +5081,7 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
-static sps_result spsi_gather_mesh(sps_context *context, spsi_frame *frame, int index, spsi_faces *faces,
+static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, int index, spsi_faces *faces,
                                    spsi_face *list) {
     const size_t batch = 256;
     const sps_mesh *mesh = &frame->scene->meshes[index];
@@ -5118,19 +5135,19 @@ static int spsi_faces_held(const sps_context *context, const spsi_frame *frame) 
 }
 
 /* Reads every mesh, once. */
-static sps_result spsi_read_faces(sps_context *context, spsi_frame *frame, spsi_faces *faces) {
+static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     spsi_face *list = (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->triangle_count, sizeof(spsi_face));
     if (!list) return context->result;
     for (int i = 0; i < frame->scene->mesh_count; ++i)
         if (spsi_gather_mesh(context, frame, i, faces, list)) return context->result;
     context->face_count = faces->count;
-    memcpy(context->mesh_low, frame->mesh_bounds.low, sizeof context->mesh_low);
-    memcpy(context->mesh_high, frame->mesh_bounds.high, sizeof context->mesh_high);
+    memcpy(context->mesh_low, frame->content->mesh_bounds.low, sizeof context->mesh_low);
+    memcpy(context->mesh_high, frame->content->mesh_bounds.high, sizeof context->mesh_high);
     return SPS_OK;
 }
 
 /* Holds the triangles of all meshes, reading them unless they are still held from an earlier call. */
-static sps_result spsi_gather_faces(sps_context *context, spsi_frame *frame, spsi_faces *faces) {
+static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->triangle_count == 0) return SPS_OK;
     if (!spsi_faces_held(context, frame)) {
@@ -5142,8 +5159,8 @@ static sps_result spsi_gather_faces(sps_context *context, spsi_frame *frame, sps
     if (!spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, frame->triangle_count, 4 * sizeof(int))) return context->result;
     faces->list = (const spsi_face *)context->buffers[SPSI_BUFFER_FACES].data;
     faces->count = context->face_count;
-    memcpy(frame->mesh_bounds.low, context->mesh_low, sizeof context->mesh_low);
-    memcpy(frame->mesh_bounds.high, context->mesh_high, sizeof context->mesh_high);
+    memcpy(frame->content->mesh_bounds.low, context->mesh_low, sizeof context->mesh_low);
+    memcpy(frame->content->mesh_bounds.high, context->mesh_high, sizeof context->mesh_high);
     for (int i = 0; i < 3; ++i)
         faces->extent = fmax(faces->extent, fmax(fabs(context->mesh_low[i]), fabs(context->mesh_high[i])));
     context->stats.triangles = (uint64_t)faces->count;
@@ -5693,13 +5710,13 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
    divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
 static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     double centre[3], forward[3], right[3], down[3], across[3], size, own;
-    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_bounds_centre(&frame->content->bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
     spsi_basis(forward, right, down);
     size = spsi_voxel_across(frame, right, down) / frame->shadow_texels;
-    if (frame->particle_count == 0) return size;
-    own = 0.5 * SPSI_PARTICLE_EDGE * frame->particle_radius / frame->shadow_texels;
-    spsi_along(frame->volume_bounds.high, frame->volume_bounds.low, -1, across);
+    if (frame->content->particle_count == 0) return size;
+    own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->shadow_texels;
+    spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     return fmin(size, fmax(own, spsi_length(across) / frame->depth_map_texels));
 }
 
@@ -5771,7 +5788,7 @@ static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
 static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_depth_map_size(frame));
     map->face_count = 1;
-    if (spsi_rays_fit(lamp, &frame->volume_bounds, 1, size, size, &map->rays[0])) return;
+    if (spsi_rays_fit(lamp, &frame->content->bounds, 1, size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
         spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
@@ -6250,22 +6267,22 @@ static double spsi_cosine_to_bounds(const double s[3], const double from[3], con
 /* The least cosine between s and the rays that matter: those inside the image, and also those that can meet a volume;
    the milder of the two conditions is enough. */
 static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
-    const spsi_rays *eye = &frame->eye;
+    const spsi_rays *eye = &frame->content->eye;
     const double least = spsi_cosine_to_corners(s, eye);
-    return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->volume_bounds)) : least;
+    return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->content->bounds)) : least;
 }
 
 /* The middle of the eye's rays: towards the volumes from outside, along the camera's axis from within. */
 static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
-    const spsi_rays *eye = &frame->eye;
+    const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
     spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
     spsi_normalise(axis);
     memcpy(direction, axis, sizeof axis);
     if (!eye->perspective) return;
-    spsi_bounds_centre(&frame->volume_bounds, centre);
+    spsi_bounds_centre(&frame->content->bounds, centre);
     spsi_along(centre, eye->origin, -1, to_centre);
-    if (spsi_normalise(to_centre) && spsi_cosine_to_bounds(axis, eye->origin, &frame->volume_bounds) > 0)
+    if (spsi_normalise(to_centre) && spsi_cosine_to_bounds(axis, eye->origin, &frame->content->bounds) > 0)
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
@@ -6312,13 +6329,13 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
     sweep->back_to_front = 0;
     if (sweep->lamp) {
         const spsi_lamp *lamp = sweep->lamp;
-        spsi_bounds_centre(&frame->volume_bounds, centre);
+        spsi_bounds_centre(&frame->content->bounds, centre);
         spsi_lamp_direction(lamp, centre, toward);
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
         least = !lamp->is_point ? spsi_dot(sweep->slabs.normal, toward)
-                                : spsi_cosine_to_bounds(sweep->slabs.normal, lamp->position, &frame->volume_bounds);
+                                : spsi_cosine_to_bounds(sweep->slabs.normal, lamp->position, &frame->content->bounds);
         if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep, least);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
@@ -6333,7 +6350,7 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
    0.7 radii (r^2 / 5 if it is even). Particles much smaller than the cloud that they make up need not be told apart in
    depth: a cloud takes about 500 of these at most. 0 without particles. */
 static double spsi_particle_edge(const spsi_frame *frame) {
-    return fmax(SPSI_PARTICLE_EDGE * frame->particle_radius, frame->particle_spread / 200);
+    return fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
 /* The length of a voxel that slabs across s are measured by for a ray: what the ray crosses of it, and half or a
@@ -6372,8 +6389,8 @@ static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *med
         spsi_ray_direction(rays, x * (rays->width - 1), y * (rays->height - 1), ray);
         if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(medium, s, ray));
     }
-    if (!rays->perspective || spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return least;
-    return fmax(least, spsi_chord_to_bounds(medium, s, rays->origin, &frame->volume_bounds));
+    if (!rays->perspective || spsi_bounds_hold(&frame->content->bounds, rays->origin)) return least;
+    return fmax(least, spsi_chord_to_bounds(medium, s, rays->origin, &frame->content->bounds));
 }
 
 /* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
@@ -6389,7 +6406,7 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium
         spsi_lamp_direction(lamp, lamp->position, travel);
         chord = fmin(chord, spsi_slab_chord(medium, s, travel));
     } else if (lamp) {
-        chord = fmin(chord, spsi_chord_to_bounds(medium, s, lamp->position, &frame->volume_bounds));
+        chord = fmin(chord, spsi_chord_to_bounds(medium, s, lamp->position, &frame->content->bounds));
     }
     return fmin(extent, fmax(chord, flattest * extent));
 }
@@ -6401,7 +6418,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     double low = HUGE_VAL, high = -HUGE_VAL, count;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
-        spsi_bounds_corner(&frame->volume_bounds, corner, point);
+        spsi_bounds_corner(&frame->content->bounds, corner, point);
         low = fmin(low, spsi_dot(point, slabs->normal));
         high = fmax(high, spsi_dot(point, slabs->normal));
     }
@@ -6422,7 +6439,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
     char rest[SPSI_SENTENCE_SIZE];
-    if (spsi_rays_fit(lamp, &frame->volume_bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
+    if (spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
                       spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
     SPS_SNPRINTF(rest, sizeof rest,
@@ -6455,14 +6472,14 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
 
 /* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
-    const double edge = frame->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
+    const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
     memset(sweep, 0, sizeof *sweep);
     sweep->lamp = spsi_sliced_lamp(frame, n);
     sweep->first = n == 0;
     sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
-    if (spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     if (spsi_sweep_direction(context, frame, sweep)) return context->result;
-    if (spsi_slabs_cut(context, frame, &frame->eye, sweep->lamp, edge, &sweep->slabs)) return context->result;
+    if (spsi_slabs_cut(context, frame, &frame->content->eye, sweep->lamp, edge, &sweep->slabs)) return context->result;
     return sweep->lamp ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
 }
 
@@ -6905,7 +6922,8 @@ static void spsi_splat_footprint(const spsi_print *print) {
     }
 }
 
-/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), and the cut, and the covariance of q and t. */
+/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), and the cut, and the covariance of q and t.
+ */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;
@@ -7410,7 +7428,7 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
 
 /* Whether there are voxels or particles, now that they have been read. */
 static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
-    return context->brick_count > 0 || frame->particle_count > 0;
+    return context->brick_count > 0 || frame->content->particle_count > 0;
 }
 
 /* --- a target --- */
@@ -7501,9 +7519,9 @@ static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *me
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
 static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *frame, const spsi_slabs *slabs,
                                      int backwards, spsi_target *target) {
-    spsi_target_place(frame, &frame->eye, slabs, target);
+    spsi_target_place(frame, &frame->content->eye, slabs, target);
     target->shape = spsi_eye_shape(frame);
-    spsi_crossing_build(&frame->eye, slabs, backwards, &target->crossing);
+    spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->set_count; ++i) target->set_channels[i] = frame->sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
         const spsi_medium *medium = &frame->media[i];
@@ -7512,7 +7530,7 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         target->channels[i] = medium->channel;
         if (frame->splats_slopes && material->table && material->shading == SPS_SHADING_SURFACE)
             target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
-        if (!spsi_splatter_build(medium, &frame->eye, slabs, 1, frame->cut, splatter))
+        if (!spsi_splatter_build(medium, &frame->content->eye, slabs, 1, frame->cut, splatter))
             return spsi_target_refuse(context, medium);
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
@@ -7646,13 +7664,13 @@ static void spsi_particles_task(void *data, int index, int worker) {
     const spsi_targets_job *job = (const spsi_targets_job *)data;
     spsi_contents *contents = job->contents;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, frame->particle_count), chunks = spsi_chunk_count(contents->slabs);
+    const int end = spsi_batch_end(index, frame->content->particle_count), chunks = spsi_chunk_count(contents->slabs);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const sps_particles *set = spsi_set_of(frame, i)->particles;
         double slab = 0, reach, farthest = 0, room;
         for (int n = 0; n < job->target_count; ++n) {
-            spsi_particle_slabs(&job->targets[n]->crossing, set, &frame->particles[i], &slab, &reach);
+            spsi_particle_slabs(&job->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
             farthest = fmax(farthest, reach);
         }
         room = farthest + 1e-3 + 1e-6 * farthest;
@@ -7708,7 +7726,7 @@ static sps_result spsi_contents_build(sps_context *context, spsi_target *const *
 static sps_result spsi_contents_add_particles(sps_context *context, spsi_target *const *targets, int target_count,
                                               spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
-    const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->particle_count;
+    const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->content->particle_count;
     spsi_targets_job job;
     job.contents = contents;
     job.targets = targets;
@@ -7745,7 +7763,7 @@ static void spsi_seen_task(void *data, int index, int worker) {
         for (int n = 0; n < job->target_count; ++n) {
             const spsi_target *target = job->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
-            spsi_seen_build(&target->crossing, set->particles, &frame->particles[particle],
+            spsi_seen_build(&target->crossing, set->particles, &frame->content->particles[particle],
                             target->set_channels[set - frame->sets], contents->first_slab, seen);
             seen->list = spsi_list_of(target, &seen->ball);
         }
@@ -8603,7 +8621,7 @@ static void spsi_bin_balls(const spsi_bin *bin, int tile) {
         for (uint32_t i = occluders->tile_starts[tile]; i < occluders->tile_starts[tile + 1]; ++i)
             spsi_bin_ball(bin, &occluders->balls[occluders->tile_balls[i]]);
     else
-        for (int i = 0; i < occluders->frame->particle_count; ++i) spsi_bin_ball(bin, &occluders->balls[i]);
+        for (int i = 0; i < occluders->frame->content->particle_count; ++i) spsi_bin_ball(bin, &occluders->balls[i]);
 }
 
 /* --- triangles --- */
@@ -8982,10 +9000,10 @@ typedef struct spsi_ball_job {
 static void spsi_ball_steps_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const double *axis = job->rays->inverse[2], reach = spsi_length(axis);
-    const int end = spsi_batch_end(index, job->frame->particle_count);
+    const int end = spsi_batch_end(index, job->frame->content->particle_count);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const sps_particle *particle = &job->frame->particles[i];
+        const sps_particle *particle = &job->frame->content->particles[i];
         double offset[3], front;
         for (int k = 0; k < 3; ++k) offset[k] = (double)particle->position[k] - job->rays->origin[k];
         front = spsi_dot(axis, offset) - reach * (double)particle->radius - job->near_depth;
@@ -8999,7 +9017,7 @@ static size_t spsi_balls_order_bytes(size_t particles) {
 
 /* Puts particles in the order in which light meets them, so that the lists of all texels come nearly sorted. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
-    const int count = job->frame->particle_count;
+    const int count = job->frame->content->particle_count;
     uint32_t *starts, sum = 0;
     job->order = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_ORDER, 1, spsi_balls_order_bytes((size_t)count));
     if (!job->order) return context->result;
@@ -9117,13 +9135,13 @@ static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, 
 static void spsi_balls_task(void *data, int index, int worker) {
     const spsi_ball_job *job = (const spsi_ball_job *)data;
     const spsi_frame *frame = job->frame;
-    const int end = spsi_batch_end(index, frame->particle_count);
+    const int end = spsi_batch_end(index, frame->content->particle_count);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = job->order ? (int)job->order[i] : i;
         const sps_particles *set = spsi_set_of(frame, particle)->particles;
-        spsi_ball_build(job->rays, set, &frame->particles[particle], &job->balls[i]);
-        spsi_ball_weigh(job, set, &frame->particles[particle], &job->balls[i]);
+        spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
+        spsi_ball_weigh(job, set, &frame->content->particles[particle], &job->balls[i]);
     }
 }
 
@@ -9168,7 +9186,7 @@ static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
-    const size_t count = (size_t)occluders->frame->particle_count;
+    const size_t count = (size_t)occluders->frame->content->particle_count;
     uint32_t *starts, *list;
     uint64_t sum = 0;
     spsi_ball_job job;
@@ -9183,7 +9201,7 @@ static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_
     job.balls = (spsi_ball *)spsi_reserve(context, SPSI_BUFFER_BALLS, count, sizeof(spsi_ball));
     starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_STARTS, tiles + 1, sizeof *starts);
     if (!job.balls || !starts) return context->result;
-    spsi_parallel_batches(context, occluders->frame->particle_count, spsi_balls_task, &job);
+    spsi_parallel_batches(context, occluders->frame->content->particle_count, spsi_balls_task, &job);
     spsi_balls_outside(map, rays, job.balls, count);
     memset(starts, 0, (tiles + 1) * sizeof *starts);
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts + 1, NULL);
@@ -9524,7 +9542,7 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     if (!frame) return NULL;
     frame->view = map->view;
     frame->viewer = SPS_OBJECT_TMAP_LIGHT;
-    frame->eye = map->rays[0];
+    frame->content->eye = map->rays[0];
     spsi_resolve_quality(frame);
     return frame;
 }
@@ -9548,7 +9566,7 @@ static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
 static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
-    const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->volume_bounds);
+    const int voxels = frame->medium_count > 0 && spsi_voxels_outside(map, &frame->content->bounds);
     char counted[40] = "", text[160];
     if (!context->config.message_fn || (!(particles > 0) && !voxels)) return;
     if (particles > 0) SPS_SNPRINTF(counted, sizeof counted, "%.0f of the particles%s", particles, voxels ? ", " : "");
@@ -9562,7 +9580,7 @@ static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];
     if (!config->message_fn || map->face_count > 1 || !rays->perspective) return;
-    if (spsi_bounds_empty(&frame->volume_bounds) || !spsi_bounds_hold(&frame->volume_bounds, rays->origin)) return;
+    if (spsi_bounds_empty(&frame->content->bounds) || !spsi_bounds_hold(&frame->content->bounds, rays->origin)) return;
     config->message_fn(config->message_user, "tmap: the light is amid the gas, and what its view leaves out counts as "
                                              "lit; light.omnidirectional is for a light that shines all round");
 }
@@ -9620,8 +9638,8 @@ static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, co
                                       int size, int most) {
     double farthest = 0;
     for (int i = 0; i < 3; ++i)
-        farthest = fmax(farthest, fmax(frame->volume_bounds.high[i] - lamp->position[i],
-                                       lamp->position[i] - frame->volume_bounds.low[i]));
+        farthest = fmax(farthest, fmax(frame->content->bounds.high[i] - lamp->position[i],
+                                       lamp->position[i] - frame->content->bounds.low[i]));
     if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
@@ -9637,7 +9655,7 @@ static sps_result spsi_tmap_aim_lamp(sps_tmap *map, const spsi_frame *frame, con
     const int most = spsi_light_texels_most(frame);
     const double texel = spsi_lamp_texel(frame, lamp);
     map->face_count = 1;
-    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->volume_bounds, texel, size, most, &map->rays[0]))
+    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->content->bounds, texel, size, most, &map->rays[0]))
         return SPS_OK;
     if (lamp->is_point) return spsi_tmap_aim_round(map, frame, lamp, texel, size, most);
     return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
@@ -9657,7 +9675,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     occluders.frame = frame;
     occluders.part = *part;
     if (spsi_tmap_aim_lamp(map, frame, lamp) || spsi_tmap_resolve(map)) return context->result;
-    spsi_tmap_fit_range(map, &frame->volume_bounds);
+    spsi_tmap_fit_range(map, &frame->content->bounds);
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
 
@@ -9957,7 +9975,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     int mapped = 0;
     sps_tmap *maps;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
-    if (mapped == 0 || spsi_bounds_empty(&frame->volume_bounds)) return SPS_OK;
+    if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
     sweep->share -= part.share;
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
@@ -10068,7 +10086,8 @@ static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi
     line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
     line->scale = spsi_div(spsi_set(1), slope);
     line->slabs = spsi_abs(slope);
-    line->polygon = spsi_hit_depths(shader->hits, shader->frame->eye.width, shader->frame->eye.height, x, y);
+    line->polygon =
+        spsi_hit_depths(shader->hits, shader->frame->content->eye.width, shader->frame->content->eye.height, x, y);
 }
 
 static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
@@ -10076,7 +10095,7 @@ static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixe
     spsi_v at, inverse_length;
     spsi_line_build(shader, x, y, &p->line);
     at = p->line.at;
-    p->length = spsi_ray_lengths(&shader->frame->eye, at, fy);
+    p->length = spsi_ray_lengths(&shader->frame->content->eye, at, fy);
     inverse_length = spsi_div(spsi_set(1), p->length);
     p->polygon_slab =
         spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
@@ -10091,7 +10110,7 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
 /* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
 static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
                                    spsi_v *leave) {
-    const spsi_rays *eye = &shader->frame->eye;
+    const spsi_rays *eye = &shader->frame->content->eye;
     const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
     const float near_d = spsi_rays_begin(eye);
     *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
@@ -10177,7 +10196,7 @@ static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2]
    negative behind the eye. 1 for parallel rays. */
 static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    return shader->frame->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
+    return shader->frame->content->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
 }
 
 /* Whether the eye is in a slab, where rays meet and have no neighbours. */
@@ -10425,7 +10444,7 @@ static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const
     half = spsi_mul(part->half, p->length);
     s = spsi_dot_v(travel, p->toward);
     for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(travel[i], spsi_mul(s, p->toward[i]));
-    q = spsi_mul(spsi_pixel_size(&shader->frame->eye, part->middle), spsi_set(SPSI_LAMP_PIXELS));
+    q = spsi_mul(spsi_pixel_size(&shader->frame->content->eye, part->middle), spsi_set(SPSI_LAMP_PIXELS));
     q = spsi_max(q, spsi_sqrt(spsi_dot_v(foot, foot)));
     *irradiance = spsi_mean_inverse_square(q, s, half);
     for (int end = 0; end < 2; ++end) {
@@ -10577,7 +10596,7 @@ typedef struct spsi_sight_job {
 
 /* Traces the rays of those pixels of a block that are in the region. */
 static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
-    const int width = job->frame->eye.width, is_direction = !job->lamp->is_point;
+    const int width = job->frame->content->eye.width, is_direction = !job->lamp->is_point;
     const int *region = job->frame->view.region;
     const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
     const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
@@ -10590,7 +10609,7 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
             spsi_surface surface;
             double toward[3];
             if (hit->face < 0) continue;
-            spsi_surface_at(&job->frame->eye, job->faces, hit, x, y, &surface);
+            spsi_surface_at(&job->frame->content->eye, job->faces, hit, x, y, &surface);
             if (!(spsi_surface_irradiance(job->lamp, &surface) > 0)) continue;
             memcpy(toward, job->toward, sizeof toward);
             if (!is_direction) spsi_along(job->lamp->position, surface.start, -1, toward);
@@ -10635,14 +10654,14 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
     job.hits = hits;
     job.lamp = lamp;
     job.lit = lit;
-    memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->eye));
-    spsi_toward_lamp(lamp, frame->mesh_bounds.low, job.toward);
+    memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->content->eye));
+    spsi_toward_lamp(lamp, frame->content->mesh_bounds.low, job.toward);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
                   spsi_sight_task, &job);
     for (int y = region[1]; y < region[1] + region[3]; ++y)
         for (int x = region[0]; x < region[0] + region[2]; ++x)
             context->stats.shadow_rays +=
-                job.lit[(size_t)y * (size_t)frame->eye.width + (size_t)x] != SPSI_SURFACE_AWAY;
+                job.lit[(size_t)y * (size_t)frame->content->eye.width + (size_t)x] != SPSI_SURFACE_AWAY;
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
@@ -10655,10 +10674,10 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
 
 static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
     const spsi_frame *frame = shader->frame;
-    const size_t at = (size_t)y * (size_t)frame->eye.width + (size_t)x;
+    const size_t at = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
     double colour[3];
     spsi_surface surface;
-    spsi_surface_at(&frame->eye, shader->faces, &shader->hits[at], x, y, &surface);
+    spsi_surface_at(&frame->content->eye, shader->faces, &shader->hits[at], x, y, &surface);
     spsi_surface_colour(shader->faces, &shader->hits[at], colour);
     for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * frame->ambient[c] : 0;
     for (int i = 0; i < frame->lamp_count; ++i) {
@@ -10694,7 +10713,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
         sum->radiance[c] = spsi_fma(spsi_load(lanes[c]), open, sum->radiance[c]);
     {
         const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
-        const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->content->eye.depth_reference));
         const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
         sum->distance = spsi_fma(is, d, sum->distance);
         sum->depth = spsi_min(spsi_add(sum->depth, covered), spsi_set(SPSI_DEPTH_MAX));
@@ -10780,7 +10799,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
         const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
         const spsi_v ahead = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead, part->middle);
-        const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->eye.depth_reference));
+        const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->content->eye.depth_reference));
         sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
     }
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
@@ -10833,7 +10852,7 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
     const int bits = spsi_bits(open);
     if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
         const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
-                                  spsi_set((float)shader->frame->eye.depth_reference));
+                                  spsi_set((float)shader->frame->content->eye.depth_reference));
         const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
         sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
         sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
@@ -10906,13 +10925,13 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
     const size_t at = (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
     return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
-                             spsi_least(SPSI_TILE_WIDTH, run->frame->eye.width - x0),
-                             spsi_least(SPSI_TILE_HEIGHT, run->frame->eye.height - y0), shader->end_depth);
+                             spsi_least(SPSI_TILE_WIDTH, run->frame->content->eye.width - x0),
+                             spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
 }
 
 /* Cuts a tile's sections at polygons and at the near plane, where either may lie in the chunk. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
-    const spsi_rays *eye = &run->frame->eye;
+    const spsi_rays *eye = &run->frame->content->eye;
     const float *range = run->region.polygon_range[index];
     if (range[0] <= range[1]) {
         tile->limits = run->shader.hits;
@@ -10929,7 +10948,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     const spsi_region *region = &run->region;
     const int column = region->x0 + index % region->columns, row = region->y0 + index / region->columns;
     const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
-    const int width = run->frame->eye.width, height = run->frame->eye.height;
+    const int width = run->frame->content->eye.width, height = run->frame->content->eye.height;
     const float *range = region->polygon_range[index];
     const int polygons = range[0] < run->high && range[1] >= run->low;
     int touched = 0;
@@ -10964,8 +10983,8 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     const int left = (region->x0 + index % region->columns) * SPSI_TILE_WIDTH;
     const int top = (region->y0 + index / region->columns) * SPSI_TILE_HEIGHT;
     const int x0 = spsi_most(0, left - margin), y0 = spsi_most(0, top - margin);
-    const int x1 = spsi_least(run->frame->eye.width, left + SPSI_TILE_WIDTH + margin);
-    const int y1 = spsi_least(run->frame->eye.height, top + SPSI_TILE_HEIGHT + margin);
+    const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH + margin);
+    const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
     (void)worker;
     for (int y = y0; y < y1 && run->shader.hits; ++y)
@@ -11007,14 +11026,14 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
 static void spsi_run_linears(spsi_run *run) {
     const spsi_frame *frame = run->frame;
     spsi_shader *shader = &run->shader;
-    spsi_linear_of_slabs(&frame->eye, &run->sweep->slabs, &shader->slab);
-    for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_aim(&frame->eye, &run->shadows[n]);
-    spsi_ray_point(&frame->eye, 0.5 * frame->eye.width, 0.5 * frame->eye.height, frame->eye.depth_reference,
-                   shader->position_origin);
+    spsi_linear_of_slabs(&frame->content->eye, &run->sweep->slabs, &shader->slab);
+    for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_aim(&frame->content->eye, &run->shadows[n]);
+    spsi_ray_point(&frame->content->eye, 0.5 * frame->content->eye.width, 0.5 * frame->content->eye.height,
+                   frame->content->eye.depth_reference, shader->position_origin);
     for (int i = 0; i < 3; ++i) {
         double axis[3] = {0, 0, 0};
         axis[i] = 1;
-        spsi_linear_build(&frame->eye, axis, shader->position_origin, 0, &shader->position[i]);
+        spsi_linear_build(&frame->content->eye, axis, shader->position_origin, 0, &shader->position[i]);
     }
 }
 
@@ -11175,7 +11194,7 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
         double ray[3];
         memcpy(rgb + 3 * x, frame->scene->background, 3 * sizeof(float));
         if (!frame->scene->background_fn) continue;
-        spsi_ray_direction(&frame->eye, region[0] + x, region[1] + y, ray);
+        spsi_ray_direction(&frame->content->eye, region[0] + x, region[1] + y, ray);
         spsi_normalise(ray);
         for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
     }
@@ -11234,24 +11253,24 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
 
 /* The depth about which the eye's depths are stored: that of the middle of the volumes, whose look-ups need it to be
    near; the polygons', which may be far behind, where there are no volumes. */
-static void spsi_eye_reference(spsi_frame *frame) {
-    spsi_bounds all = frame->volume_bounds;
+static void spsi_eye_reference(const spsi_frame *frame) {
+    spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
-    if (spsi_bounds_empty(&all)) all = frame->mesh_bounds;
+    if (spsi_bounds_empty(&all)) all = frame->content->mesh_bounds;
     if (spsi_bounds_empty(&all)) return;
     spsi_bounds_centre(&all, centre);
-    spsi_project(&frame->eye, centre, q);
-    frame->eye.depth_reference = frame->eye.perspective ? fmax(q[2], 0) : q[2];
+    spsi_project(&frame->content->eye, centre, q);
+    frame->content->eye.depth_reference = frame->content->eye.perspective ? fmax(q[2], 0) : q[2];
 }
 
 static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                     spsi_hit **hits) {
-    const size_t pixels = spsi_ray_count(&frame->eye);
+    const size_t pixels = spsi_ray_count(&frame->content->eye);
     *hits = NULL;
     if (faces->count == 0) return SPS_OK;
     *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
     if (!*hits) return context->result;
-    spsi_rasterise(context, faces, &frame->eye, *hits, NULL, NULL);
+    spsi_rasterise(context, faces, &frame->content->eye, *hits, NULL, NULL);
     for (size_t i = 0; i < pixels; ++i) context->stats.pixels_of_polygons += (*hits)[i].face >= 0;
     return SPS_OK;
 }
@@ -11284,7 +11303,7 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
                                      spsi_run *run) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
-    const size_t pixels = spsi_ray_count(&frame->eye);
+    const size_t pixels = spsi_ray_count(&frame->content->eye);
     unsigned char *lit;
     run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
     if (!run->shadows) return context->result;
@@ -11323,7 +11342,7 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     return context->result;
 }
 
-static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
+static sps_result spsi_render_frame(sps_context *context, const spsi_frame *frame, const sps_image *image) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     const double start = spsi_clock(context);
     double gathered;
@@ -11463,7 +11482,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     eye += (size_t)region[2] * 6 * sizeof(float) + spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
            spsi_vectors_bytes(context, frame->material_count * SPSI_PARTS, sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
-    eye += spsi_plan_lists_bytes(frame, frame->eye.width, frame->eye.height);
+    eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
     if (sweep->lamp && spsi_has_gas(frame) && frame->extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
@@ -11547,21 +11566,23 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
     const size_t lights = (size_t)spsi_sweep_shadow_count(frame, 0); /* at once */
-    size_t tables = 1, sum = sizeof *context + sizeof *frame;
+    size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
                                           frame->particles_asked * sizeof(sps_particle);
     if (frame->triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
-            (size_t)frame->eye.width * (size_t)frame->eye.height * sizeof(spsi_hit) + SPSI_BLOCK_BYTES;
+            (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
+            SPSI_BLOCK_BYTES;
         if (frame->shadow_count > 0) {
             if (frame->scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
                     lights * ((size * size / 2 * 3 + 6 * 64) * 3 * sizeof(float) +
                               12 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float));
             report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->triangle_count);
-            report->pass[SPS_PASS_SHADOW_RAYS].bytes = lights * (size_t)frame->eye.width * (size_t)frame->eye.height;
+            report->pass[SPS_PASS_SHADOW_RAYS].bytes =
+                lights * (size_t)frame->content->eye.width * (size_t)frame->content->eye.height;
         }
     }
     for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
@@ -11795,7 +11816,8 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
         for (int i = 0; i < node->count; ++i) {
             const int particle = tree->order[node->first + i];
             const spsi_particle_set *set = spsi_set_of(frame, particle);
-            depths[set - frame->sets] += spsi_ray_depth_in_ball(ray, &frame->particles[particle], set->particles);
+            depths[set - frame->sets] +=
+                spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set->particles);
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -11850,7 +11872,7 @@ static int spsi_march_range(const spsi_marcher *marcher, const double origin[3],
     memcpy(ray.direction, direction, sizeof ray.direction);
     ray.low = low;
     ray.high = high;
-    if (!spsi_ray_meets_box(&ray, marcher->frame->volume_bounds.low, marcher->frame->volume_bounds.high, range))
+    if (!spsi_ray_meets_box(&ray, marcher->frame->content->bounds.low, marcher->frame->content->bounds.high, range))
         return 0;
     if (!(range[1] > range[0])) return 0;
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
@@ -11946,9 +11968,9 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     memcpy(point->direction, ray->direction, sizeof point->direction);
     point->extinction_sum = point->value_sum = 0;
     point->half = 0.5 * (ray->high - ray->low);
-    point->pixel = sqrt(spsi_length(frame->eye.a) * spsi_length(frame->eye.b));
-    if (frame->eye.perspective) {
-        spsi_to_rays(&frame->eye, ray->direction, depth);
+    point->pixel = sqrt(spsi_length(frame->content->eye.a) * spsi_length(frame->content->eye.b));
+    if (frame->content->eye.perspective) {
+        spsi_to_rays(&frame->content->eye, ray->direction, depth);
         point->pixel *= 0.5 * (ray->low + ray->high) * depth[2];
     }
     for (int m = 0; m < frame->medium_count; ++m) {
@@ -12028,7 +12050,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     const spsi_frame *frame = marcher->frame;
     double colour[3];
     spsi_surface surface;
-    spsi_surface_at(&frame->eye, marcher->faces, hit, x, y, &surface);
+    spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_surface_colour(marcher->faces, hit, colour);
     for (int c = 0; c < 3; ++c) radiance[c] = colour[c] * (double)frame->ambient[c];
     for (int i = 0; i < frame->lamp_count; ++i) {
@@ -12046,7 +12068,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
 /* The whole of one pixel: radiance, transmittance, and coverage-weighted distance. */
 static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, double radiance[3],
                              double *through, double *distance) {
-    const spsi_rays *eye = &marcher->frame->eye;
+    const spsi_rays *eye = &marcher->frame->content->eye;
     double origin[3], direction[3], range[2], length;
     spsi_hit hit = {SPSI_INFINITY, -1, {0, 0}};
     spsi_ray ray, step;
@@ -12156,7 +12178,7 @@ static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, 
     return SPS_OK;
 }
 
-static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi_marcher *marcher) {
+static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
     uint64_t voxels = 0, bricks = 0;
     float *values;
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -12199,18 +12221,18 @@ static sps_result spsi_march_grids(sps_context *context, spsi_frame *frame, spsi
 
 /* Builds the tree of all particles. */
 static sps_result spsi_march_particles(sps_context *context, const spsi_frame *frame, spsi_tree *tree) {
-    const size_t count = (size_t)frame->particle_count;
+    const size_t count = (size_t)frame->content->particle_count;
     spsi_tree_item *items;
     if (count == 0) return SPS_OK;
-    tree->count = frame->particle_count;
+    tree->count = frame->content->particle_count;
     tree->order = (int *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLES, count, sizeof(int));
     tree->nodes = (spsi_tree_node *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_PARTICLE_NODES, spsi_tree_nodes(count),
                                                  sizeof(spsi_tree_node));
     items = (spsi_tree_item *)spsi_reserve(context, SPSI_BUFFER_TREE_ITEMS, count, sizeof(spsi_tree_item));
     if (!tree->order || !tree->nodes || !items) return context->result;
-    for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->particles[0].position[i];
+    for (int i = 0; i < 3; ++i) tree->centre[i] = (double)frame->content->particles[0].position[i];
     for (int i = 0; i < tree->count; ++i) {
-        const sps_particle *particle = &frame->particles[i];
+        const sps_particle *particle = &frame->content->particles[i];
         double low[3], high[3];
         for (int k = 0; k < 3; ++k) {
             low[k] = (double)particle->position[k] - (double)particle->radius;
@@ -12222,7 +12244,7 @@ static sps_result spsi_march_particles(sps_context *context, const spsi_frame *f
     return spsi_tree_build(context, tree, items);
 }
 
-static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi_faces *faces, double step,
+static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame, spsi_faces *faces, double step,
                                    spsi_marcher *marcher) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double extent = HUGE_VAL;
@@ -12233,7 +12255,7 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
     spsi_tell_replaced(context, 0);
     if (spsi_gather_particles(context, frame)) return context->result;
-    if (frame->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->particle_radius);
+    if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = step * extent;
     marcher->part_count = frame->medium_count + frame->set_count;
     spsi_eye_reference(frame);
@@ -12246,7 +12268,7 @@ static sps_result spsi_march_build(sps_context *context, spsi_frame *frame, spsi
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
-static sps_result spsi_march_frame(sps_context *context, spsi_frame *frame, double step, const sps_image *image) {
+static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = 4 + frame->wants_depth;
     const int rows = spsi_worker_count(context); /* between two chances to cancel: a row can take a second */
     const double start = spsi_clock(context);

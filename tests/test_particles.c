@@ -1009,6 +1009,7 @@ static void test_stats(void) {
 /* Where particles are and how large, far from the world's origin and from the first of them: six about one middle. */
 static void test_measures(void) {
     static const double offsets[6][3] = {{3, 0, 0}, {-3, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 1}, {0, 0, -1}};
+    static spsi_content content;
     static spsi_frame frame;
     sps_particle list[6];
     memset(list, 0, sizeof list);
@@ -1016,17 +1017,19 @@ static void test_measures(void) {
         check_color(list[i].position, 70000 + offsets[i][0], -3000 + offsets[i][1], 500 + offsets[i][2]);
         list[i].radius = i & 1 ? 8 : 2;
     }
+    memset(&content, 0, sizeof content);
     memset(&frame, 0, sizeof frame);
-    frame.volume_bounds = spsi_nowhere;
-    frame.particles = list;
-    frame.particle_count = 6;
+    frame.content = &content;
+    content.bounds = spsi_nowhere;
+    content.particles = list;
+    content.particle_count = 6;
     spsi_measure_particles(&frame);
-    CHECK_NEAR(frame.particle_radius, 4, 1e-12);
-    CHECK_NEAR(frame.particle_spread, sqrt((9 + 9 + 4 + 4 + 1 + 1) / 6.0), 1e-12);
-    CHECK_NEAR(frame.volume_bounds.low[0], 70000 - 11, 1e-9); /* the second one's */
-    CHECK_NEAR(frame.volume_bounds.high[0], 70000 + 8, 1e-9); /* the fourth's and sixth's */
-    CHECK_NEAR(frame.volume_bounds.low[1], -3000 - 10, 1e-9);
-    CHECK_NEAR(frame.volume_bounds.high[2], 500 + 8, 1e-9);
+    CHECK_NEAR(content.particle_radius, 4, 1e-12);
+    CHECK_NEAR(content.particle_spread, sqrt((9 + 9 + 4 + 4 + 1 + 1) / 6.0), 1e-12);
+    CHECK_NEAR(content.bounds.low[0], 70000 - 11, 1e-9); /* the second one's */
+    CHECK_NEAR(content.bounds.high[0], 70000 + 8, 1e-9); /* the fourth's and sixth's */
+    CHECK_NEAR(content.bounds.low[1], -3000 - 10, 1e-9);
+    CHECK_NEAR(content.bounds.high[2], 500 + 8, 1e-9);
 }
 
 /* A particle below a texel is as wide on all six faces of a cube about a light: as a texel is at the largest of its

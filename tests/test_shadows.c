@@ -149,13 +149,15 @@ static spsi_frame frame_of_body;
 
 static int build_faces(check_scene *s, const double offset[3], spsi_faces *faces) {
     sps_mesh *mesh = check_add_mesh(s, &body, 1);
+    static spsi_content content;
     spsi_frame *frame = &frame_of_body;
     mesh->placement = check_box(0, 0, 0, 1, 1, 1);
     memcpy(mesh->placement.origin, offset, sizeof mesh->placement.origin);
     memset(frame, 0, sizeof *frame);
     frame->scene = &s->scene;
     frame->triangle_count = body.count;
-    frame->mesh_bounds = spsi_nowhere;
+    frame->content = &content;
+    content.mesh_bounds = spsi_nowhere;
     return CHECK_OK(context, spsi_gather_faces(context, frame, faces)) &&
            CHECK_OK(context, spsi_faces_tree(context, faces));
 }

@@ -3407,14 +3407,20 @@ static int spsi_components_of(const sps_tmap_settings *settings) {
    9  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
    zero. */
 
-typedef struct spsi_medium { /* a volume that holds voxels */
-    const sps_volume *volume;
-    int index;         /* in the scene's array, for error sentences */
+/* A grid of voxels in the world. Each medium has one, that of its volume; a coarser one would be another. */
+typedef struct spsi_lattice {
+    int medium;
     double corner[3];  /* world position of the box's corner at voxel (0,0,0) */
     double step[3][3]; /* world vectors of one voxel's edges */
     double voxel_volume;
-    int channel;       /* of the eye's sheets, and index of its material */
-    int light_channel; /* of a light's sheets: gases share number 0 */
+} spsi_lattice;
+
+typedef struct spsi_medium { /* a volume that holds voxels */
+    const sps_volume *volume;
+    int index;             /* in the scene's array, for error sentences */
+    spsi_lattice *lattice; /* of its volume */
+    int channel;           /* of the eye's sheets, and index of its material */
+    int light_channel;     /* of a light's sheets: gases share number 0 */
 } spsi_medium;
 
 typedef struct spsi_particle_set { /* a set of particles that is not empty */
@@ -3467,6 +3473,7 @@ typedef struct spsi_frame {
     spsi_rays eye;
     int medium_count, material_count, light_channel_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
+    spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one of each medium */
     spsi_material materials[SPSI_MATERIALS_MAX];
     spsi_bounds volume_bounds; /* of the volumes' boxes, and as far as their kernels reach */
     size_t triangle_count;
@@ -3507,34 +3514,34 @@ static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
 }
 
 /* The position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
-static void spsi_voxel_position(const spsi_medium *medium, const double at[3], double point[3]) {
-    spsi_along(medium->corner, medium->step[0], at[0], point);
-    spsi_along(point, medium->step[1], at[1], point);
-    spsi_along(point, medium->step[2], at[2], point);
+static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
+    spsi_along(lattice->corner, lattice->step[0], at[0], point);
+    spsi_along(point, lattice->step[1], at[1], point);
+    spsi_along(point, lattice->step[2], at[2], point);
 }
 
 /* The length of a voxel's kernel along a unit direction, as the root of s' V V' s: a cube's edge for cubes. */
-static double spsi_voxel_extent(const spsi_medium *medium, const double s[3]) {
+static double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
-    for (int i = 0; i < 3; ++i) sum += spsi_dot(medium->step[i], s) * spsi_dot(medium->step[i], s);
+    for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
 }
 
 /* The length of what a ray of unit direction d through a voxel's middle crosses of it, as 1 / root of d' (V V')^-1 d: a
    cube's edge for cubes. Where voxels are flat and slanted, a ray crosses much less of one than its kernel extends. */
-static double spsi_voxel_chord(const spsi_medium *medium, const double d[3]) {
+static double spsi_voxel_chord(const spsi_lattice *lattice, const double d[3]) {
     double rows[3][3], sum = 0;
-    if (!spsi_invert(medium->step[0], medium->step[1], medium->step[2], rows)) return spsi_voxel_extent(medium, d);
+    if (!spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows)) return spsi_voxel_extent(lattice, d);
     for (int i = 0; i < 3; ++i) sum += spsi_dot(rows[i], d) * spsi_dot(rows[i], d);
     return 1 / sqrt(sum);
 }
 
 /* The least length of a voxel's kernel along any direction in the plane of two unit vectors that are perpendicular to
    each other: the root of the lesser eigenvalue of (x, y)' V V' (x, y). */
-static double spsi_voxel_breadth(const spsi_medium *medium, const double x[3], const double y[3]) {
+static double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
-        const double along_x = spsi_dot(medium->step[i], x), along_y = spsi_dot(medium->step[i], y);
+        const double along_x = spsi_dot(lattice->step[i], x), along_y = spsi_dot(lattice->step[i], y);
         xx += along_x * along_x;
         xy += along_x * along_y;
         yy += along_y * along_y;
@@ -3999,7 +4006,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
         material.table = table;
         material.shading = volume->shading;
         material.gradient_scale = 1 / fmaxf(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
-        material.voxel_length = (float)cbrt(medium->voxel_volume);
+        material.voxel_length = (float)cbrt(medium->lattice->voxel_volume);
         material.specular = volume->specular;
         material.shininess = volume->shininess > 0 ? volume->shininess : 32;
         if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
@@ -4012,16 +4019,17 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
 }
 
 static sps_result spsi_medium_place(sps_context *context, spsi_medium *medium) {
+    spsi_lattice *lattice = medium->lattice;
     sps_placement placement;
     spsi_placement_resolve(&medium->volume->placement, &placement);
     if (spsi_check_placement(context, &placement, SPS_OBJECT_VOLUME, medium->index)) return context->result;
-    memcpy(medium->corner, placement.origin, sizeof medium->corner);
+    memcpy(lattice->corner, placement.origin, sizeof lattice->corner);
     for (int axis = 0; axis < 3; ++axis)
-        for (int i = 0; i < 3; ++i) medium->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
-    medium->voxel_volume = fabs(spsi_determinant(medium->step[0], medium->step[1], medium->step[2]));
-    if (medium->voxel_volume > 0) return SPS_OK;
+        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
+    lattice->voxel_volume = fabs(spsi_determinant(lattice->step[0], lattice->step[1], lattice->step[2]));
+    if (lattice->voxel_volume > 0) return SPS_OK;
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, medium->index,
-                           "placement's volume of a voxel", medium->voxel_volume,
+                           "placement's volume of a voxel", lattice->voxel_volume,
                            "it is too small for the numbers in use");
 }
 
@@ -4039,6 +4047,8 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
                                    scene->volume_count, "at most 64 volumes may hold voxels");
         medium->volume = volume;
         medium->index = i;
+        medium->lattice = &frame->lattices[frame->medium_count];
+        medium->lattice->medium = frame->medium_count;
         if (spsi_medium_place(context, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
@@ -4054,7 +4064,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
             const double margin = SPSI_REACH;
             double at[3], point[3];
             for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->volume->size[k] + margin : -margin;
-            spsi_voxel_position(medium, at, point);
+            spsi_voxel_position(medium->lattice, at, point);
             spsi_bounds_add(&frame->volume_bounds, point);
         }
     }
@@ -4153,7 +4163,7 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
     spsi_normalise(forward);
     spsi_basis(forward, across[0], across[1]);
     *near_by = 0;
-    if (!eye->perspective) return spsi_voxel_breadth(medium, across[0], across[1]) / pixel;
+    if (!eye->perspective) return spsi_voxel_breadth(medium->lattice, across[0], across[1]) / pixel;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
         spsi_bounds_corner(&frame->volume_bounds, corner, point);
@@ -4162,8 +4172,9 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
         low = fmin(low, q[2]);
         high = fmax(high, q[2]);
     }
-    *near_by = low < SPSI_NEAR_REACHES * frame->cut * SPSI_SIGMA * spsi_voxel_extent(medium, eye->inverse[2]);
-    return spsi_voxel_breadth(medium, across[0], across[1]) / (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
+    *near_by = low < SPSI_NEAR_REACHES * frame->cut * SPSI_SIGMA * spsi_voxel_extent(medium->lattice, eye->inverse[2]);
+    return spsi_voxel_breadth(medium->lattice, across[0], across[1]) /
+           (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
 }
 
 /* What gradients are made of. Over two pixels, differences fall short of a sharp edge by up to a sixth of (pixels /
@@ -4244,7 +4255,7 @@ typedef struct spsi_segment {
 } spsi_segment;
 
 typedef struct spsi_brick {
-    int medium, base[3];           /* base: its first voxel */
+    int lattice, base[3];          /* base: its first voxel */
     unsigned char low[3], high[3]; /* its voxels' least and largest steps */
     int segment, first, count;
 } spsi_brick;
@@ -4319,7 +4330,7 @@ static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *bl
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
-                spsi_voxel_position(block->medium, at, position);
+                spsi_voxel_position(block->medium->lattice, at, position);
             }
         context->stats.eval_calls += 1;
         returned = volume->eval_fn(volume->user, layer, block->positions, block->values + layer * (size_t)z);
@@ -4486,7 +4497,7 @@ static void spsi_brick_fill(const spsi_block *block, const int base[3], spsi_seg
         }
 }
 
-static sps_result spsi_block_to_bricks(sps_context *context, const spsi_block *block, int medium, int *current) {
+static sps_result spsi_block_to_bricks(sps_context *context, const spsi_block *block, int lattice, int *current) {
     int base[3];
     for (base[2] = block->core_low[2]; base[2] < block->core_high[2]; base[2] += SPSI_BRICK)
         for (base[1] = block->core_low[1]; base[1] < block->core_high[1]; base[1] += SPSI_BRICK)
@@ -4497,7 +4508,7 @@ static sps_result spsi_block_to_bricks(sps_context *context, const spsi_block *b
                                                                          (size_t)count + 1, sizeof(spsi_brick))
                                              : NULL;
                 if (!bricks) return context->result;
-                bricks[count].medium = medium;
+                bricks[count].lattice = lattice;
                 bricks[count].segment = *current;
                 spsi_brick_fill(block, base, segment, &bricks[count]);
                 if (bricks[count].count > 0) context->brick_count += 1;
@@ -4540,6 +4551,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     for (int i = 0; i < frame->medium_count; ++i) {
         const sps_volume *volume = frame->media[i].volume;
         const spsi_material *material = &frame->materials[frame->media[i].channel];
+        const spsi_lattice *lattice = frame->media[i].lattice;
         const spsi_table *table = material->table;
         if (volume->revision == 0) return 0;
         hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
@@ -4547,8 +4559,8 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
         hash = spsi_fingerprint(hash, &volume->read_fn, sizeof volume->read_fn);
         hash = spsi_fingerprint(hash, &volume->eval_fn, sizeof volume->eval_fn);
         hash = spsi_fingerprint(hash, &volume->revision, sizeof volume->revision);
-        if (volume->eval_fn) hash = spsi_fingerprint(hash, frame->media[i].step, sizeof frame->media[i].step);
-        if (volume->eval_fn) hash = spsi_fingerprint(hash, frame->media[i].corner, sizeof frame->media[i].corner);
+        if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
+        if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
         if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
         if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
     }
@@ -4565,7 +4577,7 @@ static void spsi_tighten_bounds(const sps_context *context, const spsi_frame *fr
             for (int k = 0; k < 3; ++k)
                 at[k] = bricks[i].base[k] + 0.5 +
                         (corner >> k & 1 ? bricks[i].high[k] + SPSI_REACH : bricks[i].low[k] - SPSI_REACH);
-            spsi_voxel_position(&frame->media[bricks[i].medium], at, point);
+            spsi_voxel_position(&frame->lattices[bricks[i].lattice], at, point);
             spsi_bounds_add(&frame->content->bounds, point);
         }
 }
@@ -5650,7 +5662,7 @@ static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], do
 static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i)
-        least = fmin(least, spsi_voxel_breadth(&frame->media[i], right, down));
+        least = fmin(least, spsi_voxel_breadth(frame->media[i].lattice, right, down));
     return least;
 }
 
@@ -6356,14 +6368,14 @@ static double spsi_particle_edge(const spsi_frame *frame) {
 /* The length of a voxel that slabs across s are measured by for a ray: what the ray crosses of it, and half or a
    quarter of that where the ray grazes the slabs and is long in each of them. Halves, so that all slabs stay where they
    are as a light turns: errors that jump would be seen. */
-static double spsi_slab_chord(const spsi_medium *medium, const double s[3], const double ray[3]) {
+static double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
-    return share * spsi_voxel_chord(medium, ray);
+    return share * spsi_voxel_chord(lattice, ray);
 }
 
 /* The least of these lengths for rays from a point to the corners and the middle of `bounds`. */
-static double spsi_chord_to_bounds(const spsi_medium *medium, const double s[3], const double from[3],
+static double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
                                    const spsi_bounds *bounds) {
     double least = HUGE_VAL;
     for (int corner = 0; corner <= 8; ++corner) {
@@ -6373,40 +6385,40 @@ static double spsi_chord_to_bounds(const spsi_medium *medium, const double s[3],
         else
             spsi_bounds_centre(bounds, ray);
         spsi_along(ray, from, -1, ray);
-        if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(medium, s, ray));
+        if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(lattice, s, ray));
     }
     return least;
 }
 
 /* The same of a grid's rays: those through its corners and its middle, or those that can meet a volume, whichever set
    crosses more. */
-static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_medium *medium, const double s[3],
+static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
                                  const spsi_rays *rays) {
     double least = HUGE_VAL;
     for (int i = 0; i < 5; ++i) {
         const double x = i < 4 ? i & 1 : 0.5, y = i < 4 ? i >> 1 : 0.5;
         double ray[3];
         spsi_ray_direction(rays, x * (rays->width - 1), y * (rays->height - 1), ray);
-        if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(medium, s, ray));
+        if (spsi_normalise(ray)) least = fmin(least, spsi_slab_chord(lattice, s, ray));
     }
     if (!rays->perspective || spsi_bounds_hold(&frame->content->bounds, rays->origin)) return least;
-    return fmax(least, spsi_chord_to_bounds(medium, s, rays->origin, &frame->content->bounds));
+    return fmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
 /* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
    any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along
    s; a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
-static double spsi_slab_voxel(const spsi_frame *frame, const spsi_medium *medium, const spsi_rays *rays,
+static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                               const spsi_lamp *lamp, const double s[3]) {
-    const double extent = spsi_voxel_extent(medium, s), flattest = 1.0 / 16;
+    const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
     double chord, travel[3];
-    if (!frame->materials[medium->channel].table) return extent;
-    chord = spsi_chord_of_rays(frame, medium, s, rays);
+    if (!frame->materials[frame->media[lattice->medium].channel].table) return extent;
+    chord = spsi_chord_of_rays(frame, lattice, s, rays);
     if (lamp && !lamp->is_point) {
         spsi_lamp_direction(lamp, lamp->position, travel);
-        chord = fmin(chord, spsi_slab_chord(medium, s, travel));
+        chord = fmin(chord, spsi_slab_chord(lattice, s, travel));
     } else if (lamp) {
-        chord = fmin(chord, spsi_chord_to_bounds(medium, s, lamp->position, &frame->content->bounds));
+        chord = fmin(chord, spsi_chord_to_bounds(lattice, s, lamp->position, &frame->content->bounds));
     }
     return fmin(extent, fmax(chord, flattest * extent));
 }
@@ -6424,7 +6436,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     }
     edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* a stray particle must not take more than there can be */
     for (int i = 0; i < frame->medium_count; ++i)
-        edge = fmin(edge, spsi_slab_voxel(frame, &frame->media[i], rays, lamp, slabs->normal));
+        edge = fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
     slabs->thickness = fmin(frame->view.slab * edge, high - low); /* one slab at least holds everything */
     count = ceil((high - low) / slabs->thickness);
@@ -6581,15 +6593,15 @@ static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, i
 }
 
 /* Returns 0 if footprints would leave the range of floats. */
-static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays, const spsi_slabs *slabs, float scale,
+static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *rays, const spsi_slabs *slabs, float scale,
                                double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, weight;
     memset(splatter, 0, sizeof *splatter);
     memset(covariance, 0, sizeof covariance);
     splatter->perspective = rays->perspective;
     for (int axis = 0; axis < 3; ++axis) {
-        const double change = spsi_dot(slabs->normal, medium->step[axis]) / slabs->thickness;
-        spsi_to_rays(rays, medium->step[axis], e[axis]);
+        const double change = spsi_dot(slabs->normal, lattice->step[axis]) / slabs->thickness;
+        spsi_to_rays(rays, lattice->step[axis], e[axis]);
         splatter->slab_step[axis] = (float)change;
         reach += change * change;
         for (int i = 0; i < 3; ++i) splatter->step[axis][i] = (float)e[axis][i];
@@ -6599,7 +6611,7 @@ static int spsi_splatter_build(const spsi_medium *medium, const spsi_rays *rays,
     spsi_invert(covariance[0], covariance[1], covariance[2], rows);
     unit = sqrt(covariance[2][2]);
     root = sqrt(spsi_determinant(covariance[0], covariance[1], covariance[2]));
-    weight = (double)scale * medium->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
+    weight = (double)scale * lattice->voxel_volume / fabs(spsi_determinant(rays->a, rays->b, rays->c)) /
              (2 * SPSI_PI * spsi_footprint_mass(cut));
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
@@ -7145,11 +7157,11 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
 }
 
 /* Where a brick lies for these rays and slabs, slab coordinates counted from `first_slab`. */
-static void spsi_anchor_build(const spsi_medium *medium, const spsi_brick *brick, const spsi_rays *rays,
+static void spsi_anchor_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
                               const spsi_slabs *slabs, int first_slab, spsi_anchor *anchor) {
     double at[3], point[3], offset[3], q[3];
     for (int i = 0; i < 3; ++i) at[i] = brick->base[i] + 0.5;
-    spsi_voxel_position(medium, at, point);
+    spsi_voxel_position(lattice, at, point);
     spsi_along(point, rays->origin, -1, offset);
     spsi_to_rays(rays, offset, q);
     for (int i = 0; i < 3; ++i) anchor->q[i] = (float)q[i];
@@ -7461,7 +7473,7 @@ typedef struct spsi_target {
     const spsi_slabs *slabs;
     int columns, rows; /* of tiles */
     spsi_shape shape;
-    int channels[SPSI_VOLUMES_MAX];       /* of each volume; -1: it is not splatted */
+    int channels[SPSI_VOLUMES_MAX];       /* of each lattice; -1: it is not splatted */
     int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, and behind that d/dy; -1: none */
     int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
@@ -7512,7 +7524,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
 
 static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *medium) {
     return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index, "placement's voxel edge",
-                           cbrt(medium->voxel_volume),
+                           cbrt(medium->lattice->voxel_volume),
                            "it is too large or too small for the world, or for this view's pixels");
 }
 
@@ -7530,7 +7542,7 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         target->channels[i] = medium->channel;
         if (frame->splats_slopes && material->table && material->shading == SPS_SHADING_SURFACE)
             target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
-        if (!spsi_splatter_build(medium, &frame->content->eye, slabs, 1, frame->cut, splatter))
+        if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->cut, splatter))
             return spsi_target_refuse(context, medium);
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
@@ -7551,7 +7563,7 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
         const spsi_material *material = &frame->materials[medium->channel];
         const float scale = material->table ? 1 : material->extinction;
         if (material->extinguishes) target->channels[i] = medium->light_channel;
-        if (!spsi_splatter_build(medium, rays, slabs, scale, material->table ? classified_cut : frame->cut,
+        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, material->table ? classified_cut : frame->cut,
                                  &target->splatters[i]))
             return spsi_target_refuse(context, medium);
     }
@@ -7594,14 +7606,14 @@ typedef struct spsi_targets_job {
 } spsi_targets_job;
 
 /* The slab coordinates between which the centres of a brick's voxels lie. */
-static void spsi_brick_slabs(const spsi_medium *medium, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
+static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
     *low = HUGE_VAL;
     *high = -HUGE_VAL;
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3], slab;
         for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
-        spsi_voxel_position(medium, at, point);
+        spsi_voxel_position(lattice, at, point);
         slab = spsi_slab_at(slabs, point);
         *low = fmin(*low, slab);
         *high = fmax(*high, slab);
@@ -7609,8 +7621,8 @@ static void spsi_brick_slabs(const spsi_medium *medium, const spsi_brick *brick,
 }
 
 /* The tiles that a brick's kernels can reach; `behind`: 1 if rays extend behind their origin. */
-static void spsi_brick_tiles(const spsi_medium *medium, const spsi_brick *brick, const spsi_target *target, int behind,
-                             int16_t tiles[4]) {
+static void spsi_brick_tiles(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_target *target,
+                             int behind, int16_t tiles[4]) {
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
@@ -7619,7 +7631,7 @@ static void spsi_brick_tiles(const spsi_medium *medium, const spsi_brick *brick,
         double at[3], point[3], q[3];
         for (int k = 0; k < 3; ++k)
             at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
-        spsi_voxel_position(medium, at, point);
+        spsi_voxel_position(lattice, at, point);
         spsi_project(rays, point, q);
         ahead += !rays->perspective || q[2] > 0;
         back += rays->perspective && q[2] < 0;
@@ -7643,17 +7655,17 @@ static void spsi_bricks_task(void *data, int index, int worker) {
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const spsi_brick *brick = &contents->list[i];
-        const spsi_medium *medium = &contents->frame->media[brick->medium];
+        const spsi_lattice *lattice = &contents->frame->lattices[brick->lattice];
         double low, high, farthest = 0;
-        spsi_brick_slabs(medium, brick, contents->slabs, &low, &high);
+        spsi_brick_slabs(lattice, brick, contents->slabs, &low, &high);
         for (int n = 0; n < job->target_count; ++n) {
             const spsi_target *target = job->targets[n];
-            const spsi_splatter *splatter = &target->splatters[brick->medium];
+            const spsi_splatter *splatter = &target->splatters[brick->lattice];
             const double reach = (double)splatter->reach_slabs + target->shape.slab_margin + 1e-3;
             const double eye_slab = spsi_slab_at(target->slabs, target->rays->origin);
             const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
             farthest = fmax(farthest, reach);
-            spsi_brick_tiles(medium, brick, target, behind, target->brick_tiles[i]);
+            spsi_brick_tiles(lattice, brick, target, behind, target->brick_tiles[i]);
         }
         spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
     }
@@ -7847,16 +7859,16 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const int index = contents->bricks.present[i];
         const int16_t *tiles = target->brick_tiles[index];
         const spsi_brick *brick = &contents->list[index];
-        const int channel = target->channels[brick->medium], slopes = target->slope_channels[brick->medium];
+        const int channel = target->channels[brick->lattice], slopes = target->slope_channels[brick->lattice];
         spsi_anchor anchor;
         if (fill->column < tiles[0] || fill->column > tiles[2] || fill->row < tiles[1] || fill->row > tiles[3])
             continue;
         if (channel < 0) continue;
         spsi_tile_touch(fill);
-        spsi_anchor_build(&contents->frame->media[brick->medium], brick, target->rays, target->slabs, first_slab,
+        spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
         tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
-        spsi_splat_brick(tile, &target->splatters[brick->medium], &anchor,
+        spsi_splat_brick(tile, &target->splatters[brick->lattice], &anchor,
                          spsi_segment_at(contents->context, brick->segment), brick,
                          tile->sheets + (size_t)channel * tile->channel_size);
     }
@@ -12182,6 +12194,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
     uint64_t voxels = 0, bricks = 0;
     float *values;
     for (int i = 0; i < frame->medium_count; ++i) {
+        const spsi_lattice *lattice = frame->media[i].lattice;
         spsi_grid *grid = &marcher->grids[i];
         uint64_t b = 1, v = 1;
         for (int k = 0; k < 3; ++k) {
@@ -12190,8 +12203,8 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
             v *= (uint64_t)grid->size[k];
             b *= (uint64_t)grid->bricks[k];
         }
-        memcpy(grid->corner, frame->media[i].corner, sizeof grid->corner);
-        spsi_invert(frame->media[i].step[0], frame->media[i].step[1], frame->media[i].step[2], grid->inverse);
+        memcpy(grid->corner, lattice->corner, sizeof grid->corner);
+        spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], grid->inverse);
         voxels += v;
         bricks += b;
     }
@@ -12251,7 +12264,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     marcher->frame = frame;
     marcher->faces = faces;
     for (int i = 0; i < frame->medium_count; ++i)
-        for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].step[k]));
+        for (int k = 0; k < 3; ++k) extent = fmin(extent, spsi_length(frame->media[i].lattice->step[k]));
     if (spsi_march_grids(context, frame, marcher) || spsi_gather_faces(context, frame, faces)) return context->result;
     spsi_tell_replaced(context, 0);
     if (spsi_gather_particles(context, frame)) return context->result;

@@ -22,7 +22,8 @@ static inline int ex_type_is_float(ex_type type) { return type == EX_F32 || type
 enum { EX_GRID_BLOCK = 32 }; /* voxels along the edge of a block that has a range */
 
 /* A volume in memory, in the type of its file, x fastest. A stored number s means the value (s - zero) / unit, clamped
-   to least..most. `ranges` holds the minimum and the maximum value of each block. */
+   to least..most. `ranges` holds the minimum and the maximum value of each block. (The library's sps_grid is enough for
+   arrays that are in memory anyway: it has fewer types, does not clamp, and looks at all voxels to find a range.) */
 typedef struct ex_grid {
     int size[3];
     ex_type type;

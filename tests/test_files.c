@@ -297,6 +297,11 @@ static void test_nifti_placement(void) {
     }
 }
 
+/* Headers that are complete, or nearly so */
+#define NRRD_HEAD "NRRD0004\ndimension: 3\n"
+#define NRRD_REST "sizes: 2 1 1\ntype: uint8\nencoding: raw\n"
+#define META_HEAD "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\n"
+
 static void write_text(const char *name, const char *text) { write_file(name, text, strlen(text)); }
 
 /* Spacing alone, in the formats that are text; and what MetaImage calls the same thing by other names. */
@@ -329,14 +334,12 @@ static void test_spacing(void) {
 
 /* Voxels that are not at the beginning of their file. */
 static void test_skipping(void) {
-    static const char *const headers[] = {
-        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nbyte skip: 3\ndata file: skip.raw\n",
-        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nline skip: 1\ndatafile: ./skip.raw\n\n",
-        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nlineskip: 0\nbyteskip: -1\ndata file: "
-        "end.raw",
-        "NRRD0004\ndimension: 3\ntype: uint8\nsizes: 2 1 1\nencoding: raw\nline skip: 1\nbyte skip: 1\n\n12\n3ab",
-        "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\nHeaderSize = 3\nElementDataFile = skip.raw\n",
-        "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\nHeaderSize = -1\nElementDataFile = end.raw\n"};
+    static const char *const headers[] = {NRRD_HEAD NRRD_REST "byte skip: 3\ndata file: skip.raw\n",
+                                          NRRD_HEAD NRRD_REST "line skip: 1\ndatafile: ./skip.raw\n\n",
+                                          NRRD_HEAD NRRD_REST "lineskip: 0\nbyteskip: -1\ndata file: end.raw",
+                                          NRRD_HEAD NRRD_REST "line skip: 1\nbyte skip: 1\n\n12\n3ab",
+                                          META_HEAD "HeaderSize = 3\nElementDataFile = skip.raw\n",
+                                          META_HEAD "HeaderSize = -1\nElementDataFile = end.raw\n"};
     write_text("skip.raw", "12\nab and more");
     write_text("end.raw", "12\nab");
     for (size_t i = 0; i < sizeof headers / sizeof *headers; ++i) {
@@ -523,10 +526,7 @@ typedef struct wrong {
     const char *name, *text, *words;
 } wrong;
 
-#define NRRD_HEAD "NRRD0004\ndimension: 3\n"
-#define NRRD_REST "sizes: 2 1 1\ntype: uint8\nencoding: raw\n"
-#define META_HEAD "NDims = 3\nDimSize = 2 1 1\nElementType = MET_UCHAR\n"
-#define NPY_HEAD  "\x93NUMPY\1"
+#define NPY_HEAD "\x93NUMPY\1"
 
 static void check_wrong(const wrong *list, size_t count) {
     for (size_t i = 0; i < count; ++i) {

@@ -412,6 +412,7 @@ static void test_values(void) {
                  {EX_U8, {20, 220}, {0, 0}, {-30, 270}, {1 / 6.0f, 5 / 6.0f}},
                  {EX_I16, {-1000, 500}, {0, 0}, {-1000, 2000}, {0, 0.5f}},
                  {EX_I16, {24, 1524}, {1, -1024}, {-1000, 2000}, {0, 0.5f}},
+                 {EX_I16, {2024, 3524}, {0.5, -1012}, {-500, 1000}, {1 / 3.0f, 5 / 6.0f}},
                  {EX_F32, {-0.5, 0.25}, {0, 0}, {0.5, -0.5}, {1, 0.25f}}};
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         const int failed = check_failed;
@@ -647,11 +648,11 @@ static void test_wrong_npy_dictionary(void) {
                 {"{'shape': (1, 2, 3}", "the header's dictionary is cut off or malformed"},
                 {"{'color': 1}", "unknown field 'color'"},
                 {"{descr: 1}", "the header's dictionary is cut off or malformed"}};
+    static bytes file;
+    ex_volume_file header;
+    ex_grid grid;
+    ex_error error;
     for (size_t i = 0; i < sizeof list / sizeof *list; ++i) {
-        static bytes file;
-        ex_volume_file header;
-        ex_grid grid;
-        ex_error error;
         file.count = 0;
         put(&file, NPY_HEAD "\0", 8);
         put_number(&file, (double)strlen(list[i].dictionary), EX_U16, 0);
@@ -663,6 +664,11 @@ static void test_wrong_npy_dictionary(void) {
             printf("    '%s' is not in: %s\n", list[i].words, error.text);
         ex_grid_free(&grid);
     }
+    file.count = 0; /* one byte more than there is */
+    put(&file, NPY_HEAD "\0\6\0{'a'}", 15);
+    write_file("w.npy", file.data, file.count);
+    CHECK(read_volume("w.npy", &header, &grid, &error) != 0);
+    CHECK(strstr(error.text, "w.npy: header length: 6 bytes, but the file has only 5") != NULL);
 }
 
 /* A number that a NIfTI header may not have, at its place. */

@@ -226,7 +226,7 @@ $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
-	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) $(if $(TCC_THERE),build/tests/header.tcc.log) \
+	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log) $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log)
 endif
 
@@ -275,6 +275,18 @@ build/tests/header.tcc.log: splatshadow.h
 # The shaders as shader compilers see them
 build/tests/shaders.%.log: tests/shaders.sh docs/shadow_maps.md $(wildcard examples/shaders/*)
 	@$(call run,shaders.$*,sh $< $* build/tests)
+
+# Every public struct is made empty, as C++ and C do it, without a warning.
+EMPTY = printf '\#include "splatshadow.h"\n'; awk '/^typedef struct sps_[a-z_]* [{]/ { \
+	print "void take_" $$3 "(const " $$3 " *); void make_" $$3 "(void);"; \
+	print "void make_" $$3 "(void) { " $$3 " made = {$(1)}; take_" $$3 "(&made); }" }' splatshadow.h
+
+build/tests/header.empty.log: splatshadow.h
+	@$(call run,header.empty,(for c in $(filter gcc clang,$(THERE)); do \
+		{ $(call EMPTY,0); } | $$c -x c -std=c99 -Wall -Wextra -Werror -I. -fsyntax-only - || exit 1; done; \
+		for c in $(if $(filter gcc,$(CPP_THERE)),g++) $(if $(filter clang,$(CPP_THERE)),clang++); do \
+		{ $(call EMPTY,); } | $$c -x c++ -std=c++11 -Wall -Wextra -Wmissing-field-initializers -Werror -I. -fsyntax-only - || \
+		exit 1; done) && $(ONE_PASSED))
 
 # Fast-math is refused unless the caller insists.
 build/tests/header.fast_math.log: splatshadow.h

@@ -8,14 +8,19 @@ static int blob(void *user, size_t count, const double *xyz, float *density) {
     return user != NULL;
 }
 int main(void) {
+    static const float corners[] = {-9, -0.8f, 5, 9, -0.8f, 5, 9, -0.8f, -9, -9, -0.8f, -9};
+    static const uint16_t indices[] = {0, 1, 2, 0, 2, 3};
     static float rgba[256 * 256 * 4];
-    sps_volume gas = {0, {64, 64, 64}, {{-1, -1, -1}, {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}}}};
-    sps_light sun = {0, SPS_LIGHT_DIRECTIONAL, {1, -1, -1}, {0, 0, 0}, {9, 8, 7}};
-    gas.eval_fn = blob, gas.extinction = 6;
-    gas.albedo[0] = 0.7f, gas.albedo[1] = 0.8f, gas.albedo[2] = 0.9f;
-    sps_scene scene = {0, &gas, 1, NULL, 0, &sun, 1};
-    sps_view view = {0, 256, 256, {{0, 0, 4}, {0, 0, 0}, {0, 1, 0}, 0.6}};
-    sps_image image = {rgba};
+    sps_volume gas = {.size = {64, 64, 64}, .placement = {{-1, -1, -1}, {{2, 0, 0}, {0, 2, 0}, {0, 0, 2}}},
+                      .eval_fn = blob, .extinction = 6, .albedo = {0.7f, 0.8f, 0.9f}};
+    sps_indexed_mesh net = {.vertex_count = 4, .positions = corners, .triangle_count = 2, .indices_u16 = indices};
+    sps_mesh mesh = {.triangle_count = 2, .read_fn = sps_indexed_mesh_read, .user = &net, .color = {.3f, .3f, .2f}};
+    sps_light sun = {.direction = {1, -1, -0.5}, .color = {9, 8, 7}};
+    sps_scene scene = {.volumes = &gas, .volume_count = 1, .meshes = &mesh, .mesh_count = 1, .lights = &sun,
+                       .light_count = 1, .background = {0.1f, 0.2f, 0.4f}};
+    sps_camera camera = {.position = {0, 1.2, 4}, .up = {0, 1, 0}, .field_of_view = 0.6};
+    sps_view view = {.width = 256, .height = 256, .camera = camera};
+    sps_image image = {.rgba = rgba};
     sps_context *context = sps_create(NULL, NULL);
     if (sps_render(context, &scene, &view, &image)) return puts(sps_error(context)), 1;
     printf("P3 256 256 255\n");

@@ -995,13 +995,13 @@ static char *read_text(const char *path) {
     return NULL;
 }
 
-/* The quick start in the header, without its indentation, is examples/hello.c. */
+/* The quick start in the header, without its indentation, is examples/hello.c, and so is that in the README. */
 static void test_quick_start(void) {
-    char *header = read_text("splatshadow.h"), *hello = read_text("examples/hello.c");
+    char *header = read_text("splatshadow.h"), *hello = read_text("examples/hello.c"), *readme = read_text("README.md");
     const char *line = header ? strstr(header, "QUICK START") : NULL;
     const char *rest = hello;
     int lines = 0;
-    if (!header || !hello) {
+    if (!header || !hello || !readme) {
         printf("skipped: quick start: run this in the top folder\n");
     } else if (CHECK(line != NULL)) {
         line = strstr(line, "\n\n") + 2;
@@ -1014,8 +1014,14 @@ static void test_quick_start(void) {
             ++lines;
         }
         CHECK(*rest == 0);
-        CHECK(lines > 10 && lines <= 25);
+        CHECK(lines > 10 && lines <= 30);
+        CHECK(strstr(readme, hello) != NULL);
+        for (line = strstr(hello, "\n    sps_"); line; line = strstr(line + 1, "\n    sps_")) {
+            const char *fields = strstr(line, " = {"); /* have names there */
+            CHECK(!fields || fields > strchr(line + 1, '\n') || fields[4] == '.');
+        }
     }
+    free(readme);
     free(header);
     free(hello);
 }

@@ -376,6 +376,12 @@ static void test_error_info(void) {
     CHECK(info.object == SPS_OBJECT_VOLUME && info.index == 0 && info.value == -2);
     CHECK(strcmp(info.field, "transfer.points[1].extinction") == 0);
     m.points[1].extinction = 2;
+    memcpy(m.s.volume[0].placement.axis[1], m.s.volume[0].placement.axis[0], 3 * sizeof(double));
+    CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
+    sps_get_error(context, &info);
+    CHECK(strcmp(info.field, "placement") == 0); /* whose determinant it is */
+    mixed_free(&m);
+    mixed_build(&m);
     m.s.mesh[0].read_fn = triangles_fail;
     CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_CALLBACK);
     sps_get_error(context, &info);

@@ -92,12 +92,12 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 per texel of its depth
     map where polygons stand before gas, 1 per pixel of the image where there are polygons, and its shadow_map; those of
     lights that share a sweep are held at once. sps_plan says how much, before; a memory_limit is never exceeded.
-ERRORS   Every call returns sps_result; sps_error returns one sentence that names the field and its value, sps_get_error
-    the same as data. After a failure the image is untouched and the context can be used again.
-THREADS   A context serves one call at a time; any number of contexts can run at once. Work is handed out through
-    parallel_for_fn. All other callbacks (read, range, eval, background, progress, message, allocator) run on the
-    calling thread, one at a time, and must not call into the same context. Where there are parallel_for_fn and
-    progress_fn, several workers may call clock_fn at once.
+ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
+    same as data. After a failure the image is untouched and the context can be used again.
+THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
+    query a finished map. Work is handed out through parallel_for_fn. All other callbacks (read, range, eval,
+    background, progress, message, allocator) run on the calling thread, one at a time, and must not call into the same
+    context. Where there are parallel_for_fn and progress_fn, several workers may call clock_fn at once.
 REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
     several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
 LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
@@ -145,7 +145,7 @@ extern "C" {
 typedef enum sps_result {
     SPS_OK = 0,
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
-    SPS_ERROR_MEMORY,      /* the allocator gave NULL, or memory_limit would be passed */
+    SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a provider delivered a value that is not finite, negative or above 1e18 */
     SPS_ERROR_UNSUPPORTED, /* no slicing direction serves camera and light (sps_light), numbers leave floats' range, or
@@ -196,7 +196,7 @@ typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, voi
 typedef struct sps_config {
     uint32_t start_canary;                                   /* leave 0 */
     void *(*alloc_fn)(void *user, size_t size);              /* set both or neither; alignment as malloc's */
-    void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as it was asked for */
+    void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as alloc_fn got it */
     sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
     /* 0..1, never falling; non-zero cancels, if not at once. Called throughout, on the calling thread, every few
@@ -262,7 +262,7 @@ typedef struct sps_volume {
     /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow; where data may
        be invalid, answer 0..1e18, and reading will find it. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: the value at world positions (packed triples); asked at the voxels' centres. `out` comes
+    /* Instead of read_fn: the value at world positions (packed triples), which are the voxels' centres. `out` comes
        zeroed. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
@@ -319,8 +319,8 @@ typedef struct sps_triangle {
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
-    /* Writes `count` triangles from `first` on; asked in blocks of 256, each once a call, or never where `revision`
-       says that all are known. `out` comes zeroed. Non-zero: failure. */
+    /* Writes `count` triangles from `first` on; called for blocks of 256, each once a call, or never where
+       `revision` says that all are known. `out` comes zeroed. Non-zero: failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
@@ -363,8 +363,8 @@ typedef struct sps_particle {
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
-    /* Writes `count` particles from `first` on; asked in blocks of at most 4096, each once a call. `out` comes zeroed.
-       Non-zero: failure. */
+    /* Writes `count` particles from `first` on; called for blocks of at most 4096, each once a call. `out` comes
+       zeroed. Non-zero: failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
     void *user;
     int soft;              /* 0: equally dense throughout; 1: as 1 - (r / radius)^2, fading to nothing at the rim */
@@ -377,7 +377,7 @@ typedef struct sps_particles {
 } sps_particles;
 
 /* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
-   near_depth to far_depth. The order in which occluders are added does not matter but for rounding: a technique that
+   near_depth to far_depth. The order in which occluders are added does not matter except for rounding: a technique that
    needs them in order has them sorted. Deep, compressed, depth, cosine and adaptive maps are made from lists that they
    sort, which takes 4 to 30 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
    says which to take. */
@@ -407,7 +407,7 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_DEEP_OPACITY,
     /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
        by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the last, since
-       u = 0 and u = 1 are neighbours, or ask for texel_range. n 3, 5 .. 65, by default 7, and two more with
+       u = 0 and u = 1 are neighbours, or set texel_range. n 3, 5 .. 65, by default 7, and two more with
        texel_range; insertion and query cost n. */
     SPS_TMAP_FOURIER,
     /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings, but
@@ -679,10 +679,10 @@ typedef struct sps_context sps_context; /* opaque */
 /* The version of the compiled implementation, as SPS_VERSION. */
 SPS_API int sps_version(void);
 
-/* A new context, to be freed by sps_destroy. config may be NULL: all defaults. Returns NULL after a failure, which
-   `why` describes, unless it is NULL itself; after success it says SPS_OK. Errors: ARGUMENT (a canary of config is not
-   0, only one of alloc_fn and free_fn is set, worker_count is not 0..1024), MEMORY (it is short, or memory_limit is
-   less than a context takes). */
+/* Makes a context, which sps_destroy frees. config may be NULL: all defaults. Returns NULL after a failure,
+   which `why` describes, unless it is NULL itself; after success it says SPS_OK. Errors: ARGUMENT (a canary of config
+   is not 0, only one of alloc_fn and free_fn is set, worker_count is not 0..1024), MEMORY (it is short, or memory_limit
+   is less than a context takes). */
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why);
 
 /* Frees everything the context holds. Its maps must have been destroyed (SPS_ASSERT). NULL is allowed. */
@@ -698,7 +698,7 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
 /* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels, triangles or
    particles. So slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are what
-   there may be. `report` is filled on SPS_OK and zeroed otherwise. Volumes are taken whole, so UNSUPPORTED, or too many
+   there may be. `report` is filled on SPS_OK and zeroed otherwise. Volumes count whole, so UNSUPPORTED, or too many
    slabs, may be found here where sps_render, which knows what the voxels hold, has no difficulty. Errors: ARGUMENT,
    MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
@@ -719,8 +719,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
-/* What the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did; counts stand also after a
-   failure. Footprints splatted into maps are not counted. */
+/* Fills a report of what the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did, also if it
+   failed. Footprints splatted into maps are not counted. Where context is NULL all of it is 0. */
 SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
 
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
@@ -740,8 +740,8 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
 /* A transmittance map: what an engine looks shadows up in. Add occluders, finish, query. Everything that settings and
-   light point to is copied. A call on a map counts as one on its context, but for queries and what else reads a
-   finished map. Errors: ARGUMENT, MEMORY (byte_budget too); *map is NULL then. */
+   light point to is copied. A call on a map counts as one on its context, except for queries and whatever else only
+   reads a map. Errors: ARGUMENT, MEMORY (byte_budget too); *map is NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
@@ -754,7 +754,7 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
    kernel cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels
    under them * components; memory, on top of the map's, 160 bytes a particle and 4 bytes a component of 64 rows of
    texels, or 16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made
-   from lists take per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5
+   from lists need per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5
    KB, and 18 KB for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
    (finished already), and all of sps_render's. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
@@ -772,11 +772,11 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
 SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
                                          float *optical_depths, float *transmittances);
 
-/* Optical depths between which the truth lies for certain but for rounding, as far as the rays of the texels tell: for
-   deep, compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know no bounds. Of volumes
-   they bound the field of kernels that are cut as `quality` says, slab by slab. From f(p) itself that may be as far as
-   what comes from beyond the cut, at medium 0.9 % of the optical depth through the fullest voxels near the ray and
-   0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %), which no bracket holds: take a higher quality.
+/* Optical depths between which the truth lies for certain except for rounding, as far as the rays of the texels tell:
+   for deep, compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know no bounds. Of
+   volumes they bound the field of kernels that are cut as `quality` says, slab by slab. From f(p) itself that may be as
+   far as what comes from beyond the cut, at medium 0.9 % of the optical depth through the fullest voxels near the ray
+   and 0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %), which no bracket holds: take a higher quality.
    least or most may be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);

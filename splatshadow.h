@@ -63,9 +63,9 @@ WHAT IT DOES NOT DO
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are the caller's unit.
     Angles are radians. Matrices are row-major and multiply column vectors.
-    Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colours are linear RGB radiance.
-    A directional light's `direction` is the way the light travels; its colour is the irradiance on a plane facing it.
-    A point light's colour is its intensity: irradiance = intensity / distance^2.
+    Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are linear RGB radiance.
+    A directional light's `direction` is the way the light travels; its color is the irradiance on a plane facing it.
+    A point light's color is its intensity: irradiance = intensity / distance^2.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r sends r / pi * irradiance * cosine towards the eye.
     Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside of its box a volume's
@@ -205,7 +205,8 @@ typedef struct sps_config {
     int (*progress_fn)(void *user, float fraction);
     void (*message_fn)(void *user, const char *text); /* one line without newline: errors (being cancelled is none),
                                                          replaced data */
-    /* Returns seconds. Several workers may call it at once where there is progress_fn. NULL: no times in sps_stats. */
+    /* Returns seconds. Several workers may call it at once where there is progress_fn. NULL: no times in sps_get_stats.
+     */
     double (*clock_fn)(void *user);
     size_t memory_limit; /* bytes; 0: none */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
@@ -227,7 +228,7 @@ typedef struct sps_lobe {
 } sps_lobe;
 
 /* A transfer function: what a value looks like. Either points, or a callback. Straight lines between points;
-   outside of the first and last value: those points' colour and extinction. It is sampled once per call into a
+   outside of the first and last value: those points' color and extinction. It is sampled once per call into a
    table of 2048 entries over 0..value_max. Value 0 (all that lies outside of data) is always empty. */
 typedef struct sps_transfer_point {
     float value;      /* rising from point to point, >= 0 */
@@ -311,7 +312,7 @@ typedef struct sps_grid {
 typedef struct sps_triangle {
     float position[3][3]; /* local to the mesh's placement */
     float normal[3][3];   /* read where has_normals; need not be of unit length; zero: the triangle's own */
-    float color[3][3];    /* read where has_colors; replaces the mesh's colour; 0..1 */
+    float color[3][3];    /* read where has_colors; replaces the mesh's color; 0..1 */
 } sps_triangle;
 
 /* Opaque triangles, lit on both sides. Their shadows on each other are exact rays to the light; those in gas are as
@@ -497,13 +498,13 @@ typedef struct sps_scene {
     int light_count;
     float ambient[3];    /* radiance from everywhere, >= 0; lights gases and surfaces without shadow */
     float background[3]; /* radiance behind everything, >= 0; does not count in alpha */
-    /* Instead of the colour: radiance along unit directions (packed triples), one row of pixels a call. */
+    /* Instead of the color: radiance along unit directions (packed triples), one row of pixels a call. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
     int replace_invalid; /* 1: values that would be an error become 0 and are counted */
     const sps_particles *particles;
-    int particles_count; /* sets of particles, up to 64 that are not empty */
-    uint32_t end_canary; /* leave 0 */
+    int particle_set_count; /* sets of particles, up to 64 that are not empty */
+    uint32_t end_canary;    /* leave 0 */
 } sps_scene;
 
 /* What each quality sets:   slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
@@ -588,7 +589,7 @@ typedef struct sps_pass_report {
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
     int sweep_count;                 /* passes over the slabs: one for each light that shades by sheets, or one */
-    int color_channels;              /* 3, or 1 where every colour is grey */
+    int color_channels;              /* 3, or 1 where every color is grey */
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
@@ -721,7 +722,7 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
 
 /* Fills a report of what the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did, also if it
    failed. Footprints splatted into maps are not counted. Where context is NULL all of it is 0. */
-SPS_API void sps_stats(const sps_context *context, sps_stats_report *report);
+SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report);
 
 /* A short lower-case name of a pass ("light sheets"); never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
@@ -1250,7 +1251,7 @@ static const double *spsi_bad_coordinate(const double *values, int count) {
 }
 
 /* The first of three components that is not within 0..most; NULL where all are. */
-static const float *spsi_bad_colour(const float c[3], float most) {
+static const float *spsi_bad_color(const float c[3], float most) {
     for (int i = 0; i < 3; ++i)
         if (!(c[i] >= 0 && c[i] <= most)) return &c[i];
     return NULL;
@@ -1304,7 +1305,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TMAP_VOLUMES, /* what splatting volumes into a map takes, >>tmaps */
     SPSI_BUFFER_LIGHT_TMAPS,  /* lights' transmittance maps */
     SPSI_BUFFER_TOTAL,        /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,          /* directions and colours of one row of background */
+    SPSI_BUFFER_ROW,          /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,      /* >>reference */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -1914,7 +1915,7 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 
 /* ============================================================================================= >>transfer
    7  What a value looks like. A gas scatters albedo * extinction * value by a sum of Henyey-Greenstein lobes; a
-   transfer function is a table from value to colour and extinction. */
+   transfer function is a table from value to color and extinction. */
 
 #define SPSI_TABLE_SIZE 2048
 
@@ -1975,10 +1976,10 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
-/* Checks colour and extinction at points[i], or what eval_fn gave for a value where i < 0. */
+/* Checks color and extinction at points[i], or what eval_fn gave for a value where i < 0. */
 static sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
                                             float value) {
-    const float *bad = spsi_bad_colour(point->color, 1);
+    const float *bad = spsi_bad_color(point->color, 1);
     char field[64];
     if (!bad && point->extinction >= 0 && point->extinction <= SPSI_VALUE_MAX) return SPS_OK;
     if (i < 0)
@@ -3616,14 +3617,14 @@ static sps_result spsi_check_lobes(sps_context *context, sps_object object, int 
     return SPS_OK;
 }
 
-static sps_result spsi_check_gas_colours(sps_context *context, sps_object object, int index, const float albedo[3],
-                                         const float emission[3]) {
-    if (spsi_bad_colour(albedo, 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo",
-                               (double)*spsi_bad_colour(albedo, 1), "red, green and blue must be 0..1");
-    if (spsi_bad_colour(emission, SPSI_VALUE_MAX))
+static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
+                                        const float emission[3]) {
+    if (spsi_bad_color(albedo, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo", (double)*spsi_bad_color(albedo, 1),
+                               "red, green and blue must be 0..1");
+    if (spsi_bad_color(emission, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "emission",
-                               (double)*spsi_bad_colour(emission, SPSI_VALUE_MAX),
+                               (double)*spsi_bad_color(emission, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     return SPS_OK;
 }
@@ -3632,7 +3633,7 @@ static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume,
     if (!(volume->extinction >= 0 && volume->extinction <= SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "extinction",
                                (double)volume->extinction, "it must be 0..1e18");
-    return spsi_check_gas_colours(context, SPS_OBJECT_VOLUME, i, volume->albedo, volume->emission);
+    return spsi_check_gas_colors(context, SPS_OBJECT_VOLUME, i, volume->albedo, volume->emission);
 }
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
@@ -3673,9 +3674,9 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
                               "is NULL; it must be set where there are triangles");
-    if (spsi_bad_colour(mesh->color, 1))
+    if (spsi_bad_color(mesh->color, 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
-                               (double)*spsi_bad_colour(mesh->color, 1), "red, green and blue must be 0..1");
+                               (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
     if (!(mesh->transparency >= 0 && mesh->transparency <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transparency",
                                (double)mesh->transparency, "it must be 0..1");
@@ -3692,7 +3693,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "read_fn", 0,
                               "is NULL; it must be set where count is not 0");
     if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count)) return context->result;
-    return spsi_check_gas_colours(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
+    return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
 }
 
 /* As spsi_fail_field, for the settings of a light's shadow_map, or, where `light` is below 0, of a map of its own. */
@@ -3775,9 +3776,9 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
-    if (spsi_bad_colour(light->color, SPSI_VALUE_MAX))
+    if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
-                               (double)*spsi_bad_colour(light->color, SPSI_VALUE_MAX),
+                               (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction)) {
@@ -3805,16 +3806,16 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "light_count", scene->light_count,
                                "it must be 0 or more, with lights set");
-    if (scene->particles_count < 0 || (scene->particles_count > 0 && !scene->particles))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particles_count",
-                               scene->particles_count, "it must be 0 or more, with particles set");
-    if (spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX))
+    if (scene->particle_set_count < 0 || (scene->particle_set_count > 0 && !scene->particles))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
+                               scene->particle_set_count, "it must be 0 or more, with particles set");
+    if (spsi_bad_color(scene->ambient, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "ambient",
-                               (double)*spsi_bad_colour(scene->ambient, SPSI_VALUE_MAX),
+                               (double)*spsi_bad_color(scene->ambient, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
-    if (spsi_bad_colour(scene->background, SPSI_VALUE_MAX))
+    if (spsi_bad_color(scene->background, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "background",
-                               (double)*spsi_bad_colour(scene->background, SPSI_VALUE_MAX),
+                               (double)*spsi_bad_color(scene->background, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     for (int i = 0; i < scene->volume_count; ++i)
         if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
@@ -3822,7 +3823,7 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
         if (spsi_check_mesh(context, &scene->meshes[i], i)) return context->result;
     for (int i = 0; i < scene->light_count; ++i)
         if (spsi_check_light(context, &scene->lights[i], i)) return context->result;
-    for (int i = 0; i < scene->particles_count; ++i)
+    for (int i = 0; i < scene->particle_set_count; ++i)
         if (spsi_check_set(context, &scene->particles[i], i)) return context->result;
     return SPS_OK;
 }
@@ -4078,14 +4079,14 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
 
 /* Sets of particles are gases whose value is extinction. */
 static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame) {
-    for (int i = 0; i < frame->scene->particles_count; ++i) {
+    for (int i = 0; i < frame->scene->particle_set_count; ++i) {
         const sps_particles *particles = &frame->scene->particles[i];
         spsi_particle_set *set = &frame->sets[frame->set_count];
         spsi_material material;
         if (particles->count == 0) continue;
         if (frame->set_count == SPSI_SETS_MAX)
-            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particles_count",
-                                   frame->scene->particles_count, "at most 64 sets may hold particles");
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
+                                   frame->scene->particle_set_count, "at most 64 sets may hold particles");
         /* both are at most SPSI_PARTICLES_MAX, so that the sum fits where a size_t has 32 bits */
         frame->particles_asked += particles->count;
         if (frame->particles_asked > SPSI_PARTICLES_MAX)
@@ -4199,7 +4200,7 @@ static void spsi_resolve_gradients(spsi_frame *frame) {
     frame->splats_slopes = pixels < 0.9 && !near_by;
 }
 
-/* 1 where every colour in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
+/* 1 where every color in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
     const sps_scene *scene = frame->scene;
     int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
@@ -5022,7 +5023,7 @@ typedef struct spsi_faces {
     spsi_tree tree;
 } spsi_faces;
 
-/* Checks a triangle's colours and normals, and where its corners come to lie in the world. */
+/* Checks a triangle's colors and normals, and where its corners come to lie in the world. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const sps_mesh *mesh, int index,
                                       size_t number, double world[3][3]) {
     const char *names[] = {"position", "normal", "color"};
@@ -8060,7 +8061,7 @@ struct sps_tmap {
     double bias, bias_per_t; /* of surfaces, in t */
     spsi_buffer planes;
     spsi_buffer volumes, meshes, particles; /* as they were added, until the map is finished */
-    int volume_count, mesh_count, particles_count;
+    int volume_count, mesh_count, particle_set_count;
     spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
     spsi_buffer starts;   /* of lists: each texel's first item, and one more */
     spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
@@ -9354,7 +9355,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     filling.context = context;
     filling.map = map;
     filling.occluders = occluders;
-    for (int i = 0; i < occluders->frame->scene->particles_count; ++i)
+    for (int i = 0; i < occluders->frame->scene->particle_set_count; ++i)
         filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
     filling.tiles_x = spsi_tile_columns(&map->rays[0]);
     filling.light_u = map->rays[0].perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
@@ -9518,7 +9519,7 @@ static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     if (spsi_tmap_append(map, &map->volumes, &map->volume_count, scene->volumes, scene->volume_count,
                          sizeof(sps_volume)) ||
         spsi_tmap_append(map, &map->meshes, &map->mesh_count, scene->meshes, scene->mesh_count, sizeof(sps_mesh)) ||
-        spsi_tmap_append(map, &map->particles, &map->particles_count, scene->particles, scene->particles_count,
+        spsi_tmap_append(map, &map->particles, &map->particle_set_count, scene->particles, scene->particle_set_count,
                          sizeof(sps_particles))) {
         map->volume_count = volumes;
         map->mesh_count = meshes;
@@ -9541,7 +9542,7 @@ static void spsi_tmap_forget(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->volumes);
     spsi_buffer_release(map->context, &map->meshes);
     spsi_buffer_release(map->context, &map->particles);
-    map->volume_count = map->mesh_count = map->particles_count = 0;
+    map->volume_count = map->mesh_count = map->particle_set_count = 0;
 }
 
 /* The frame of all that was added, as the light's first face sees it. NULL: failed. */
@@ -9553,7 +9554,7 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     scene->meshes = (const sps_mesh *)map->meshes.data;
     scene->mesh_count = map->mesh_count;
     scene->particles = (const sps_particles *)map->particles.data;
-    scene->particles_count = map->particles_count;
+    scene->particle_set_count = map->particle_set_count;
     scene->replace_invalid = map->replace_invalid;
     frame = spsi_frame_build(map->context, scene, NULL, 0);
     if (!frame) return NULL;
@@ -10074,7 +10075,7 @@ typedef struct spsi_gathered {
 /* One material's part of a sheet. */
 typedef struct spsi_sample {
     spsi_v depth, value_length; /* optical depth; integral of value over world length */
-    spsi_v colour[3];           /* albedo or reflectance */
+    spsi_v color[3];            /* albedo or reflectance */
     spsi_v surface, normal[3];  /* 0: gas .. 1: surface, with a unit normal */
     int has_normal;
 } spsi_sample;
@@ -10329,13 +10330,13 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
         sample->surface = spsi_set(0);
         sample->value_length = sum;
         sample->depth = spsi_min(spsi_mul(sum, spsi_set(material->extinction)), spsi_set(SPSI_DEPTH_MAX));
-        for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->albedo[c]);
+        for (int c = 0; c < 3; ++c) sample->color[c] = spsi_set(material->albedo[c]);
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
     }
 }
 
 /* The parts of a slab of what is classified, which follow its profile. Most slabs that hold values have no extinction
-   anywhere: these cost neither colours nor gradients. */
+   anywhere: these cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->materials[channel];
@@ -10358,7 +10359,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         sample->has_normal = 0;
         sample->surface = sample->value_length = zero;
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
-        for (int c = 0; c < 3; ++c) sample->colour[c] = appearance[c];
+        for (int c = 0; c < 3; ++c) sample->color[c] = appearance[c];
         slab->part_depth[part] = spsi_add(slab->part_depth[part], sample->depth);
         if (!surface || !spsi_bits(spsi_less(zero, sample->depth))) continue;
         if (!has_gradient) spsi_profile_gradient(shader, tile, p, slab->k, channel, means, &profile);
@@ -10384,7 +10385,7 @@ static void spsi_sample_response(const spsi_material *material, const spsi_sampl
     const spsi_v gas = spsi_phase(material, cosine);
     spsi_v halfway[3], facing, diffuse, shine = spsi_set(0);
     if (!sample->has_normal) {
-        for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->colour[c], gas);
+        for (int c = 0; c < 3; ++c) response[c] = spsi_mul(sample->color[c], gas);
         return;
     }
     facing = spsi_max(spsi_set(0), spsi_sub(spsi_set(0), spsi_dot_v(sample->normal, travel)));
@@ -10396,7 +10397,7 @@ static void spsi_sample_response(const spsi_material *material, const spsi_sampl
         shine = spsi_mul(spsi_mul(shine, facing), spsi_mul(sample->surface, spsi_set(material->specular)));
     }
     diffuse = spsi_mix(gas, spsi_mul(facing, spsi_set((float)(1 / SPSI_PI))), sample->surface);
-    for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->colour[c], diffuse, shine);
+    for (int c = 0; c < 3; ++c) response[c] = spsi_fma(sample->color[c], diffuse, shine);
 }
 
 /* atan2(y, x) for y >= 0: 0 to pi. [Abramowitz & Stegun 1964, 4.4.49] */
@@ -10443,7 +10444,7 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
                : size;
 }
 
-/* The way a light travels at a part of a slab, and the share of its colour that is irradiance there, in the mean over
+/* The way a light travels at a part of a slab, and the share of its color that is irradiance there, in the mean over
    the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
 static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
                          spsi_v travel[3], spsi_v *irradiance) {
@@ -10559,7 +10560,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
             if (material->scatters && shader->frame->has_ambient)
-                sent = spsi_mul(spsi_mul(sample->depth, sample->colour[c]), spsi_set(shader->frame->ambient[c]));
+                sent = spsi_mul(spsi_mul(sample->depth, sample->color[c]), spsi_set(shader->frame->ambient[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
             radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
         }
@@ -10570,7 +10571,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* --- polygons: one pixel at a time, in double precision --- */
 
-/* Irradiance per unit of a light's colour on a surface, before any shadow. The shading normal alone decides which side
+/* Irradiance per unit of a light's color on a surface, before any shadow. The shading normal alone decides which side
    is lit; asking the facet too would draw its outline where light grazes a curved mesh. */
 static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
     double toward[3], square, cosine;
@@ -10583,12 +10584,12 @@ static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface 
 }
 
 /* Reflectance where a pixel meets a face. */
-static void spsi_surface_colour(const spsi_faces *faces, const spsi_hit *hit, double colour[3]) {
+static void spsi_surface_color(const spsi_faces *faces, const spsi_hit *hit, double color[3]) {
     const spsi_face *face = &faces->list[hit->face];
     double w[3];
     spsi_hit_weights(hit, w);
     for (int c = 0; c < 3; ++c)
-        colour[c] =
+        color[c] =
             w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
 }
 
@@ -10692,11 +10693,11 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
 static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
     const spsi_frame *frame = shader->frame;
     const size_t at = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
-    double colour[3];
+    double color[3];
     spsi_surface surface;
     spsi_surface_at(&frame->content->eye, shader->faces, &shader->hits[at], x, y, &surface);
-    spsi_surface_colour(shader->faces, &shader->hits[at], colour);
-    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)colour[c] * frame->ambient[c] : 0;
+    spsi_surface_color(shader->faces, &shader->hits[at], color);
+    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)color[c] * frame->ambient[c] : 0;
     for (int i = 0; i < frame->lamp_count; ++i) {
         const spsi_lamp *lamp = &frame->lamps[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
@@ -10705,7 +10706,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
         if (shadow && arrives > 0) arrives *= exp(-spsi_shadow_depth(shadow, shader->first_slab, surface.point));
         for (int c = 0; c < 3; ++c)
-            radiance[c] += (float)fmin(colour[c] * arrives * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
+            radiance[c] += (float)fmin(color[c] * arrives * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
     }
 }
 
@@ -11221,9 +11222,9 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     if (returned)
         return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_SCENE, -1, "background_fn", returned, NULL);
     for (int i = 0; i < region[2]; ++i)
-        if (spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX))
-            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's colour",
-                                   (double)*spsi_bad_colour(rgb + 3 * i, SPSI_VALUE_MAX),
+        if (spsi_bad_color(rgb + 3 * i, SPSI_VALUE_MAX))
+            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_SCENE, -1, "background_fn's color",
+                                   (double)*spsi_bad_color(rgb + 3 * i, SPSI_VALUE_MAX),
                                    "red, green and blue must be 0..1e18");
     return SPS_OK;
 }
@@ -11947,13 +11948,13 @@ static void spsi_set3(const double from[3], spsi_v to[3]) {
     for (int i = 0; i < 3; ++i) to[i] = spsi_set((float)from[i]);
 }
 
-/* Fills a sample for a volume's point: colours, and the normal by the field's own gradient. */
+/* Fills a sample for a volume's point: colors, and the normal by the field's own gradient. */
 static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
                               spsi_sample *sample) {
     double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
     const double size = spsi_length(n);
     memset(sample, 0, sizeof *sample);
-    for (int c = 0; c < 3; ++c) sample->colour[c] = spsi_set(material->table ? appearance[c] : material->albedo[c]);
+    for (int c = 0; c < 3; ++c) sample->color[c] = spsi_set(material->table ? appearance[c] : material->albedo[c]);
     if (!material->table || material->shading != SPS_SHADING_SURFACE) return;
     spsi_normalise(n);
     spsi_set3(n, sample->normal);
@@ -12053,7 +12054,7 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
-            spsi_store(lanes, point->samples[m].colour[c]);
+            spsi_store(lanes, point->samples[m].color[c]);
             source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient[c];
             source[c] += point->value[m] * (double)material->emission[c];
         }
@@ -12065,11 +12066,11 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
 /* Radiance from the polygon that a ray meets: all lights and the ambient light. */
 static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
     const spsi_frame *frame = marcher->frame;
-    double colour[3];
+    double color[3];
     spsi_surface surface;
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
-    spsi_surface_colour(marcher->faces, hit, colour);
-    for (int c = 0; c < 3; ++c) radiance[c] = colour[c] * (double)frame->ambient[c];
+    spsi_surface_color(marcher->faces, hit, color);
+    for (int c = 0; c < 3; ++c) radiance[c] = color[c] * (double)frame->ambient[c];
     for (int i = 0; i < frame->lamp_count; ++i) {
         const spsi_lamp *lamp = &frame->lamps[i];
         double arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
@@ -12078,7 +12079,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
             if (!spsi_sees_lamp(marcher->faces, lamp, surface.start, hit->face)) continue;
             arrives *= spsi_march_lamp(marcher, lamp, surface.point);
         }
-        for (int c = 0; c < 3; ++c) radiance[c] += colour[c] * arrives * (double)lamp->color[c];
+        for (int c = 0; c < 3; ++c) radiance[c] += color[c] * arrives * (double)lamp->color[c];
     }
 }
 
@@ -12453,7 +12454,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     return spsi_render_frame(context, frame, image);
 }
 
-SPS_API void sps_stats(const sps_context *context, sps_stats_report *report) {
+SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report) {
     if (!report) return;
     memset(report, 0, sizeof *report);
     if (context) *report = context->stats;

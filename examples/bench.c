@@ -109,7 +109,7 @@ static void race(contender *contenders, int count, int repeats) {
             contender *c = contenders + i;
             const double took = render_seconds(c->session, c->frame, &c->view);
             if (r >= 0) seconds[i * repeats + r] = took;
-            sps_stats(c->session->context, &c->stats);
+            sps_get_stats(c->session->context, &c->stats);
         }
     for (int i = 0; i < count; ++i) contenders[i].seconds = ex_percentile(seconds + i * repeats, (size_t)repeats, 0.5);
     free(seconds);
@@ -181,7 +181,7 @@ static void bonsai_memory(const frame *f) {
         ex_session session;
         ex_session_measure(&session, program, 1 + i);
         render_seconds(&session, f, &f->view);
-        sps_stats(session.context, &stats);
+        sps_get_stats(session.context, &stats);
         peak[i] = stats.bytes_peak;
         /* after the render, since now the bounds of the voxels are known */
         ex_stop_unless_ok(sps_plan(session.context, &f->scene, &f->view, &plan), program, &session);
@@ -223,7 +223,7 @@ static void bench_bonsai(void) {
     ex_session_measure(&two, program, WORKERS);
     bonsai_frame(&f, &grid);
     const double first = render_seconds(&two, &f, &f.view);
-    sps_stats(two.context, &stats);
+    sps_get_stats(two.context, &stats);
     figure("relevant voxels", 100 * (double)stats.voxels_relevant / (256.0 * 256 * 256), "%", 8, 15);
     plain("first frame, in which the voxels are read", first, "s");
     bonsai_speed(&f, "a surface", SPS_SHADING_SURFACE, &one, &two);
@@ -388,7 +388,7 @@ static void map_trial_begin(map_trial *trial, const ex_session *session) {
     memset(trial, 0, sizeof *trial);
     trial->particles.count = particle_count, trial->particles.read_fn = ex_particles_read;
     trial->particles.user = puff_build(particle_count);
-    trial->scene.particles = &trial->particles, trial->scene.particles_count = 1;
+    trial->scene.particles = &trial->particles, trial->scene.particle_set_count = 1;
     trial->light.width = trial->light.height = MAP_SIZE;
     trial->light.camera.position[2] = 5, trial->light.camera.up[1] = 1, trial->light.camera.field_of_view = 0.5;
     trial->positions = (double *)ex_allocate(MAP_QUERIES, 3 * sizeof(double));
@@ -498,7 +498,7 @@ static void bench_particles(void) {
         particles.user = list;
         frame_begin(&f, 1024, 768);
         f.scene.volume_count = f.scene.mesh_count = 0;
-        f.scene.particles = &particles, f.scene.particles_count = 1;
+        f.scene.particles = &particles, f.scene.particle_set_count = 1;
         f.view.camera.position[2] = 4, f.view.camera.field_of_view = 0.6;
         f.light.direction[0] = f.light.direction[1] = f.light.direction[2] = -1;
         for (int i = 0; i < 3; ++i) particles.albedo[i] = 0.8f, f.light.color[i] = 3;
@@ -782,7 +782,7 @@ static void print_best(const best_setting *best) {
     blob_frame(&f, best->grid, BLOB_SIZE);
     f.view.slab = best->slab, f.view.shadow_size = best->shadow, f.view.quality = (sps_quality)best->quality;
     plain("... as the first frame of a new context, reading the voxels", render_seconds(&session, &f, &f.view), "s");
-    sps_stats(session.context, &stats);
+    sps_get_stats(session.context, &stats);
     print_stages(&stats);
     ex_session_end(&session);
     frame_end(&f);
@@ -1039,7 +1039,7 @@ static double least_of(ex_session *session, const frame *f, int stage) {
     for (int i = 0; i < REPEATS; ++i) {
         sps_stats_report s;
         render_seconds(session, f, &f->view);
-        sps_stats(session->context, &s);
+        sps_get_stats(session->context, &s);
         least = fmin(least, stage == 0 ? s.seconds_tree : stage == 1 ? s.seconds_shadow_rays : s.seconds_polygons);
     }
     return 1000 * least;

@@ -35,7 +35,7 @@ static inline float *ex_canvas_pixel(const ex_canvas *canvas, int x, int y) {
     return canvas->rgba + 4 * ((size_t)y * (size_t)canvas->width + (size_t)x);
 }
 
-/* Lays a colour, 0xRRGGBB in sRGB, over a pixel. */
+/* Lays a color, 0xRRGGBB in sRGB, over a pixel. */
 static inline void ex_canvas_dot(ex_canvas *canvas, int x, int y, unsigned color, double share) {
     float *pixel = ex_canvas_pixel(canvas, x, y);
     if (!pixel || share <= 0) return;
@@ -57,7 +57,7 @@ static inline void ex_canvas_line(ex_canvas *canvas, double x0, double y0, doubl
         }
 }
 
-/* What tells curves of like colour apart. */
+/* What tells curves of like color apart. */
 typedef enum ex_mark { EX_MARK_DISC = 0, EX_MARK_SQUARE, EX_MARK_CROSS, EX_MARK_RING, EX_MARK_RHOMB } ex_mark;
 
 static inline void ex_canvas_mark(ex_canvas *canvas, double x, double y, ex_mark mark, unsigned color) {

@@ -279,7 +279,7 @@ static void set_up_begin(set_up *s, void (*make)(set_up *)) {
     s->light.position[0] = lamp.x, s->light.position[1] = lamp.y, s->light.position[2] = lamp.z;
     ex_color(s->light.color, 300, 300, 300);
     s->scene.particles = s->occluders.particles = &s->gas;
-    s->scene.particles_count = s->occluders.particles_count = 1;
+    s->scene.particle_set_count = s->occluders.particle_set_count = 1;
     s->scene.meshes = s->meshes, s->scene.mesh_count = 2;
     s->occluders.meshes = s->meshes + 1, s->occluders.mesh_count = 1;
     s->scene.lights = &s->light, s->scene.light_count = 1;

@@ -251,7 +251,7 @@ static void write_picture(const char *folder, const char *name, const float *rgb
 
 enum { SHEET_COLUMNS = 4, SHEET_SHRINK = 4, CROP_X = 180, CROP_Y = 90, CROP_WIDTH = 600, CROP_HEIGHT = 520 };
 
-/* For the manual: of few colours, unfiltered and packed with patience, files are a third as large. */
+/* For the manual: of few colors, unfiltered and packed with patience, files are a third as large. */
 static void write_small(const char *folder, const char *name, ex_canvas *canvas) {
     const int usual = stbi_write_png_compression_level;
     for (size_t i = 0; i < (size_t)canvas->width * (size_t)canvas->height * 4; ++i) {

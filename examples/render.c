@@ -111,11 +111,11 @@ static int load_scene(arguments *all, const scene_arrays *arrays, sps_scene *sce
         if (load_volume(&all->volumes[i], &arrays->volumes[i], error)) return 1;
     for (int i = 0; i < all->mesh_count; ++i)
         if (load_mesh(&all->meshes[i], &arrays->meshes[i], error)) return 1;
-    for (int i = 0; i < all->particles_count; ++i)
+    for (int i = 0; i < all->particle_set_count; ++i)
         if (load_particles(&all->particles[i], &arrays->particles[i], error)) return 1;
     scene->volumes = arrays->volumes, scene->volume_count = all->volume_count;
     scene->meshes = arrays->meshes, scene->mesh_count = all->mesh_count;
-    scene->particles = arrays->particles, scene->particles_count = all->particles_count;
+    scene->particles = arrays->particles, scene->particle_set_count = all->particle_set_count;
     set_shadows(all);
     scene->lights = all->lights, scene->light_count = all->light_count;
     to_floats(all->ambient, scene->ambient);
@@ -150,7 +150,7 @@ static void frame_scene(const arguments *all, sps_view *view) {
     double lo[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, hi[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
     for (int i = 0; i < all->volume_count; ++i) widen_by_box(lo, hi, &all->volumes[i].placement);
     for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
-    for (int i = 0; i < all->particles_count; ++i)
+    for (int i = 0; i < all->particle_set_count; ++i)
         if (all->particles[i].particles.lo[0] <= all->particles[i].particles.hi[0])
             widen(lo, hi, all->particles[i].particles.lo, all->particles[i].particles.hi);
     if (lo[0] > hi[0])
@@ -207,7 +207,7 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
                   {SPS_OBJECT_VIEW, "camera.position", "--camera"},
                   {SPS_OBJECT_SCENE, "volume_count", "--volume"},
                   {SPS_OBJECT_SCENE, "mesh_count", "--mesh"},
-                  {SPS_OBJECT_SCENE, "particles_count", "--particles"},
+                  {SPS_OBJECT_SCENE, "particle_set_count", "--particles"},
                   {SPS_OBJECT_LIGHT, "shadow_map.components", "--map-components"}};
     for (size_t i = 0; i < sizeof fields / sizeof *fields; ++i) {
         if (why->object != fields[i].object || strcmp(why->field, fields[i].field) != 0) continue;
@@ -231,7 +231,7 @@ static void name_subject(const arguments *all, const sps_error_info *why, char *
     }
     if (!option && why->object == SPS_OBJECT_MESH && i < all->mesh_count)
         option = "--mesh", given = all->meshes[i].file;
-    if (!option && why->object == SPS_OBJECT_PARTICLES && i < all->particles_count)
+    if (!option && why->object == SPS_OBJECT_PARTICLES && i < all->particle_set_count)
         option = "--particles", given = all->particles[i].file;
     if (!option && why->object == SPS_OBJECT_LIGHT && i < all->light_count)
         option = "--light", given = all->light_texts[i];
@@ -287,7 +287,7 @@ static int write_stats(const char *path, const sps_context *context, ex_error *e
     sps_stats_report stats;
     ex_output output;
     if (ex_output_begin(&output, path, error)) return 1;
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     fputs("{\n", output.file);
 #define WRITE_SECONDS(field) fprintf(output.file, "  \"%s\": %.9g,\n", #field, stats.field);
 #define WRITE_COUNT(field)   fprintf(output.file, "  \"%s\": %" PRIu64 ",\n", #field, (uint64_t)stats.field);
@@ -377,7 +377,7 @@ static void free_arguments(arguments *all) {
     for (int i = 0; i < all->volume_count; ++i) ex_grid_free(&all->volumes[i].grid);
     for (int i = 0; i == 0 || i < all->volume_count; ++i) ex_transfer_free(&all->volumes[i].points);
     for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
-    for (int i = 0; i < all->particles_count; ++i) ex_particles_free(&all->particles[i].particles);
+    for (int i = 0; i < all->particle_set_count; ++i) ex_particles_free(&all->particles[i].particles);
     free(all->particles);
     free(all->volumes);
     free(all->meshes);

@@ -78,7 +78,7 @@ typedef struct arguments {
     mesh_arguments *meshes;
     sps_light *lights;
     const char **light_texts;
-    int volume_count, particles_count, mesh_count, light_count;
+    int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
     int shadow, map_size, map_window;
@@ -257,10 +257,10 @@ static int add_volume(const option_rule *rule, arguments *all, void *place, cons
 }
 
 static int add_particles(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
-    particles_arguments *particles = all->particles + all->particles_count;
+    particles_arguments *particles = all->particles + all->particle_set_count;
     (void)place;
     if (set_text(rule, all, &particles->file, value, error)) return 1;
-    if (all->particles_count++ > 0) default_particles(particles);
+    if (all->particle_set_count++ > 0) default_particles(particles);
     return 0;
 }
 
@@ -415,7 +415,7 @@ static int has(option_set given, const char *name) { return (int)(given >> (find
 static void *find_owner(const option_rule *rule, arguments *all) {
     if (rule->owner == SCENE) return all;
     if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
-    if (rule->owner == PARTICLES) return all->particles + (all->particles_count ? all->particles_count - 1 : 0);
+    if (rule->owner == PARTICLES) return all->particles + (all->particle_set_count ? all->particle_set_count - 1 : 0);
     return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
 }
 
@@ -576,7 +576,7 @@ static int check_volumes(const arguments *all, ex_error *error) {
 static int check_owners(const arguments *all, ex_error *error) {
     static const char *const owners[] = {"", "--volume", "--particles", "--mesh"};
     const option_set lost = (all->volume_count ? 0 : all->volumes[0].given) |
-                            (all->particles_count ? 0 : all->particles[0].given) |
+                            (all->particle_set_count ? 0 : all->particles[0].given) |
                             (all->mesh_count ? 0 : all->meshes[0].given);
     for (int i = 0; i < OPTION_COUNT; ++i)
         if (lost >> i & 1)
@@ -594,7 +594,7 @@ static const char *find_input(const arguments *all, const char *path) {
     }
     for (int i = 0; i < all->mesh_count; ++i)
         if (ex_same_file(path, all->meshes[i].file)) return "--mesh";
-    for (int i = 0; i < all->particles_count; ++i)
+    for (int i = 0; i < all->particle_set_count; ++i)
         if (ex_same_file(path, all->particles[i].file)) return "--particles";
     for (size_t i = 0; i < all->settings->count; ++i)
         if (all->settings->list[i].look && ex_same_file(path, all->settings->list[i].look)) return "--look";

@@ -323,7 +323,7 @@ static void spoil(scenery *x) {
     case 11: x->s.volume[0].transfer = &x->transfers[VOLUMES - 1]; break;
     case 12: scene->ambient[1] = -1; break;
     case 13: x->sets[0].end_canary = 1; break;
-    case 14: scene->particles_count = -2; break;
+    case 14: scene->particle_set_count = -2; break;
     case 15: x->sets[1].read_fn = NULL; break;
     default: memcpy(x->s.view.camera.target, x->s.view.camera.position, sizeof x->s.view.camera.target); break;
     }
@@ -341,8 +341,8 @@ static void random_scenery(scenery *x) {
     for (int i = 0; i < x->s.scene.mesh_count; ++i) random_mesh(x, i);
     for (int i = 0; i < x->s.scene.light_count; ++i) random_light(x, i);
     x->s.scene.particles = x->sets;
-    x->s.scene.particles_count = one_in(2) ? 0 : below(SETS + 1);
-    for (int i = 0; i < x->s.scene.particles_count; ++i) random_set(x, i);
+    x->s.scene.particle_set_count = one_in(2) ? 0 : below(SETS + 1);
+    for (int i = 0; i < x->s.scene.particle_set_count; ++i) random_set(x, i);
     random_color(x->s.scene.ambient, 1);
     random_color(x->s.scene.background, 1);
     random_provider(&x->sky);
@@ -434,7 +434,7 @@ static int small_enough_to_march(const scenery *x) {
     double extent = 0;
     for (int i = 0; i < x->s.scene.volume_count; ++i)
         for (int k = 0; k < 9; ++k) extent = fmax(extent, fabs(x->s.volume[i].placement.axis[k / 3][k % 3]));
-    for (int i = 0; i < x->s.scene.particles_count; ++i)
+    for (int i = 0; i < x->s.scene.particle_set_count; ++i)
         if (x->sets[i].count > 300 || x->crowds[i].kind != 0) return 0; /* radii set the step, strays the way */
     return view->width * view->height < 200 && extent < 3;
 }

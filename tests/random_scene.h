@@ -70,7 +70,7 @@ static const struct {
     {"camera", {"usual", "narrow", "wide", "flat", "matrix", "flat_matrix", "inside"}},
     {"near", {"none", "amid"}},
     {"surroundings", {"black", "ambient", "sky"}},
-    {"output", {"colour", "depth", "rows", "region"}},
+    {"output", {"color", "depth", "rows", "region"}},
     {"world", {"unit", "small", "large", "far"}},
 };
 
@@ -306,7 +306,7 @@ static inline void draw_lobes(check_random *random, sps_lobe lobes[2]) {
     for (int i = 0; i < 2; ++i) lobes[i].weight = (float)draw(random, 0.2, 1);
 }
 
-/* Steps that lie where a field has its slopes, and colours that differ; the first is empty. */
+/* Steps that lie where a field has its slopes, and colors that differ; the first is empty. */
 static inline void draw_transfer(random_scene *x, int n, int kind, double extinction) {
     sps_volume *volume = &x->s.volume[n];
     sps_transfer *transfer = &x->transfers[n];
@@ -483,7 +483,7 @@ static inline int read_scene_crowd(void *user, size_t first, size_t count, sps_p
 }
 
 static inline void add_set(random_scene *x, int soft) {
-    const int n = x->s.scene.particles_count++;
+    const int n = x->s.scene.particle_set_count++;
     check_random *random = &x->random;
     sps_particles *set = &x->sets[n];
     const double radius = draw_log(random, 0.05, 0.25);
@@ -742,7 +742,7 @@ static inline sps_result scene_render(sps_context *context, const random_scene *
     return result;
 }
 
-/* sps_mesh.read_fn: the triangles of another mesh, each in a colour that is its number. */
+/* sps_mesh.read_fn: the triangles of another mesh, each in a color that is its number. */
 static inline int read_numbered(void *user, size_t first, size_t count, sps_triangle *out) {
     const sps_mesh *mesh = (const sps_mesh *)user;
     const int failed = mesh->read_fn(mesh->user, first, count, out);
@@ -759,7 +759,7 @@ static inline sps_result scene_triangles(sps_context *context, const random_scen
     sps_result result;
     bare = *x;
     bare.s.scene.meshes = bare.s.mesh;
-    bare.s.scene.volume_count = bare.s.scene.particles_count = bare.s.scene.light_count = 0;
+    bare.s.scene.volume_count = bare.s.scene.particle_set_count = bare.s.scene.light_count = 0;
     bare.s.scene.background_fn = NULL;
     memset(bare.s.scene.background, 0, sizeof bare.s.scene.background);
     check_color(bare.s.scene.ambient, 1, 1, 1);

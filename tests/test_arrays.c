@@ -185,7 +185,7 @@ static void test_volume_of_grid(void) {
         check_color(volume->albedo, 0.9, 0.8, 0.7);
         check_add_directional(&s, 1, -1, -1, 3);
         check_render(context, &s, images[i]);
-        sps_stats(context, &stats[i]);
+        sps_get_stats(context, &stats[i]);
         if (i) { /* larger than the grid: it says so */
             sps_image image;
             memset(&image, 0, sizeof image);

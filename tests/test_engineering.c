@@ -174,7 +174,7 @@ static void run_fresh(const mixed *m, kind which, float *pixels) {
 
 static size_t bytes_held(const sps_context *context) {
     sps_stats_report stats;
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     return stats.bytes;
 }
 
@@ -365,7 +365,7 @@ static void measure(const mixed *m, int workers, size_t *planned, size_t *peak) 
     *planned = 0;
     if (CHECK_OK(context, sps_plan(context, &m->s.scene, &m->s.view, &report))) *planned = report.bytes;
     CHECK_OK(context, run(context, m, RENDER, pixels_after));
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.bytes == hooks.live && stats.bytes_peak == hooks.peak);
     *peak = hooks.peak;
     sps_destroy(context);
@@ -481,7 +481,7 @@ static void test_context_reused(void) {
         CHECK_OK(context, sps_plan(context, &m.s.scene, &m.s.view, &report));
         fill(pixels_after);
         CHECK_OK(context, run(context, &m, RENDER, pixels_after));
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         if (!CHECK(stats.bytes <= report.bytes)) printf("    variant %d\n", variant);
         run_fresh(&m, RENDER, pixels_fresh);
         if (!CHECK(same(pixels_after, pixels_fresh))) printf("    variant %d\n", variant);
@@ -565,7 +565,7 @@ static void test_same_counts(const mixed *m) {
         hooks.worker_count = pass ? 7 : 0;
         context = check_context(&hooks);
         CHECK_OK(context, run(context, m, RENDER, pixels_after));
-        sps_stats(context, pass ? &seven : &one);
+        sps_get_stats(context, pass ? &seven : &one);
         sps_destroy(context);
     }
     CHECK(one.eye_fragments == seven.eye_fragments && one.eye_fragments > 0);
@@ -673,7 +673,7 @@ static int renders_reading(sps_context *context, const mixed *m, int line) {
     sps_stats_report stats;
     fill(pixels_after);
     CHECK_OK(context, run(context, m, RENDER, pixels_after));
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     run_fresh(m, RENDER, pixels_fresh);
     if (!CHECK(same(pixels_after, pixels_fresh))) printf("    in the call at line %d\n", line);
     CHECK((stats.voxels_read > 0) == (stats.read_calls + stats.eval_calls > 0));
@@ -800,9 +800,9 @@ static void test_null_arguments(const mixed *m) {
     image.rgba = pixels_after;
     fill(pixels_after);
     sps_destroy(NULL);
-    sps_stats(context, NULL);
+    sps_get_stats(context, NULL);
     memset(&stats, 1, sizeof stats);
-    sps_stats(NULL, &stats);
+    sps_get_stats(NULL, &stats);
     CHECK(stats.bytes == 0 && stats.slabs == 0);
     CHECK(sps_error(NULL)[0] != 0);
     CHECK(sps_render(NULL, &m->s.scene, &m->s.view, &image) == SPS_ERROR_ARGUMENT);
@@ -889,7 +889,7 @@ static void test_clock(const mixed *m) {
     sps_context *context = check_context(NULL);
     double now = 0;
     CHECK_OK(context, run(context, m, RENDER, pixels_after));
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.seconds_total == 0 && stats.seconds_eye == 0);
     sps_destroy(context);
     memset(&config, 0, sizeof config);
@@ -897,7 +897,7 @@ static void test_clock(const mixed *m) {
     config.clock_user = &now;
     context = sps_create(&config, NULL);
     CHECK_OK(context, run(context, m, RENDER, pixels_after));
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.seconds_total > 0 && stats.seconds_total <= now);
     CHECK(stats.seconds_gather + stats.seconds_polygons + stats.seconds_bin + stats.seconds_light + stats.seconds_eye <=
           stats.seconds_total);

@@ -545,7 +545,7 @@ static void check_replaced(check_scene *s, spoilt *user) {
     s->scene.replace_invalid = 1;
     user->twice = 1;
     CHECK_OK(context, sps_render(context, &s->scene, &s->view, &image));
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.values_replaced == 2);
     CHECK(messages == 1); /* sps_config: "one line: errors, replaced data" */
     user->bad = 0;
@@ -634,7 +634,7 @@ static void test_degenerate_triangles(void) {
     *check_add_triangle(&m.triangles) = m.triangles.list[0];
     m.s.mesh[0].triangle_count = m.triangles.count;
     check_render(context, &m.s, rgba);
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.triangles_degenerate >= 2 && stats.triangles + stats.triangles_degenerate == 6);
     CHECK(memcmp(rgba, other, sizeof rgba) == 0);
     sps_destroy(context);
@@ -660,7 +660,7 @@ static void test_bad_callbacks(void) {
         mixed_build(&m);
         m.s.scene.background_fn = background_bad;
         m.s.scene.background_user = &bad[i];
-        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "scene.background_fn's colour is"));
+        CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_DATA && strstr(sentence, "scene.background_fn's color is"));
         m.s.scene.background_fn = NULL;
         m.s.volume[0].transfer = &m.transfer;
         m.transfer.points = NULL;
@@ -1380,7 +1380,7 @@ static void test_slab_counts(void) {
         s.view.shadow_size = 16; /* what counts is the slabs; a light's sheets would take most of the time */
         s.view.slab = slabs[i];
         check_render(context, &s, rgba);
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         if (i == 0) CHECK(stats.slabs >= 100000 && stats.slabs < (1 << 20));
         if (i > 1) CHECK(stats.slabs == 1);
         if (!CHECK_NEAR(optical_depth(rgba + 4 * 4), 1, 0.01) || !CHECK(sane(rgba, 9, 0.2)))

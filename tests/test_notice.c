@@ -183,7 +183,7 @@ static void test_extinction_of_balls(void) {
             set.is_extinction = by;
             check_color(set.emission, 0.7, 0.7, 0.7);
             s.scene.particles = &set;
-            s.scene.particles_count = 1;
+            s.scene.particle_set_count = 1;
             if (!check_march(context, &s, 0.5, by ? image_b : image_a, NULL)) return;
         }
         /* optical depths are floats, 6e-8 off each: no more of what is seen, which is at most 1 */
@@ -799,8 +799,8 @@ static void test_shell_of_constant(void) {
 
 /* -------------------------------------------------------------------------------------------------- grey scenes */
 
-/* What has a colour in one place alone, in one channel alone. */
-static void coloured_scene(check_scene *s, int place, int channel) {
+/* What has a color in one place alone, in one channel alone. */
+static void colored_scene(check_scene *s, int place, int channel) {
     const int gas = place > 2;
     float color[3] = {0.5f, 0.5f, 0.5f};
     float *places[5];
@@ -824,7 +824,7 @@ static void test_one_channel_differs(void) {
     for (int place = 0; place < 5; ++place)
         for (int channel = 0; channel < 3; ++channel) {
             check_scene s;
-            coloured_scene(&s, place, channel);
+            colored_scene(&s, place, channel);
             if (!check_render(context, &s, image_a)) return;
             for (int i = 0; i < 9; ++i)
                 for (int c = 0; c < 3; ++c) {

@@ -80,15 +80,15 @@ static void stage_free(stage *x) {
 
 /* The next set; its count is that of its cloud when the scene is rendered by stage_render. */
 static sps_particles *stage_add(stage *x, double albedo) {
-    sps_particles *set = &x->set[x->s.scene.particles_count];
+    sps_particles *set = &x->set[x->s.scene.particle_set_count];
     set->read_fn = cloud_read;
-    set->user = &x->clouds[x->s.scene.particles_count++];
+    set->user = &x->clouds[x->s.scene.particle_set_count++];
     check_color(set->albedo, albedo, albedo, albedo);
     return set;
 }
 
 static void stage_ready(stage *x) {
-    for (int i = 0; i < x->s.scene.particles_count; ++i) x->set[i].count = x->clouds[i].count;
+    for (int i = 0; i < x->s.scene.particle_set_count; ++i) x->set[i].count = x->clouds[i].count;
 }
 
 static int stage_render(stage *x, float *image) {
@@ -153,7 +153,7 @@ static void check_coverage(const stage *x, const float *image, double slabs, con
     for (int i = 0; i < view->width * view->height; ++i) {
         double origin[3], direction[3], length, tau = 0, slack = 0, error, allowed;
         pixel_ray(view, i % view->width, i / view->width, origin, direction, &length);
-        for (int n = 0; n < x->s.scene.particles_count; ++n) {
+        for (int n = 0; n < x->s.scene.particle_set_count; ++n) {
             double more;
             const double low =
                 view->camera.field_of_view > 0 || view->near_distance > 0 ? view->near_distance * length : 0;
@@ -205,7 +205,7 @@ static void test_one_ball(void) {
                 cloud_add(&x.clouds[0], 0.1, -0.05, 0.2, 1.01, 1.5);
                 x.s.view.slab = 2 / 0.7 / slabs[n];
                 if (!stage_render(&x, image_a)) return;
-                sps_stats(context, &stats);
+                sps_get_stats(context, &stats);
                 CHECK(stats.slabs >= (uint64_t)slabs[n] && stats.particles == 1 && stats.particle_calls == 1);
                 snprintf(what, sizeof what, "%s, %d slabs, form %d", view_names[kind], slabs[n], form);
                 check_coverage(&x, image_a, (double)stats.slabs, what);
@@ -286,7 +286,7 @@ static void test_small(void) {
             for (int i = 0; i < 128 * 128; ++i) sum -= log1p(-(double)image_a[4 * i + 3]);
             /* coverage near 0 is a float of its own */
             CHECK_NEAR(sum, mass, mass * (0.006 + 1e-4));
-            sps_stats(context, &stats);
+            sps_get_stats(context, &stats);
             CHECK(stats.particles == 1024);
             stage_free(&x);
         }
@@ -479,7 +479,7 @@ static void test_voxel_stand_in(void) {
     x.s.view.slab = 0.1;
     x.s.view.shadow_size = 200;
     if (!stage_render(&x, image_a)) return;
-    x.s.scene.particles_count = 0;
+    x.s.scene.particle_set_count = 0;
     memset(&field, 0, sizeof field);
     field.value_fn = soft_ball;
     volume = check_add_volume(&x.s, 97, 97, 97, check_box(-1.2125, -1.2125, -1.2125, 1.2125, 1.2125, 1.2125));
@@ -712,7 +712,7 @@ static void test_outliers(void) {
         check_add_directional(&x.s, 0.3, 0.2, -1, 1);
         x.s.view.quality = SPS_QUALITY_MEDIUM;
         if (!stage_render(&x, image_a)) return;
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         if (!CHECK(stats.slabs <= (n < 3 ? (1 << 16) + 1 : 1000)))
             printf("    %d: %.0f slabs\n", n, (double)stats.slabs);
         stage_free(&x);
@@ -754,7 +754,7 @@ static void test_invalid(void) {
             check_refused(&x, SPS_ERROR_DATA, words);
             x.s.scene.replace_invalid = 1;
             if (!stage_render(&x, image_a)) return;
-            sps_stats(context, &stats);
+            sps_get_stats(context, &stats);
             CHECK(stats.values_replaced == 1 && stats.particles == 5009);
             particle->radius = 0;
             particle->optical_depth = 1;
@@ -768,8 +768,8 @@ static void test_invalid(void) {
 /* Arguments that make no sense, each by its name. */
 static void test_refusals(void) {
     static const char *const words[] = {
-        "particles[1].start_canary", "particles[1].end_canary", "scene.particles_count", "scene.particles_count",
-        "particles[1].read_fn",      "particles[1].lobe_count", "particles[1].lobes[0]", "particles[1].albedo",
+        "particles[1].start_canary", "particles[1].end_canary", "scene.particle_set_count", "scene.particle_set_count",
+        "particles[1].read_fn",      "particles[1].lobe_count", "particles[1].lobes[0]",    "particles[1].albedo",
         "particles[1].emission",     "particles[1].count"};
     static const sps_lobe bent = {2, 1};
     for (int n = 0; n < 10; ++n) {
@@ -790,7 +790,7 @@ static void test_refusals(void) {
         if (n == 8) x.set[1].emission[1] = -1;
         stage_ready(&x);
         if (n == 9) x.set[1].count = (size_t)1 << 29; /* with those of the set before it that is too many */
-        if (n == 3) x.s.scene.particles_count = -1;
+        if (n == 3) x.s.scene.particle_set_count = -1;
         CHECK(sps_plan(context, &x.s.scene, &x.s.view, &plan) == SPS_ERROR_ARGUMENT);
         if (!CHECK(strstr(sps_error(context), words[n]))) printf("    %s: %s\n", words[n], sps_error(context));
         stage_free(&x);
@@ -819,10 +819,10 @@ static void test_light_inside(void) {
 static void test_nothing(void) {
     stage x;
     build_mixed(&x);
-    x.s.scene.particles_count = 0;
+    x.s.scene.particle_set_count = 0;
     check_render(context, &x.s, image_a);
     for (int form = 0; form < 4; ++form) {
-        x.s.scene.particles_count = 2;
+        x.s.scene.particle_set_count = 2;
         x.set[0].count = x.set[1].count = form ? 1500 : 0;
         for (int i = 0; i < 1500; ++i)
             for (int n = 0; n < 2; ++n) {
@@ -944,7 +944,7 @@ static void test_plan(void) {
         CHECK_OK(own, sps_plan(own, &x.s.scene, &x.s.view, &plan));
         CHECK(x.clouds[0].calls == 0 && x.clouds[1].calls == 0);
         check_render_depth(own, &x.s, image_a, distance_a);
-        sps_stats(own, &stats);
+        sps_get_stats(own, &stats);
         CHECK(plan.particle_calls == (uint64_t)(form & 4 ? 2 : 3) && stats.particle_calls == plan.particle_calls);
         CHECK(x.clouds[0].calls + x.clouds[1].calls == (long)plan.particle_calls);
         if (!CHECK(hooks.peak <= plan.bytes)) printf("    form %d: %zu of %zu\n", form, hooks.peak, plan.bytes);
@@ -997,11 +997,11 @@ static void test_stats(void) {
     check_add_directional(&x.s, 0, 0, -1, 1)->no_shadow = 1;
     x.s.view.slab = 1000;
     if (!stage_render(&x, image_a)) return;
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.slabs == 1 && stats.eye_footprints == 1 && stats.eye_fragments == 400 && stats.light_footprints == 0);
     x.s.light[0].no_shadow = 0;
     if (!stage_render(&x, image_a)) return;
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.light_footprints > 0 && stats.light_fragments > 0);
     stage_free(&x);
 }

@@ -191,9 +191,9 @@ static void test_slabs_of_particles(void) {
         particles.user = &user;
         particles.count = 2;
         s.scene.particles = &particles;
-        s.scene.particles_count = 1;
+        s.scene.particle_set_count = 1;
         if (!check_render(context, &s, image_a)) return;
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         CHECK_NEAR((double)stats.slabs, 2 * (1 + radius) / edge + 0.5, 0.5 + 1e-3);
     }
 }

@@ -1,5 +1,5 @@
-/* Only what the scene calls for: what sps_plan announces, what sps_stats has counted, and what the callbacks have seen
-   must agree, and whatever a scene does not use must not run, must not be called and must not be held. */
+/* Only what the scene calls for: what sps_plan announces, what sps_get_stats has counted, and what the callbacks have
+   seen must agree, and whatever a scene does not use must not run, must not be called and must not be held. */
 
 #include "check.h"
 
@@ -131,7 +131,7 @@ static size_t peak_of_render(const setup *t, float *depth, outcome *out) {
     memset(&hooks, 0, sizeof hooks);
     context = check_context(&hooks);
     check_render_depth(context, &t->s, rgba, depth);
-    sps_stats(context, &out->stats);
+    sps_get_stats(context, &out->stats);
     memcpy(out->pixel, rgba + 4 * (HEIGHT / 2 * WIDTH + WIDTH / 2), sizeof out->pixel);
     sps_destroy(context);
     return hooks.peak;
@@ -364,12 +364,12 @@ static void test_gradient(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* One channel where every colour is grey. Each thing in turn that has a colour makes it three. */
+/* One channel where every color is grey. Each thing in turn that has a color makes it three. */
 static void test_grey(const outcome *full) {
     CHECK(full->plan.color_channels == 1);
     for (int i = 0; i < 8; ++i) {
-        static const sps_transfer_point coloured[] = {{0, {1, 1, 1}, 0}, {1, {1, 0.5f, 1}, 9}};
-        static const sps_transfer transfer = {coloured, 2, NULL, NULL, 0};
+        static const sps_transfer_point colored[] = {{0, {1, 1, 1}, 0}, {1, {1, 0.5f, 1}, 9}};
+        static const sps_transfer transfer = {colored, 2, NULL, NULL, 0};
         setup t;
         outcome o;
         setup_build(&t);
@@ -383,7 +383,7 @@ static void test_grey(const outcome *full) {
         if (i == 7) t.s.volume[0].transfer = &transfer;
         o = measure(&t);
         if (!CHECK(o.plan.color_channels == 3) || !CHECK(o.peak_without_depth > full->peak_without_depth))
-            printf("    colour number %d\n", i);
+            printf("    color number %d\n", i);
         CHECK(o.background_calls == (i == 6 ? HEIGHT : 0));
         check_free_triangles(&t.triangles);
     }
@@ -535,7 +535,7 @@ static void test_particles(void) {
         memset(&particles, 0, sizeof particles);
         particles.count = count, particles.read_fn = read_flat, particles.user = &calls;
         check_color(particles.albedo, 0.5, 0.5, 0.5);
-        s.scene.particles = &particles, s.scene.particles_count = 1;
+        s.scene.particles = &particles, s.scene.particle_set_count = 1;
         check_add_directional(&s, 0, 0, -1, 1);
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
         check_render(context, &s, rgba);

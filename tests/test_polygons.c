@@ -118,7 +118,7 @@ static void test_flat_shading(void) {
         }
 }
 
-/* Colours, and normals made unit at the corners, come out as the corners' mean by barycentric weights: in perspective
+/* Colors, and normals made unit at the corners, come out as the corners' mean by barycentric weights: in perspective
    too, where those are not linear in the image. */
 static void test_interpolation(void) {
     static const double xy[3][2] = {{-4, -3}, {5, -4}, {0.5, 7}},
@@ -314,7 +314,7 @@ static void test_degenerate(void) {
     }
     s.mesh[0].revision = s.mesh[1].revision = 5;
     for (int held = 0; held < 3; ++held) {
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         CHECK(stats.triangles_degenerate == 4);
         CHECK(stats.triangles == 6 && (stats.triangle_calls == 0) == (held == 2));
         CHECK(memcmp(image_a, image_b, sizeof(float) * 4 * 17 * 13) == 0);

@@ -539,7 +539,7 @@ static int render_shifted(int kind, int shift, float *image) {
     memset(&balls, 0, sizeof balls);
     balls.read_fn = read_two_balls, balls.count = 2, balls.soft = 1;
     check_color(balls.albedo, 0.5, 0.7, 0.9);
-    s.scene.particles = &balls, s.scene.particles_count = 1;
+    s.scene.particles = &balls, s.scene.particle_set_count = 1;
     memset(&triangles, 0, sizeof triangles);
     check_add_quad(&triangles, corner, u, v);
     check_add_mesh(&s, &triangles, 0.6);

@@ -518,7 +518,7 @@ static void test_revision(void) {
     s.view.camera.position[1] = 3;
     check_perspective(&s.view.camera, 0.4);
     for (int n = 0; n < 6; ++n) {
-        const int read = n == 0 || n >= 3; /* then: another colour; another placement; another revision */
+        const int read = n == 0 || n >= 3; /* then: another color; another placement; another revision */
         const long calls = ground.calls + body.calls;
         if (n == 3) s.mesh[1].color[0] = 0.25f;
         if (n == 4) s.mesh[1].placement = check_box(0.1, 0, 0, 1.1, 1, 1);
@@ -526,7 +526,7 @@ static void test_revision(void) {
         s.view.camera.position[0] = 0.1 * n; /* the camera may move */
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan)) || !check_render(context, &s, image_a))
             return;
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         CHECK(stats.triangle_calls == plan.triangle_calls && (plan.triangle_calls > 0) == read);
         CHECK((ground.calls + body.calls > calls) == read);
         CHECK((plan.pass[SPS_PASS_TRIANGLE_TREE].runs == 1) == read);
@@ -540,7 +540,7 @@ static void test_revision(void) {
     s.mesh[1].revision = 0; /* one that has none: all are read, each time */
     for (int n = 0; n < 2; ++n) {
         if (!check_render(context, &s, image_a)) return;
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         CHECK(stats.triangle_calls > 0);
     }
 }

@@ -103,10 +103,10 @@ static void scatter(fixture *f, int set, int count, double reach, uint64_t seed)
 }
 
 static void complete(fixture *f) {
-    f->s.scene.particles_count = 0;
+    f->s.scene.particle_set_count = 0;
     for (int i = 0; i < 2; ++i) {
         f->sets[i].count = f->crowds[i].count;
-        if (f->crowds[i].count > 0) f->s.scene.particles_count = i + 1;
+        if (f->crowds[i].count > 0) f->s.scene.particle_set_count = i + 1;
     }
 }
 
@@ -1275,10 +1275,10 @@ static void test_same_bits(void) {
                     complete(&f);
                     CHECK_OK(contexts[w], sps_tmap_create(contexts[w], &f.light, &f.settings, &maps[w]));
                     part = f.s.scene;
-                    part.mesh_count = 1, part.particles_count = 0;
+                    part.mesh_count = 1, part.particle_set_count = 0;
                     CHECK_OK(contexts[w], sps_tmap_add(maps[w], &part));
                     part = f.s.scene;
-                    part.volume_count = 0, part.mesh_count = 0, part.particles_count = 1;
+                    part.volume_count = 0, part.mesh_count = 0, part.particle_set_count = 1;
                     CHECK_OK(contexts[w], sps_tmap_add(maps[w], &part));
                     part.particles += 1, part.meshes += 1, part.mesh_count = 1;
                     CHECK_OK(contexts[w], sps_tmap_add(maps[w], &part));
@@ -1912,7 +1912,7 @@ static void test_replaced(void) {
     f.s.scene.replace_invalid = 1;
     maps[0] = must_build(&whole, context);
     maps[1] = must_build(&f, context);
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.values_replaced == 1);
     CHECK(maps[0] && maps[1] && same_map(maps[0], maps[1]));
     for (int i = 0; i < 2; ++i) sps_tmap_destroy(maps[i]);
@@ -1940,7 +1940,7 @@ static void test_replaced_of_several(void) {
         CHECK_OK(context, sps_tmap_add(map, n & 2 ? &f.s.scene : &bad.s.scene));
         CHECK_OK(context, sps_tmap_add(map, n & 2 ? &bad.s.scene : &f.s.scene));
         CHECK(sps_tmap_finish(map) == (n & 1 ? SPS_OK : SPS_ERROR_DATA));
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         if (n & 1) CHECK(stats.values_replaced == 1);
         sps_tmap_destroy(map);
         end(&f);
@@ -2345,7 +2345,7 @@ static void test_outside(void) {
         if (voxels) add_box(&f, 4, 1, 0, 1);
         messages_told = 0;
         map = must_build(&f, context);
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         CHECK(stats.particles_outside == (n % 5 == 0 ? 0u : way == SPOT && (n % 5 == 2 || n % 5 == 3) ? 3u : 2u));
         CHECK(messages_told == (n % 5 > 0));
         CHECK(n % 5 == 0 || (strstr(last_message, "voxels") != NULL) == voxels);
@@ -2378,7 +2378,7 @@ static void test_outside_around(void) {
         if (n == 9) f.settings.far_depth = 60;
         messages_told = 0;
         map = must_build(&f, context);
-        sps_stats(context, &stats);
+        sps_get_stats(context, &stats);
         if (!CHECK(stats.particles_outside == (n < 8))) printf("    case %d: %d\n", n, (int)stats.particles_outside);
         CHECK(messages_told == (n < 9));
         CHECK(n == 9 || strstr(last_message, n < 8 ? " counts there: 1 of the particles"
@@ -3070,7 +3070,7 @@ static void add_picture_particles(picture *p, int count) {
         one_particle->optical_depth = 0.6f;
     }
     p->balls.count = p->set.count = (size_t)count;
-    p->s.scene.particles_count = 1;
+    p->s.scene.particle_set_count = 1;
 }
 
 static sps_light *lit_by_map(picture *p, sps_light *light) {
@@ -3313,7 +3313,7 @@ static void test_omnidirectional_light(void) {
         p.settings.technique = i < 2 ? SPS_TMAP_DEEP : SPS_TMAP_OPACITY;
         p.s.light[0].shadow_map_omnidirectional = i % 2;
         check_render(context, &p.s, i % 2 ? image_b : image_a);
-        sps_stats(context, &stats[i]);
+        sps_get_stats(context, &stats[i]);
         sps_destroy(context);
     }
     CHECK(stats[3].bytes_peak > stats[2].bytes_peak + 4 * 256 * 256 * 8 * sizeof(float)); /* and not 5: bands differ */
@@ -3425,12 +3425,12 @@ static void test_held_voxels(void) {
     f.s.volume[0] = p.s.volume[0];
     f.s.scene.volume_count = 1;
     maps[0] = must_build(&f, context);
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.eval_calls == 0 && stats.voxels_relevant > 0);
     maps[1] = must_build(&f, fresh);
     CHECK(maps[0] && maps[1] && same_map(maps[0], maps[1]));
     check_render(context, &p.s, image_c);
-    sps_stats(context, &stats);
+    sps_get_stats(context, &stats);
     CHECK(stats.eval_calls == 0);
     CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && memcmp(image_a, image_c, sizeof image_a) == 0);
     sps_tmap_destroy(maps[0]);

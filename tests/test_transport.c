@@ -643,7 +643,7 @@ static void test_lights_add(void) {
     CHECK(most > 0.1);
 }
 
-/* Two volumes in one place are one with the sum of their densities; colours mix by extinction. */
+/* Two volumes in one place are one with the sum of their densities; colors mix by extinction. */
 static void test_overlapping_volumes(void) {
     check_scene s;
     lively(&s, 32, 24);

@@ -9898,7 +9898,7 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
 static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map *map = &shadow->depth_map;
     for (int i = 0; i < 3; ++i) {
-        const double axis[3] = {i == 0, i == 1, i == 2};
+        const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
         if (shadow->kind == SPSI_SHADOW_MAP) {
             const spsi_rays *rays = &shadow->tmap->rays[0];
             const int whole = shadow->tmap->face_count > 1;

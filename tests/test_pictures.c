@@ -205,13 +205,14 @@ static void test_border(void) {
     for (int point = 0; point < 2; ++point) {
         double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
         spsi_rays rays;
-        sps_light light;
-        memset(&light, 0, sizeof light);
+        spsi_lamp lamp;
+        memset(&lamp, 0, sizeof lamp);
         memset(&rays, 0, sizeof rays);
-        light.kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
-        check_set3(light.direction, -1, -2, -3);
-        check_set3(light.position, 2, 4, 6);
-        if (!CHECK(spsi_rays_fit(&light, &bounds, 0.05, 0, 4096, &rays))) return;
+        lamp.is_point = point;
+        check_set3(lamp.direction, -1, -2, -3);
+        spsi_normalise(lamp.direction);
+        check_set3(lamp.position, 2, 4, 6);
+        if (!CHECK(spsi_rays_fit(&lamp, &bounds, 0.05, 0, 4096, &rays))) return;
         for (int corner = 0; corner < 8; ++corner) {
             double at[3], q[3];
             spsi_bounds_corner(&bounds, corner, at);

@@ -3453,6 +3453,47 @@ typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
 } spsi_bounds;
 
+/* What quality sets. */
+typedef struct spsi_accuracy {
+    double threshold;     /* transmittance at which an eye ray ends */
+    double shadow_texels; /* per voxel */
+    int depth_map_texels; /* minimum on a side of a depth map */
+    double cut;           /* standard deviations at which kernels end */
+    double light_cut;     /* the same in a light's sheets of classified volumes; maps have `cut` */
+} spsi_accuracy;
+
+/* The sets of particles that are not empty. */
+typedef struct spsi_particle_sets {
+    int set_count;
+    spsi_particle_set sets[SPSI_SETS_MAX];
+    size_t count; /* of particles, before any is read */
+} spsi_particle_sets;
+
+/* The appearance of volumes and particles. */
+typedef struct spsi_matter {
+    int material_count;
+    spsi_material materials[SPSI_MATERIALS_MAX];
+    int light_channel_count; /* of a light's sheets: one for all gases, one for each classified volume */
+    int scatters;            /* 1: some material does */
+    int emits;
+    int extinguishes;
+    int classifies; /* 1: some volume has a transfer function */
+} spsi_matter;
+
+typedef struct spsi_lamps {
+    spsi_lamp *list;
+    int count;
+    int shadow_count; /* of lamps that cast shadows */
+    int sliced_count; /* of lamps that shade gas by sheets: each takes a sweep of its own */
+} spsi_lamps;
+
+/* Gradients of volumes that are shaded as surfaces. */
+typedef struct spsi_gradients {
+    int exist;
+    int reach;    /* pixels to either side: 1, or 2 where voxels are up to 4 pixels wide */
+    int splatted; /* 1: they have sheets of their own, as neighbouring pixels are too far apart */
+} spsi_gradients;
+
 /* What reading finds in a frame. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
@@ -3469,32 +3510,23 @@ typedef struct spsi_content {
 typedef struct spsi_frame {
     const sps_scene *scene;
     spsi_content *content;
-    sps_view view;        /* all fields resolved; region filled in */
-    sps_object viewer;    /* who says so: a view, or a map's light */
-    double threshold;     /* transmittance at which an eye ray ends */
-    double shadow_texels; /* per voxel */
-    int depth_map_texels; /* on a side of a depth map, at least */
-    double cut;           /* standard deviations at which the splatter's kernels end */
-    double light_cut;     /* the same in a light's sheets of what is classified; maps have `cut` */
+    sps_view view;     /* all fields resolved; region filled in */
+    sps_object viewer; /* the struct that errors of the view name: a view, or a map's light */
+    spsi_accuracy accuracy;
     spsi_rays eye;
-    int medium_count, material_count, light_channel_count;
+    int medium_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
     spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one of each medium */
-    spsi_material materials[SPSI_MATERIALS_MAX];
-    spsi_bounds volume_bounds; /* of the volumes' boxes, and as far as their kernels reach */
+    spsi_bounds volume_bounds;               /* of the volumes' boxes, and as far as their kernels reach */
+    spsi_particle_sets particles;
+    spsi_matter matter;
     size_t triangle_count;
-    int set_count;
-    spsi_particle_set sets[SPSI_SETS_MAX];
-    size_t particles_asked; /* of all sets together */
-    int channels;           /* of radiance: 1 where all is grey */
+    spsi_lamps lamps;
     float ambient[3];
-    spsi_lamp *lamps; /* lamp_count */
-    int lamp_count;
-    int shadow_count; /* of these, lamps that cast shadows */
-    int sliced_count; /* of these, lamps that shade gas by sheets: each takes a sweep of its own */
-    int scatters, emits, extinguishes, classifies, has_gradient, has_ambient, wants_depth;
-    int gradient_reach; /* pixels to either side that gradients take: 1, or 2 where voxels are up to 4 pixels wide */
-    int splats_slopes;  /* 1: gradients come from sheets of their own, as neighbouring pixels are too far apart */
+    int has_ambient;
+    spsi_gradients gradients;
+    int channels;    /* of radiance: 1 if every color is grey, otherwise 3 */
+    int wants_depth; /* 1: the image has depths */
 } spsi_frame;
 
 #define SPSI_BEHIND       3  /* slabs behind the eye that are splatted: profiles of the first visible slab ask 2 */
@@ -3918,12 +3950,12 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const double light_cut[] = {2.8, 2.8, 2.8, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
-    if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->classifies][frame->view.quality];
-    frame->shadow_texels = texels[frame->classifies][frame->view.quality];
-    frame->threshold = threshold[frame->view.quality];
-    frame->cut = cut[frame->view.quality];
-    frame->light_cut = light_cut[frame->view.quality];
-    frame->depth_map_texels = depth_map_texels[frame->view.quality];
+    if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->matter.classifies][frame->view.quality];
+    frame->accuracy.shadow_texels = texels[frame->matter.classifies][frame->view.quality];
+    frame->accuracy.threshold = threshold[frame->view.quality];
+    frame->accuracy.cut = cut[frame->view.quality];
+    frame->accuracy.light_cut = light_cut[frame->view.quality];
+    frame->accuracy.depth_map_texels = depth_map_texels[frame->view.quality];
 }
 
 /* The rays of a checked camera; their width and height are set. */
@@ -3985,19 +4017,19 @@ static void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material 
 
 /* Gases that look the same share one channel of the sheets. */
 static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
-    for (int i = 0; i < frame->material_count; ++i)
-        if (!material->table && memcmp(material, &frame->materials[i], sizeof *material) == 0) return i;
+    for (int i = 0; i < frame->matter.material_count; ++i)
+        if (!material->table && memcmp(material, &frame->matter.materials[i], sizeof *material) == 0) return i;
     return -1;
 }
 
 /* The channel of a material, which is a new one if no other looks the same. */
 static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     int channel = spsi_find_material(frame, material);
-    frame->scatters |= material->scatters;
-    frame->emits |= material->emits;
+    frame->matter.scatters |= material->scatters;
+    frame->matter.emits |= material->emits;
     if (channel < 0) {
-        channel = frame->material_count++;
-        frame->materials[channel] = *material;
+        channel = frame->matter.material_count++;
+        frame->matter.materials[channel] = *material;
     }
     return channel;
 }
@@ -4008,7 +4040,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
     memset(&material, 0, sizeof material);
     spsi_material_lobes(volume->lobes, volume->lobe_count, &material);
     if (volume->transfer) {
-        frame->classifies = 1;
+        frame->matter.classifies = 1;
         material.table = table;
         material.shading = volume->shading;
         material.gradient_scale = 1 / fmaxf(volume->gradient_full > 0 ? volume->gradient_full : 0.05f, SPSI_VALUE_MIN);
@@ -4016,7 +4048,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
         material.specular = volume->specular;
         material.shininess = volume->shininess > 0 ? volume->shininess : 32;
         if (spsi_transfer_tabulate(context, volume->transfer, medium->index, &material)) return context->result;
-        medium->light_channel = frame->light_channel_count++;
+        medium->light_channel = frame->matter.light_channel_count++;
     } else {
         spsi_material_gas(volume->extinction, volume->albedo, volume->emission, &material);
     }
@@ -4058,7 +4090,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
         if (spsi_medium_place(context, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
-        frame->light_channel_count |= !volume->transfer; /* number 0 is for gases, where there are any */
+        frame->matter.light_channel_count |= !volume->transfer; /* number 0 is for gases, where there are any */
     }
     table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
     if (!table) return context->result;
@@ -4081,25 +4113,25 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
 static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->scene->particle_set_count; ++i) {
         const sps_particles *particles = &frame->scene->particles[i];
-        spsi_particle_set *set = &frame->sets[frame->set_count];
+        spsi_particle_set *set = &frame->particles.sets[frame->particles.set_count];
         spsi_material material;
         if (particles->count == 0) continue;
-        if (frame->set_count == SPSI_SETS_MAX)
+        if (frame->particles.set_count == SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                    frame->scene->particle_set_count, "at most 64 sets may hold particles");
         /* both are at most SPSI_PARTICLES_MAX, so that the sum fits where a size_t has 32 bits */
-        frame->particles_asked += particles->count;
-        if (frame->particles_asked > SPSI_PARTICLES_MAX)
+        frame->particles.count += particles->count;
+        if (frame->particles.count > SPSI_PARTICLES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count, with those before it,",
-                                   (double)frame->particles_asked, "all sets together must have 2^29 at most");
+                                   (double)frame->particles.count, "all sets together must have 2^29 at most");
         memset(&material, 0, sizeof material);
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
         spsi_material_gas(1, particles->albedo, particles->emission, &material);
         set->particles = particles;
         set->index = i;
         set->channel = spsi_take_material(frame, &material);
-        frame->set_count += 1;
-        frame->light_channel_count = 1;
+        frame->particles.set_count += 1;
+        frame->matter.light_channel_count = 1;
     }
     return SPS_OK;
 }
@@ -4130,7 +4162,7 @@ static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp)
     memcpy(lamp->color, light->color, sizeof lamp->color);
     lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
     lamp->has_map = lamp->shadows && light->shadow_map;
-    lamp->sliced = lamp->shadows && !lamp->has_map && frame->extinguishes;
+    lamp->sliced = lamp->shadows && !lamp->has_map && frame->matter.extinguishes;
     if (!lamp->has_map) return;
     lamp->map = spsi_settings_resolve(light->shadow_map);
     lamp->map_omnidirectional = light->shadow_map_omnidirectional;
@@ -4139,23 +4171,23 @@ static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp)
 
 /* Lists the lights that are not black; none where nothing could answer to them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame) {
-    const int count = frame->scatters || frame->triangle_count > 0 ? frame->scene->light_count : 0;
-    for (int i = 0; i < frame->material_count; ++i) {
-        const spsi_material *material = &frame->materials[i];
-        frame->extinguishes |= material->extinguishes;
-        frame->has_gradient |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
+    const int count = frame->matter.scatters || frame->triangle_count > 0 ? frame->scene->light_count : 0;
+    for (int i = 0; i < frame->matter.material_count; ++i) {
+        const spsi_material *material = &frame->matter.materials[i];
+        frame->matter.extinguishes |= material->extinguishes;
+        frame->gradients.exist |= material->table && material->scatters && material->shading == SPS_SHADING_SURFACE;
     }
-    frame->lamps = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, (size_t)count, sizeof(spsi_lamp));
-    if (!frame->lamps) return context->result;
+    frame->lamps.list = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMPS, (size_t)count, sizeof(spsi_lamp));
+    if (!frame->lamps.list) return context->result;
     for (int i = 0; i < count; ++i) {
-        spsi_lamp *lamp = &frame->lamps[frame->lamp_count];
+        spsi_lamp *lamp = &frame->lamps.list[frame->lamps.count];
         if (spsi_black(frame->scene->lights[i].color)) continue;
         spsi_lamp_build(frame, i, lamp);
-        frame->lamp_count += 1;
-        frame->shadow_count += lamp->shadows;
-        frame->sliced_count += lamp->sliced;
+        frame->lamps.count += 1;
+        frame->lamps.shadow_count += lamp->shadows;
+        frame->lamps.sliced_count += lamp->sliced;
     }
-    if (frame->lamp_count == 0) frame->has_gradient = 0;
+    if (frame->lamps.count == 0) frame->gradients.exist = 0;
     return SPS_OK;
 }
 
@@ -4178,7 +4210,8 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
         low = fmin(low, q[2]);
         high = fmax(high, q[2]);
     }
-    *near_by = low < SPSI_NEAR_REACHES * frame->cut * SPSI_SIGMA * spsi_voxel_extent(medium->lattice, eye->inverse[2]);
+    *near_by = low < SPSI_NEAR_REACHES * frame->accuracy.cut * SPSI_SIGMA *
+                         spsi_voxel_extent(medium->lattice, eye->inverse[2]);
     return spsi_voxel_breadth(medium->lattice, across[0], across[1]) /
            (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
 }
@@ -4189,15 +4222,15 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
 static void spsi_resolve_gradients(spsi_frame *frame) {
     double pixels = HUGE_VAL;
     int near_by = 0;
-    for (int i = 0; i < frame->medium_count && frame->has_gradient; ++i) {
-        const spsi_material *material = &frame->materials[frame->media[i].channel];
+    for (int i = 0; i < frame->medium_count && frame->gradients.exist; ++i) {
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         int here;
         if (!material->table || material->shading != SPS_SHADING_SURFACE) continue;
         pixels = fmin(pixels, spsi_voxel_pixels(frame, &frame->media[i], &here));
         near_by |= here;
     }
-    frame->gradient_reach = frame->has_gradient ? 1 + (pixels < 4) : 0;
-    frame->splats_slopes = pixels < 0.9 && !near_by;
+    frame->gradients.reach = frame->gradients.exist ? 1 + (pixels < 4) : 0;
+    frame->gradients.splatted = pixels < 0.9 && !near_by;
 }
 
 /* 1 where every color in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
@@ -4207,8 +4240,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
     for (int i = 0; i < scene->light_count; ++i) grey &= spsi_grey(scene->lights[i].color);
     for (int i = 0; i < scene->mesh_count; ++i)
         grey &= !scene->meshes[i].has_colors && spsi_grey(scene->meshes[i].color);
-    for (int i = 0; i < frame->material_count; ++i) {
-        const spsi_material *material = &frame->materials[i];
+    for (int i = 0; i < frame->matter.material_count; ++i) {
+        const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
         for (int k = 0; k <= SPSI_TABLE_SIZE && material->table; ++k) grey &= spsi_grey(material->table->entry[k]);
     }
@@ -4537,7 +4570,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
     spsi_block_buffers(&block, memory);
     for (int64_t i = 0; i < count; ++i) {
         int empty;
-        spsi_block_place(&block, &frame->media[medium], &frame->materials[frame->media[medium].channel], i);
+        spsi_block_place(&block, &frame->media[medium], &frame->matter.materials[frame->media[medium].channel], i);
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (medium + (double)i / (double)count) / frame->medium_count))
             return context->result;
         if (spsi_block_range(context, &block, &empty)) return context->result;
@@ -4556,7 +4589,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->scene->replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
         const sps_volume *volume = frame->media[i].volume;
-        const spsi_material *material = &frame->materials[frame->media[i].channel];
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         const spsi_lattice *lattice = frame->media[i].lattice;
         const spsi_table *table = material->table;
         if (volume->revision == 0) return 0;
@@ -4671,7 +4704,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
         sps_particle *batch =
             list + frame->content->particle_count; /* there is room: what was asked before is at least that */
         int returned;
-        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles_asked))
+        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
@@ -4684,7 +4717,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
         frame->content->particle_count += spsi_particles_keep(batch, count);
         *asked += count;
     }
-    frame->content->set_ends[set - frame->sets] = frame->content->particle_count;
+    frame->content->set_ends[set - frame->particles.sets] = frame->content->particle_count;
     return SPS_OK;
 }
 
@@ -4719,11 +4752,11 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     const uint64_t replaced = context->stats.values_replaced;
     size_t asked = 0;
     sps_particle *list;
-    if (frame->set_count == 0) return SPS_OK;
-    list = (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles_asked, sizeof(sps_particle));
+    if (frame->particles.set_count == 0) return SPS_OK;
+    list = (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
     if (!list) return context->result;
-    for (int i = 0; i < frame->set_count; ++i)
-        if (spsi_gather_set(context, frame, &frame->sets[i], &asked, list)) return context->result;
+    for (int i = 0; i < frame->particles.set_count; ++i)
+        if (spsi_gather_set(context, frame, &frame->particles.sets[i], &asked, list)) return context->result;
     frame->content->particles = list;
     context->stats.particles = (uint64_t)frame->content->particle_count;
     spsi_measure_particles(frame);
@@ -4738,7 +4771,7 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
 
 /* The set that a kept particle belongs to. */
 static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
-    int low = 0, high = frame->set_count - 1;
+    int low = 0, high = frame->particles.set_count - 1;
     while (low < high) {
         const int middle = (low + high) / 2;
         if (particle < frame->content->set_ends[middle])
@@ -4746,7 +4779,7 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
         else
             low = middle + 1;
     }
-    return &frame->sets[low];
+    return &frame->particles.sets[low];
 }
 
 /* ================================================================================================ >>trees
@@ -5721,7 +5754,7 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
 
 /* The texels that a light's sheets may have on their longer side, where shadow_size does not say. */
 static int spsi_light_texels_most(const spsi_frame *frame) {
-    return frame->medium_count > 0 ? 4096 : frame->depth_map_texels;
+    return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
 /* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
@@ -5731,11 +5764,11 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_bounds_centre(&frame->content->bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
     spsi_basis(forward, right, down);
-    size = spsi_voxel_across(frame, right, down) / frame->shadow_texels;
+    size = spsi_voxel_across(frame, right, down) / frame->accuracy.shadow_texels;
     if (frame->content->particle_count == 0) return size;
-    own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->shadow_texels;
+    own = 0.5 * SPSI_PARTICLE_EDGE * frame->content->particle_radius / frame->accuracy.shadow_texels;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    return fmin(size, fmax(own, spsi_length(across) / frame->depth_map_texels));
+    return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
 /* The way from a point to a light, in lengths that a packet's reach counts in. */
@@ -5770,7 +5803,7 @@ typedef struct spsi_depth_map {
 
 /* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
 static int spsi_depth_map_size(const spsi_frame *frame) {
-    return spsi_most(frame->view.shadow_size, frame->depth_map_texels);
+    return spsi_most(frame->view.shadow_size, frame->accuracy.depth_map_texels);
 }
 
 /* Cells on a side of a map of `size` texels. */
@@ -6306,7 +6339,7 @@ static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
 
 /* What the frame's gas is, for messages. */
 static const char *spsi_gases(const spsi_frame *frame) {
-    return frame->set_count > 0 ? "volumes or particles" : "volumes";
+    return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
 /* Says which light's rays, or that the camera's, meet the slabs too flatly, and what can be done. */
@@ -6418,7 +6451,7 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
                               const spsi_lamp *lamp, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
     double chord, travel[3];
-    if (!frame->materials[frame->media[lattice->medium].channel].table) return extent;
+    if (!frame->matter.materials[frame->media[lattice->medium].channel].table) return extent;
     chord = spsi_chord_of_rays(frame, lattice, s, rays);
     if (lamp && !lamp->is_point) {
         spsi_lamp_direction(lamp, lamp->position, travel);
@@ -6468,12 +6501,12 @@ static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame
 }
 
 /* The number of sweeps in a frame: one for each light that shades by sheets, and one at least. */
-static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->sliced_count); }
+static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->lamps.sliced_count); }
 
 /* The n-th lamp that shades by sheets; NULL if there is none. */
 static const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
-    for (int i = 0; i < frame->lamp_count; ++i)
-        if (frame->lamps[i].sliced && n-- == 0) return &frame->lamps[i];
+    for (int i = 0; i < frame->lamps.count; ++i)
+        if (frame->lamps.list[i].sliced && n-- == 0) return &frame->lamps.list[i];
     return NULL;
 }
 
@@ -6485,7 +6518,7 @@ static int spsi_sweep_carries(const spsi_sweep *sweep, const spsi_lamp *lamp) {
 
 /* The number of lights whose shadows the n-th sweep carries: of no sweep more than of the first. */
 static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
-    return (n < frame->sliced_count) + (n == 0 ? frame->shadow_count - frame->sliced_count : 0);
+    return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
 }
 
 /* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
@@ -6515,6 +6548,15 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
    (spsi_add_slopes). Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost:
    about 14 vector operations per vector of fragments and section, and 25 per row. */
 
+/* A kernel near a perspective eye, in units of t's standard deviation: the fourth powers need room. */
+typedef struct spsi_near_case {
+    float unit;
+    float covariance[6]; /* 00 01 02 11 12 22 */
+    float inverse[6];    /* of the covariance */
+    float root;          /* of its determinant */
+    float weight;        /* integral for value 1, except for what depends on the pixel */
+} spsi_near_case;
+
 /* What is the same for all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
     int perspective;
@@ -6529,10 +6571,7 @@ typedef struct spsi_splatter {
     float reach_depth;            /* kernel radius in t */
     float reach_slabs;            /* kernel radius along s */
     float near_depth;             /* t below which the near case applies */
-    /* For the near case, whose fourth powers need room: in units of t's standard deviation, */
-    float near_unit;
-    float near_covariance[6], near_inverse[6], near_root; /* root: of the determinant */
-    float near_weight;
+    spsi_near_case near_case;
     float eye_near; /* t before which sections are cut, as t - depth_reference */
     float depth_reference;
     int whole; /* 1: sections are cut by neither polygons nor the near plane, and rays go on behind the eye */
@@ -6622,12 +6661,12 @@ static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *ray
     for (int i = 0, k = 0; i < 3; ++i)
         for (int j = i; j < 3; ++j, ++k) {
             splatter->covariance[k] = (float)covariance[i][j];
-            splatter->near_covariance[k] = (float)(covariance[i][j] / (unit * unit));
-            splatter->near_inverse[k] = (float)(rows[i][j] * unit * unit);
+            splatter->near_case.covariance[k] = (float)(covariance[i][j] / (unit * unit));
+            splatter->near_case.inverse[k] = (float)(rows[i][j] * unit * unit);
         }
-    splatter->near_unit = (float)unit;
-    splatter->near_root = (float)(root / (unit * unit * unit));
-    splatter->near_weight = (float)(weight * unit / root);
+    splatter->near_case.unit = (float)unit;
+    splatter->near_case.root = (float)(root / (unit * unit * unit));
+    splatter->near_case.weight = (float)(weight * unit / root);
     splatter->slab_x = (float)(spsi_dot(slabs->normal, rays->a) / slabs->thickness);
     splatter->slab_y = (float)(spsi_dot(slabs->normal, rays->b) / slabs->thickness);
     splatter->slab_t = (float)(spsi_dot(slabs->normal, rays->c) / slabs->thickness);
@@ -6643,8 +6682,8 @@ static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *ray
     { /* the widest footprint, in pixels to the fourth power */
         const double nearest = rays->perspective ? (double)splatter->near_depth : 1;
         const double widest = covariance[0][0] * covariance[1][1] / (nearest * nearest * nearest * nearest);
-        return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_weight <= FLT_MAX &&
-               splatter->near_depth <= FLT_MAX && splatter->near_unit >= FLT_MIN;
+        return widest < 1e36 && weight < (double)FLT_MAX && splatter->near_case.weight <= FLT_MAX &&
+               splatter->near_depth <= FLT_MAX && splatter->near_case.unit >= FLT_MIN;
     }
 }
 
@@ -6948,7 +6987,7 @@ typedef struct spsi_extent {
 
 /* Along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
 static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], int axis, float side) {
-    const float *c = s->near_covariance;
+    const float *c = s->near_case.covariance;
     spsi_extent extent;
     extent.q = side * q[axis];
     extent.t = side * q[2];
@@ -6996,7 +7035,7 @@ typedef struct spsi_near_print {
 static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
-    const float *q = print->q, *c = s->near_covariance, *n = s->near_inverse, fy = (float)y;
+    const float *q = print->q, *c = s->near_case.covariance, *n = s->near_case.inverse, fy = (float)y;
     const int k0 = spsi_most(print->first, 0), k1 = spsi_least(print->last, tile->slab_count);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
     const spsi_v nx = spsi_fma(at, spsi_set(n[0]), spsi_set(n[1] * fy + n[2]));
@@ -7015,14 +7054,15 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
                  spsi_fma(spsi_mul(ux, uy), spsi_set(c[1]),
                           spsi_fma(spsi_mul(ux, ut), spsi_set(c[2]), spsi_mul(spsi_mul(uy, ut), spsi_set(c[4])))),
                  e);
-    e = spsi_div(e, spsi_mul(a, spsi_set(s->near_root * s->near_root)));
-    per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT) / s->near_unit));
-    mean = spsi_mul(spsi_div(b, a), spsi_set(s->near_unit));
+    e = spsi_div(e, spsi_mul(a, spsi_set(s->near_case.root * s->near_case.root)));
+    per_depth = spsi_mul(root, spsi_set((float)(1 / SPSI_CUT) / s->near_case.unit));
+    mean = spsi_mul(spsi_div(b, a), spsi_set(s->near_case.unit));
     crossing = spsi_mul(spsi_set(s->sign), spsi_fma(at, spsi_set(s->slab_x), spsi_set(s->slab_y * fy + s->slab_t)));
     sections.per_plane = spsi_div(per_depth, spsi_max(crossing, spsi_set(1e-20f)));
     sections.v = spsi_sub(spsi_mul(sections.per_plane, spsi_set((float)k0 - tile->eye_slab)),
                           spsi_mul(spsi_mul(mean, per_depth), spsi_set(s->sign)));
-    weight = spsi_div(spsi_mul(spsi_set(print->value * s->near_weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
+    weight =
+        spsi_div(spsi_mul(spsi_set(print->value * s->near_case.weight), spsi_exp(spsi_mul(e, spsi_set(-0.5f)))), root);
     weight = spsi_select(spsi_less(e, spsi_set(s->cut * s->cut)), weight, zero);
     sections.weight = spsi_select(spsi_and(spsi_less(at, spsi_set((float)print->x1 + 0.5f)), spsi_less(zero, crossing)),
                                   weight, zero);
@@ -7055,7 +7095,7 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
     spsi_extent across, down;
     print.tile = tile;
     print.splatter = s;
-    for (int i = 0; i < 3; ++i) print.q[i] = at[i] / s->near_unit;
+    for (int i = 0; i < 3; ++i) print.q[i] = at[i] / s->near_case.unit;
     print.value = value;
     print.first = (int)floorf(slab - s->reach_slabs);
     print.last = (int)floorf(slab + s->reach_slabs) + 1;
@@ -7500,23 +7540,25 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
    gradients take two slabs and pixels to either side. */
 static spsi_shape spsi_eye_shape(const spsi_frame *frame) {
     spsi_shape shape;
-    shape.channels = frame->material_count * (frame->splats_slopes ? 3 : 1);
-    shape.margin = frame->gradient_reach;
-    shape.slab_margin = frame->classifies + frame->has_gradient;
+    shape.channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
+    shape.margin = frame->gradients.reach;
+    shape.slab_margin = frame->matter.classifies + frame->gradients.exist;
     return shape;
 }
 
 /* A light's sheets have one for all gases, and one for each classified volume. */
 static spsi_shape spsi_light_shape(const spsi_frame *frame) {
     spsi_shape shape;
-    shape.channels = frame->light_channel_count;
+    shape.channels = frame->matter.light_channel_count;
     shape.margin = 0;
-    shape.slab_margin = frame->classifies;
+    shape.slab_margin = frame->matter.classifies;
     return shape;
 }
 
 /* The channel of the d/dx of a channel of the eye's sheets; that of the d/dy follows. */
-static int spsi_slope_channel(const spsi_frame *frame, int channel) { return frame->material_count + 2 * channel; }
+static int spsi_slope_channel(const spsi_frame *frame, int channel) {
+    return frame->matter.material_count + 2 * channel;
+}
 
 static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, const spsi_slabs *slabs,
                               spsi_target *target) {
@@ -7540,15 +7582,15 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
     spsi_target_place(frame, &frame->content->eye, slabs, target);
     target->shape = spsi_eye_shape(frame);
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
-    for (int i = 0; i < frame->set_count; ++i) target->set_channels[i] = frame->sets[i].channel;
+    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
         const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->materials[medium->channel];
+        const spsi_material *material = &frame->matter.materials[medium->channel];
         spsi_splatter *splatter = &target->splatters[i];
         target->channels[i] = medium->channel;
-        if (frame->splats_slopes && material->table && material->shading == SPS_SHADING_SURFACE)
+        if (frame->gradients.splatted && material->table && material->shading == SPS_SHADING_SURFACE)
             target->slope_channels[i] = spsi_slope_channel(frame, medium->channel);
-        if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->cut, splatter))
+        if (!spsi_splatter_build(medium->lattice, &frame->content->eye, slabs, 1, frame->accuracy.cut, splatter))
             return spsi_target_refuse(context, medium);
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
@@ -7563,14 +7605,14 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
     spsi_target_place(frame, rays, slabs, target);
     target->shape = spsi_light_shape(frame);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
-    for (int i = 0; i < frame->set_count; ++i) target->set_channels[i] = 0;
+    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = 0;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
         const spsi_medium *medium = &frame->media[i];
-        const spsi_material *material = &frame->materials[medium->channel];
+        const spsi_material *material = &frame->matter.materials[medium->channel];
         const float scale = material->table ? 1 : material->extinction;
         if (material->extinguishes) target->channels[i] = medium->light_channel;
-        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, material->table ? classified_cut : frame->cut,
-                                 &target->splatters[i]))
+        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale,
+                                 material->table ? classified_cut : frame->accuracy.cut, &target->splatters[i]))
             return spsi_target_refuse(context, medium);
     }
     return SPS_OK;
@@ -7782,7 +7824,7 @@ static void spsi_seen_task(void *data, int index, int worker) {
             const spsi_target *target = job->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
             spsi_seen_build(&target->crossing, set->particles, &frame->content->particles[particle],
-                            target->set_channels[set - frame->sets], contents->first_slab, seen);
+                            target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
             seen->list = spsi_list_of(target, &seen->ball);
         }
     }
@@ -7991,7 +8033,7 @@ static void spsi_light_shader_build(const spsi_frame *frame, const spsi_rays *ra
     shader->rays = rays;
     shader->material_of_channel[0] = -1;
     for (int i = 0; i < frame->medium_count; ++i)
-        if (frame->materials[frame->media[i].channel].table)
+        if (frame->matter.materials[frame->media[i].channel].table)
             shader->material_of_channel[frame->media[i].light_channel] = frame->media[i].channel;
     spsi_linear_of_slabs(rays, slabs, &shader->slab);
 }
@@ -8007,7 +8049,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
                                       spsi_v per_slab, spsi_v slabs) {
     const spsi_v part_length = spsi_mul(spsi_mul(per_slab, length), spsi_set(1.0f / SPSI_PARTS));
     spsi_v depth = spsi_set(0);
-    for (int c = 0; c < shader->frame->light_channel_count; ++c) {
+    for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
         const spsi_v sum = spsi_sheet_sum(tile, c, at);
         spsi_parabola value;
@@ -8021,7 +8063,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
         for (int part = 0; part < SPSI_PARTS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
             const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, &portion), slabs);
-            depth = spsi_fma(spsi_classify_extinction(&shader->frame->materials[material], mean), part_length, depth);
+            depth = spsi_fma(spsi_classify_extinction(&shader->frame->matter.materials[material], mean), part_length,
+                             depth);
         }
     }
     return depth;
@@ -8043,6 +8086,18 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 #define SPSI_NO_SURFACE 1e30f /* u of none: no point is so far behind far_depth */
 #define SPSI_GUARD_BAND 0.05  /* of all depth, free at either end of a Fourier series, whose ends are neighbours */
 
+/* The occluders of a map, as they were added. */
+typedef struct spsi_added {
+    spsi_buffer volumes, meshes, particles;
+    int volume_count, mesh_count, particle_set_count;
+} spsi_added;
+
+typedef struct spsi_tmap_data {
+    spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
+    spsi_buffer starts;   /* of lists: each texel's first item, and one more */
+    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
+} spsi_tmap_data;
+
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
@@ -8060,11 +8115,8 @@ struct sps_tmap {
     double per_depth;        /* 1 / (far - near) */
     double bias, bias_per_t; /* of surfaces, in t */
     spsi_buffer planes;
-    spsi_buffer volumes, meshes, particles; /* as they were added, until the map is finished */
-    int volume_count, mesh_count, particle_set_count;
-    spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
-    spsi_buffer starts;   /* of lists: each texel's first item, and one more */
-    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
+    spsi_added added; /* until the map is finished */
+    spsi_tmap_data data;
 };
 
 static size_t spsi_tmap_texel_count(const sps_tmap *map) {
@@ -8079,7 +8131,7 @@ typedef struct spsi_texel {
 
 static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
     spsi_texel texel;
-    texel.floats = (const float *)map->texels.data + index * (size_t)map->settings.components;
+    texel.floats = (const float *)map->data.texels.data + index * (size_t)map->settings.components;
     texel.u = u;
     if (!map->has_range) return texel;
     {
@@ -8093,11 +8145,11 @@ static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
 /* Optical depth of gas before u in one texel. */
 static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
     if (map->technique->lists) {
-        const uint32_t *starts = (const uint32_t *)map->starts.data + index;
+        const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
         return map->settings.technique == SPS_TMAP_DEEP
-                   ? spsi_stretches_depth((const spsi_stretch *)map->texels.data + starts[0], count, u)
-                   : spsi_compressed_depth((const spsi_node *)map->texels.data + starts[0], count, u);
+                   ? spsi_stretches_depth((const spsi_stretch *)map->data.texels.data + starts[0], count, u)
+                   : spsi_compressed_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
     }
     {
         const spsi_texel texel = spsi_tmap_texel(map, index, u);
@@ -8164,7 +8216,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
     const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
     const double u = (place->t - map->settings.near_depth) * map->per_depth; /* may be behind far_depth */
-    const float *surfaces = (const float *)map->surfaces.data;
+    const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
     for (int i = 0; i < 4; ++i) {
@@ -8184,7 +8236,7 @@ static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v ro
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels texels;
     spsi_v first, length, within;
-    texels.floats = (const float *)map->texels.data;
+    texels.floats = (const float *)map->data.texels.data;
     texels.stride = map->rays[0].width * map->settings.components;
     texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
     texels.y = row;
@@ -8371,25 +8423,33 @@ typedef struct spsi_occluders {
     spsi_part_of_call part;
 } spsi_occluders;
 
+/* A row of tiles that is being filled. */
+typedef struct spsi_band {
+    int face, row;
+    int tiles_x;
+    size_t first_texel;      /* of the map */
+    float *ranges, *sums;    /* tile after tile */
+    uint32_t *starts;        /* per texel, and one more: its first stretch */
+    uint32_t *places;        /* per texel: the number of its stretches, or where the next one goes */
+    spsi_stretch *stretches; /* of all its texels */
+    uint32_t most;           /* stretches in a texel */
+} spsi_band;
+
 typedef struct spsi_filling {
     sps_context *context;
     sps_tmap *map;
     const spsi_occluders *occluders;
-    int face, row, tiles_x; /* the band of tiles at hand */
+    spsi_band band;
     spsi_visit visit;
-    float *ranges, *sums;      /* of the band, tile after tile */
-    size_t first_texel;        /* of the band */
-    uint32_t *starts, *places; /* of the band's texels: the first stretch, and how many, or where the next goes */
-    spsi_stretch *stretches;   /* of the band */
-    uint32_t most;             /* stretches of a texel */
-    int has_soft, pieces;      /* whether particles are soft, and into how many pieces they may be cut */
-    float epsilon;             /* of a compressed map, but for what soft pieces take */
-    int has_sizes;             /* 1: it is known how many nodes each texel of a compressed map takes; and they are where
-                                  its stretches were, if they found room there */
-    char *scratch;             /* scratch_size per worker: a curve and what is made of it */
+    int has_soft;  /* 1: some particles are soft */
+    int pieces;    /* that these may be cut into */
+    float epsilon; /* of a compressed map, except for what soft pieces use up */
+    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; they are where its stretches
+                      were, if they found room there */
+    char *scratch; /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
     double slab_u, u_per_slab; /* u of the plane between slabs: slab_u + k u_per_slab */
-    double light_u;            /* of the light's own place, or -infinity */
+    double light_u;            /* of the light's own position, or -infinity */
     double progress;
 } spsi_filling;
 
@@ -8403,7 +8463,7 @@ typedef struct spsi_bin {
 } spsi_bin;
 
 static int spsi_filling_height(const spsi_filling *filling) {
-    return spsi_least(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->row * SPSI_TILE_HEIGHT);
+    return spsi_least(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
 }
 
 /* Floats of a band with so many components. */
@@ -8417,19 +8477,19 @@ static void spsi_bin_place(const spsi_filling *filling, int column, spsi_bin *bi
     size_t before;
     bin->filling = filling;
     bin->x0 = column * SPSI_TILE_WIDTH;
-    bin->y0 = filling->row * SPSI_TILE_HEIGHT;
+    bin->y0 = filling->band.row * SPSI_TILE_HEIGHT;
     bin->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - bin->x0);
     bin->height = spsi_filling_height(filling);
     bin->stride = (size_t)(bin->width * bin->height) + SPSI_LANES;
     before = (size_t)bin->x0 * (size_t)bin->height + (size_t)column * SPSI_LANES;
-    bin->ranges = filling->ranges ? filling->ranges + 2 * before : NULL; /* lists have none */
-    bin->sums = filling->sums ? filling->sums + (size_t)filling->map->inner.components * before : NULL;
+    bin->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
+    bin->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
 }
 
 /* The number of a texel in its map. */
 static size_t spsi_bin_texel(const spsi_bin *bin, int x, int y) {
     const spsi_rays *rays = &bin->filling->map->rays[0];
-    return ((size_t)bin->filling->face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
+    return ((size_t)bin->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
 }
 
 static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretches *stretches) {
@@ -8460,7 +8520,7 @@ static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches
 
 static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
     const spsi_filling *filling = bin->filling;
-    uint32_t *places = filling->places + (spsi_bin_texel(bin, x, y) - filling->first_texel);
+    uint32_t *places = filling->band.places + (spsi_bin_texel(bin, x, y) - filling->band.first_texel);
     float lanes[3][SPSI_LANES];
     spsi_store(lanes[0], stretches->u0);
     spsi_store(lanes[1], stretches->u1);
@@ -8469,7 +8529,7 @@ static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stret
         if (!(lanes[2][i] > 0)) continue;
         if (filling->visit == SPSI_VISIT_LIST) {
             const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], stretches->soft};
-            filling->stretches[places[i]] = one;
+            filling->band.stretches[places[i]] = one;
         }
         places[i] += 1;
     }
@@ -8612,7 +8672,7 @@ static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x
     spsi_stretches stretches;
     spsi_chord chord;
     int bits;
-    spsi_ball_chord(&filling->map->rays[filling->face], ball, x, y, &chord);
+    spsi_ball_chord(&filling->map->rays[filling->band.face], ball, x, y, &chord);
     stretches.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
     stretches.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
     stretches.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
@@ -8648,10 +8708,10 @@ static void spsi_bin_balls(const spsi_bin *bin, int tile) {
 static void spsi_bin_triangle(const spsi_bin *bin, int number) {
     const spsi_filling *filling = bin->filling;
     const sps_tmap *map = filling->map;
-    const spsi_rays *rays = &map->rays[filling->face];
+    const spsi_rays *rays = &map->rays[filling->band.face];
     const int *box = filling->occluders->boxes + 4 * number;
     const float depth = filling->occluders->faces.list[number].optical_depth;
-    float *surfaces = (float *)map->surfaces.data;
+    float *surfaces = (float *)map->data.surfaces.data;
     const int opaque = depth >= SPSI_DEPTH_MAX;
     spsi_edges edges;
     spsi_face_edges(&filling->occluders->faces, number, rays, &edges);
@@ -8686,7 +8746,7 @@ static void spsi_fill_task(void *data, int index, int worker) {
     spsi_bin bin;
     (void)worker;
     spsi_bin_place(filling, index, &bin);
-    spsi_bin_balls(&bin, filling->row * filling->tiles_x + index);
+    spsi_bin_balls(&bin, filling->band.row * filling->band.tiles_x + index);
     spsi_bin_triangles(&bin);
 }
 
@@ -8728,8 +8788,9 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
     spsi_bin bin;
     spsi_tile tile;
     spsi_bin_place(filling, index, &bin);
-    spsi_tile_place(&volumes->target, index, filling->row, worker, &tile);
-    if (spsi_tile_splat(&volumes->target, &volumes->contents, index, filling->row, &tile)) spsi_bin_slabs(&bin, &tile);
+    spsi_tile_place(&volumes->target, index, filling->band.row, worker, &tile);
+    if (spsi_tile_splat(&volumes->target, &volumes->contents, index, filling->band.row, &tile))
+        spsi_bin_slabs(&bin, &tile);
 }
 
 static sps_result spsi_fill_volumes(spsi_filling *filling) {
@@ -8739,7 +8800,7 @@ static sps_result spsi_fill_volumes(spsi_filling *filling) {
         spsi_contents_advance(&volumes->contents, chunk);
         if (volumes->contents.bricks.current == 0) continue;
         if (spsi_progress(filling->context, filling->progress)) break;
-        spsi_parallel(filling->context, filling->tiles_x, spsi_fill_volumes_task, filling);
+        spsi_parallel(filling->context, filling->band.tiles_x, spsi_fill_volumes_task, filling);
     }
     return filling->context->result;
 }
@@ -8769,7 +8830,7 @@ static void spsi_store_task(void *data, int index, int worker) {
     spsi_bin_place(filling, index, &bin);
     for (int i = 0; i < bin.width * bin.height; ++i) {
         const size_t texel = spsi_bin_texel(&bin, bin.x0 + i % bin.width, bin.y0 + i / bin.width);
-        float *out = (float *)map->texels.data + texel * (size_t)map->settings.components;
+        float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
             *out++ = bin.ranges[i];
             *out++ = spsi_higher(bin.ranges[bin.stride + (size_t)i], bin.ranges[i]);
@@ -8783,21 +8844,21 @@ static void spsi_store_task(void *data, int index, int worker) {
 static sps_result spsi_fill_band(spsi_filling *filling, spsi_visit visit) {
     filling->visit = visit;
     if (spsi_progress(filling->context, filling->progress)) return filling->context->result;
-    spsi_parallel(filling->context, filling->tiles_x, spsi_clear_task, filling);
+    spsi_parallel(filling->context, filling->band.tiles_x, spsi_clear_task, filling);
     if (spsi_fill_volumes(filling)) return filling->context->result;
-    spsi_parallel(filling->context, filling->tiles_x, spsi_fill_task, filling);
+    spsi_parallel(filling->context, filling->band.tiles_x, spsi_fill_task, filling);
     return SPS_OK;
 }
 
 static sps_result spsi_fill_sums(spsi_filling *filling) {
     const sps_tmap *map = filling->map;
     const size_t floats = spsi_band_floats(map, map->inner.components + 2 * map->has_range);
-    filling->ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
-    if (!filling->ranges) return filling->context->result;
-    filling->sums = filling->ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
+    filling->band.ranges = (float *)spsi_reserve(filling->context, SPSI_BUFFER_BAND, floats, sizeof(float));
+    if (!filling->band.ranges) return filling->context->result;
+    filling->band.sums = filling->band.ranges + (map->has_range ? spsi_band_floats(map, 2) : 0);
     if (map->has_range && spsi_fill_band(filling, SPSI_VISIT_RANGE)) return filling->context->result;
     if (spsi_fill_band(filling, SPSI_VISIT_SUMS)) return filling->context->result;
-    spsi_parallel(filling->context, filling->tiles_x, spsi_store_task, filling);
+    spsi_parallel(filling->context, filling->band.tiles_x, spsi_store_task, filling);
     return SPS_OK;
 }
 
@@ -8808,24 +8869,26 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
     uint64_t sum = 0;
-    filling->starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_PLACES, 2 * texels + 1, sizeof(uint32_t));
-    if (!filling->starts) return context->result;
-    filling->places = filling->starts + texels + 1;
-    memset(filling->places, 0, texels * sizeof *filling->places);
+    filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_PLACES, 2 * texels + 1, sizeof(uint32_t));
+    if (!filling->band.starts) return context->result;
+    filling->band.places = filling->band.starts + texels + 1;
+    memset(filling->band.places, 0, texels * sizeof *filling->band.places);
     if (spsi_fill_band(filling, SPSI_VISIT_COUNT)) return context->result;
-    filling->most = 0;
+    filling->band.most = 0;
     for (size_t i = 0; i < texels; ++i) {
-        filling->most = filling->places[i] > filling->most ? filling->places[i] : filling->most;
-        filling->starts[i] = (uint32_t)sum;
-        sum += filling->places[i];
-        filling->places[i] = filling->starts[i];
+        filling->band.most =
+            filling->band.places[i] > filling->band.most ? filling->band.places[i] : filling->band.most;
+        filling->band.starts[i] = (uint32_t)sum;
+        sum += filling->band.places[i];
+        filling->band.places[i] = filling->band.starts[i];
     }
-    filling->starts[texels] = (uint32_t)sum;
+    filling->band.starts[texels] = (uint32_t)sum;
     if (sum > INT32_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
-    filling->stretches = (spsi_stretch *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_stretch));
-    if (!filling->stretches) return context->result;
+    filling->band.stretches =
+        (spsi_stretch *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_stretch));
+    if (!filling->band.stretches) return context->result;
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
@@ -8837,14 +8900,14 @@ typedef struct spsi_fitting {
 } spsi_fitting;
 
 static size_t spsi_fitting_stretches(const spsi_filling *filling) {
-    const size_t most = filling->most;
+    const size_t most = filling->band.most;
     if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are sorted, and kept as they are */
     return SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces);
 }
 
 static size_t spsi_fitting_curve(const spsi_filling *filling) {
     const int curve = filling->map->settings.technique != SPS_TMAP_DEEP;
-    return curve ? SPSI_CURVE_NODES((size_t)filling->most, (size_t)filling->pieces) : 0;
+    return curve ? SPSI_CURVE_NODES((size_t)filling->band.most, (size_t)filling->pieces) : 0;
 }
 
 /* In 64 bits: a size_t may have fewer. Rounded up to whole stretches, so that the next worker's are aligned. */
@@ -8883,33 +8946,33 @@ static uint32_t spsi_nodes_in_place(uint32_t stretches) {
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const sps_tmap *map = filling->map;
-    const size_t place = texel - filling->first_texel;
-    const uint32_t count = filling->starts[place + 1] - filling->starts[place];
-    spsi_stretch *list = filling->stretches + filling->starts[place];
+    const size_t place = texel - filling->band.first_texel;
+    const uint32_t count = filling->band.starts[place + 1] - filling->band.starts[place];
+    spsi_stretch *list = filling->band.stretches + filling->band.starts[place];
     spsi_stretches_sort(list, count, fitting->stretches);
     if (map->technique->fit) {
         const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->stretches, fitting->curve);
         map->technique->fit(&map->inner, fitting->curve, nodes, fitting->nodes,
-                            (float *)map->texels.data + texel * (size_t)map->settings.components);
+                            (float *)map->data.texels.data + texel * (size_t)map->settings.components);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
         if (nodes <= spsi_nodes_in_place(count)) memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
-        filling->places[place] = nodes;
+        filling->band.places[place] = nodes;
     } else {
-        filling->places[place] = count;
+        filling->band.places[place] = count;
     }
 }
 
 /* Writes the nodes of a compressed map's texel to where they are kept. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const size_t place = texel - filling->first_texel;
-    const uint32_t *starts = (const uint32_t *)filling->map->starts.data + texel;
-    const uint32_t count = filling->starts[place + 1] - filling->starts[place], nodes = starts[1] - starts[0];
-    const spsi_stretch *list = filling->stretches + filling->starts[place];
+    const size_t place = texel - filling->band.first_texel;
+    const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
+    const uint32_t count = filling->band.starts[place + 1] - filling->band.starts[place], nodes = starts[1] - starts[0];
+    const spsi_stretch *list = filling->band.stretches + filling->band.starts[place];
     const int in_place = nodes <= spsi_nodes_in_place(count);
     if (!in_place) spsi_fit_compressed(fitting, list, count);
-    memcpy((spsi_node *)filling->map->texels.data + starts[0], in_place ? (const void *)list : fitting->nodes,
+    memcpy((spsi_node *)filling->map->data.texels.data + starts[0], in_place ? (const void *)list : fitting->nodes,
            nodes * sizeof(spsi_node));
 }
 
@@ -8919,10 +8982,10 @@ static void spsi_fit_task(void *data, int index, int worker) {
     spsi_fitting fitting;
     spsi_bin bin;
     if (filling->context->cancelled) return;
-    spsi_bin_place(filling, index % filling->tiles_x, &bin);
+    spsi_bin_place(filling, index % filling->band.tiles_x, &bin);
     spsi_fitting_place(filling, worker, &fitting);
     for (int i = 0; i < bin.width; ++i) {
-        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i, bin.y0 + index / filling->tiles_x);
+        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i, bin.y0 + index / filling->band.tiles_x);
         if (filling->has_sizes)
             spsi_fit_again(&fitting, texel);
         else
@@ -8942,12 +9005,12 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
     const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
-    uint32_t *starts = (uint32_t *)map->starts.data + filling->first_texel;
+    uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
     const size_t held = starts[0];
     uint64_t sum = held;
     for (size_t i = 0; i < texels; ++i) {
         starts[i] = (uint32_t)sum;
-        sum += filling->places[i];
+        sum += filling->band.places[i];
     }
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
@@ -8955,9 +9018,10 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     starts[texels] = (uint32_t)sum;
     if (map->settings.byte_budget && (double)sum * (double)item > (double)map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map, (double)sum * (double)item);
-    if (!spsi_buffer_extend(filling->context, &map->texels, held, (size_t)sum, item)) return filling->context->result;
+    if (!spsi_buffer_extend(filling->context, &map->data.texels, held, (size_t)sum, item))
+        return filling->context->result;
     if (map->settings.technique == SPS_TMAP_DEEP)
-        spsi_copy(filling->context, (spsi_stretch *)map->texels.data + held, filling->stretches,
+        spsi_copy(filling->context, (spsi_stretch *)map->data.texels.data + held, filling->band.stretches,
                   ((size_t)sum - held) * item);
     return SPS_OK;
 }
@@ -8974,9 +9038,9 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     /* what brackets can be sure of */
     filling->map->inner.epsilon =
         spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
-    if (filling->most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
+    if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in a texel",
-                               (double)filling->most, "2 million can be fitted");
+                               (double)filling->band.most, "2 million can be fitted");
     bytes = spsi_fitting_bytes(filling);
     if (bytes > SIZE_MAX)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "bytes to fit a texel", (double)bytes,
@@ -8986,7 +9050,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
         (char *)spsi_reserve(context, SPSI_BUFFER_CURVES, (size_t)spsi_worker_count(context), filling->scratch_size);
     if (!filling->scratch) return context->result;
     filling->has_sizes = 0;
-    tasks = filling->tiles_x * spsi_filling_height(filling);
+    tasks = filling->band.tiles_x * spsi_filling_height(filling);
     spsi_parallel(context, tasks, spsi_fit_task, filling);
     if (spsi_progress(context, filling->progress) || !technique->lists) return context->result;
     if (spsi_append_band(filling)) return context->result;
@@ -9265,13 +9329,14 @@ static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame 
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
     spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->cut, target)) return context->result;
+    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->accuracy.cut, target))
+        return context->result;
     return spsi_contents_build(context, &target, 1, &volumes->contents);
 }
 
 static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
-    const spsi_rays *rays = &map->rays[filling->face];
+    const spsi_rays *rays = &map->rays[filling->band.face];
     const int rows = spsi_tile_rows(rays);
     if (spsi_occluders_bin(map, rays, occluders)) return filling->context->result;
     for (int i = 0; i < occluders->faces.count; ++i)
@@ -9285,11 +9350,11 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->settings.near_depth * map->per_depth;
     }
-    for (filling->row = 0; filling->row < rows; ++filling->row) {
+    for (filling->band.row = 0; filling->band.row < rows; ++filling->band.row) {
         filling->progress =
-            spsi_part_done(&occluders->part, (filling->face + (double)filling->row / rows) / map->face_count);
-        filling->first_texel =
-            ((size_t)filling->face * (size_t)rays->height + (size_t)filling->row * SPSI_TILE_HEIGHT) *
+            spsi_part_done(&occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->face_count);
+        filling->band.first_texel =
+            ((size_t)filling->band.face * (size_t)rays->height + (size_t)filling->band.row * SPSI_TILE_HEIGHT) *
             (size_t)rays->width;
         if (map->technique->sums ? spsi_fill_sums(filling) : spsi_fill_fits(filling)) return filling->context->result;
     }
@@ -9300,7 +9365,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t texels = spsi_tmap_texel_count(map);
     const size_t fixed = sizeof *map + map->planes.size;
-    if (map->finished) return fixed + map->texels.size + map->starts.size + map->surfaces.size;
+    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
     if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
     return fixed + texels * (size_t)map->settings.components * sizeof(float);
 }
@@ -9310,13 +9375,14 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
     float *surfaces = NULL;
     if (map->technique->lists) {
-        if (!spsi_buffer_reserve(map->context, &map->starts, texels + 1, sizeof(uint32_t))) return map->context->result;
-        memset(map->starts.data, 0, (texels + 1) * sizeof(uint32_t));
-    } else if (!spsi_buffer_reserve(map->context, &map->texels, texels,
+        if (!spsi_buffer_reserve(map->context, &map->data.starts, texels + 1, sizeof(uint32_t)))
+            return map->context->result;
+        memset(map->data.starts.data, 0, (texels + 1) * sizeof(uint32_t));
+    } else if (!spsi_buffer_reserve(map->context, &map->data.texels, texels,
                                     (size_t)map->settings.components * sizeof(float)))
         return map->context->result;
     if (!has_surfaces) return SPS_OK;
-    surfaces = (float *)spsi_buffer_reserve(map->context, &map->surfaces, texels, sizeof(float));
+    surfaces = (float *)spsi_buffer_reserve(map->context, &map->data.surfaces, texels, sizeof(float));
     for (size_t i = 0; i < texels && surfaces; ++i) surfaces[i] = SPSI_NO_SURFACE;
     return map->context->result;
 }
@@ -9324,13 +9390,13 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
 /* Gives back what a list has grown to beyond what it holds. */
 static sps_result spsi_tmap_trim(sps_tmap *map) {
     const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
-    const size_t count = ((const uint32_t *)map->starts.data)[spsi_tmap_texel_count(map)];
+    const size_t count = ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
     spsi_buffer exact = {NULL, 0};
-    if (map->texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
+    if (map->data.texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
-    spsi_copy(map->context, exact.data, map->texels.data, count * item);
-    spsi_buffer_release(map->context, &map->texels);
-    map->texels = exact;
+    spsi_copy(map->context, exact.data, map->data.texels.data, count * item);
+    spsi_buffer_release(map->context, &map->data.texels);
+    map->data.texels = exact;
     return SPS_OK;
 }
 
@@ -9339,7 +9405,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     sps_context *context = map->context;
     spsi_filling filling;
     int has_surfaces = 0;
-    if (context->brick_count > 0 && occluders->frame->medium_count > 0 && occluders->frame->extinguishes) {
+    if (context->brick_count > 0 && occluders->frame->medium_count > 0 && occluders->frame->matter.extinguishes) {
         occluders->volumes =
             (spsi_map_volumes *)spsi_reserve(context, SPSI_BUFFER_TMAP_VOLUMES, 1, sizeof(spsi_map_volumes));
         if (!occluders->volumes) return context->result;
@@ -9357,10 +9423,10 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     filling.occluders = occluders;
     for (int i = 0; i < occluders->frame->scene->particle_set_count; ++i)
         filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
-    filling.tiles_x = spsi_tile_columns(&map->rays[0]);
+    filling.band.tiles_x = spsi_tile_columns(&map->rays[0]);
     filling.light_u = map->rays[0].perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
-    for (filling.face = 0; filling.face < map->face_count; ++filling.face)
+    for (filling.band.face = 0; filling.band.face < map->face_count; ++filling.band.face)
         if (spsi_fill_face(&filling, occluders)) return context->result;
     if ((map->technique->lists && spsi_tmap_trim(map)) || spsi_progress(context, spsi_part_done(&occluders->part, 1)))
         return context->result;
@@ -9514,15 +9580,16 @@ static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held
 
 /* All of it or nothing, so that a failed one can be repeated. */
 static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
-    const int volumes = map->volume_count, meshes = map->mesh_count;
+    const int volumes = map->added.volume_count, meshes = map->added.mesh_count;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
-    if (spsi_tmap_append(map, &map->volumes, &map->volume_count, scene->volumes, scene->volume_count,
+    if (spsi_tmap_append(map, &map->added.volumes, &map->added.volume_count, scene->volumes, scene->volume_count,
                          sizeof(sps_volume)) ||
-        spsi_tmap_append(map, &map->meshes, &map->mesh_count, scene->meshes, scene->mesh_count, sizeof(sps_mesh)) ||
-        spsi_tmap_append(map, &map->particles, &map->particle_set_count, scene->particles, scene->particle_set_count,
-                         sizeof(sps_particles))) {
-        map->volume_count = volumes;
-        map->mesh_count = meshes;
+        spsi_tmap_append(map, &map->added.meshes, &map->added.mesh_count, scene->meshes, scene->mesh_count,
+                         sizeof(sps_mesh)) ||
+        spsi_tmap_append(map, &map->added.particles, &map->added.particle_set_count, scene->particles,
+                         scene->particle_set_count, sizeof(sps_particles))) {
+        map->added.volume_count = volumes;
+        map->added.mesh_count = meshes;
         return map->context->result;
     }
     map->replace_invalid |= scene->replace_invalid;
@@ -9532,29 +9599,29 @@ static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
 /* Releases what a map holds. */
 static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->planes);
-    spsi_buffer_release(map->context, &map->texels);
-    spsi_buffer_release(map->context, &map->starts);
-    spsi_buffer_release(map->context, &map->surfaces);
+    spsi_buffer_release(map->context, &map->data.texels);
+    spsi_buffer_release(map->context, &map->data.starts);
+    spsi_buffer_release(map->context, &map->data.surfaces);
 }
 
 /* What was added is read, and no longer needed. */
 static void spsi_tmap_forget(sps_tmap *map) {
-    spsi_buffer_release(map->context, &map->volumes);
-    spsi_buffer_release(map->context, &map->meshes);
-    spsi_buffer_release(map->context, &map->particles);
-    map->volume_count = map->mesh_count = map->particle_set_count = 0;
+    spsi_buffer_release(map->context, &map->added.volumes);
+    spsi_buffer_release(map->context, &map->added.meshes);
+    spsi_buffer_release(map->context, &map->added.particles);
+    map->added.volume_count = map->added.mesh_count = map->added.particle_set_count = 0;
 }
 
 /* The frame of all that was added, as the light's first face sees it. NULL: failed. */
 static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     spsi_frame *frame;
     memset(scene, 0, sizeof *scene);
-    scene->volumes = (const sps_volume *)map->volumes.data;
-    scene->volume_count = map->volume_count;
-    scene->meshes = (const sps_mesh *)map->meshes.data;
-    scene->mesh_count = map->mesh_count;
-    scene->particles = (const sps_particles *)map->particles.data;
-    scene->particle_set_count = map->particle_set_count;
+    scene->volumes = (const sps_volume *)map->added.volumes.data;
+    scene->volume_count = map->added.volume_count;
+    scene->meshes = (const sps_mesh *)map->added.meshes.data;
+    scene->mesh_count = map->added.mesh_count;
+    scene->particles = (const sps_particles *)map->added.particles.data;
+    scene->particle_set_count = map->added.particle_set_count;
     scene->replace_invalid = map->replace_invalid;
     frame = spsi_frame_build(map->context, scene, NULL, 0);
     if (!frame) return NULL;
@@ -9838,7 +9905,7 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     memory = (float *)(void *)(planes->open + tiles);
     planes->width = rays->width;
     planes->height = rays->height;
-    planes->cubic = frame->classifies && rays->width >= 4 && rays->height >= 4;
+    planes->cubic = frame->matter.classifies && rays->width >= 4 && rays->height >= 4;
     for (int k = 0; k <= SPSI_CHUNK; ++k) planes->depth[k] = memory + (size_t)k * texels;
     planes->uneven = (unsigned char *)(memory + (SPSI_CHUNK + 1) * texels);
     memset(memory, 0, texels * (SPSI_CHUNK + 1) * sizeof(float));
@@ -9852,7 +9919,8 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     sliced->contents = contents;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->light_cut, &sliced->target);
+    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut,
+                                &sliced->target);
 }
 
 /* One tile: its sheets are filled, and light propagates through them. */
@@ -9972,7 +10040,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
                                         spsi_shadow *shadows, int count) {
     size_t floats = 0, more;
     float *memory;
-    if (faces->count == 0 || !frame->scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
+    if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
         more = spsi_depth_map_floats(&shadows[i].depth_map);
@@ -10232,7 +10300,7 @@ static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile,
         return spsi_mul(spsi_set(0.5f), spsi_add(spsi_slab_change(shader, tile, p, k - 1, channel, axis),
                                                  spsi_slab_change(shader, tile, p, k + 1, channel, axis)));
     change = spsi_sub(spsi_mean_value(tile, channel, near_by + 1, k), spsi_mean_value(tile, channel, near_by, k));
-    if (shader->frame->gradient_reach >= 2) {
+    if (shader->frame->gradients.reach >= 2) {
         const spsi_v wide =
             spsi_sub(spsi_mean_value(tile, channel, beyond + 1, k), spsi_mean_value(tile, channel, beyond, k));
         change = spsi_mul(spsi_set(1.0f / 6), spsi_sub(spsi_mul(spsi_set(8), change), wide));
@@ -10261,10 +10329,10 @@ static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile,
     spsi_v change[3][2];
     for (int n = 0; n < 3; ++n) {
         const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
-        if (shader->frame->splats_slopes) /* no eye is near */
+        if (shader->frame->gradients.splatted) /* no eye is near */
             spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
         for (int axis = 0; axis < 2; ++axis)
-            change[n][axis] = shader->frame->splats_slopes
+            change[n][axis] = shader->frame->gradients.splatted
                                   ? spsi_mul(per_spread, change[n][axis])
                                   : spsi_slab_change(shader, tile, p, k + n - 1, channel, axis);
     }
@@ -10289,7 +10357,7 @@ static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, c
    perpendicular: the gradient is solved from way . g = difference. If they span no volume there is no gradient. */
 static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                   int channel, const spsi_v means[3], spsi_profile *profile) {
-    const float per_length = 1 / shader->frame->materials[channel].voxel_length;
+    const float per_length = 1 / shader->frame->matter.materials[channel].voxel_length;
     spsi_v way[3][3], outer[2];
     for (int n = 0; n < 2; ++n) outer[n] = spsi_mean_value(tile, channel, &p->line, k - 2 + 4 * n);
     spsi_profile_along(means, outer, &profile->along);
@@ -10339,10 +10407,10 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
    anywhere: these cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
-    const spsi_material *material = &shader->frame->materials[channel];
+    const spsi_material *material = &shader->frame->matter.materials[channel];
     const spsi_v share = spsi_set(1.0f / (float)slab->part_count), zero = spsi_set(0);
     const spsi_v way = spsi_mul(spsi_mul(spsi_sub(slab->leave, slab->enter), p->length), share);
-    const int surface = shader->frame->has_gradient && material->shading == SPS_SHADING_SURFACE;
+    const int surface = shader->frame->gradients.exist && material->shading == SPS_SHADING_SURFACE;
     spsi_v means[3];
     spsi_profile profile;
     int has_gradient = 0;
@@ -10482,8 +10550,8 @@ static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const
     spsi_v travel[3], irradiance;
     spsi_lamp_at(shader, lamp, p, part, travel, &irradiance);
     irradiance = spsi_mul(irradiance, carried);
-    for (int m = 0; m < shader->frame->material_count; ++m) {
-        const spsi_material *material = &shader->frame->materials[m];
+    for (int m = 0; m < shader->frame->matter.material_count; ++m) {
+        const spsi_material *material = &shader->frame->matter.materials[m];
         spsi_v response[3], share;
         if (!material->scatters) continue;
         share = spsi_mul(irradiance, part->samples[m].depth);
@@ -10554,8 +10622,8 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 spsi_v radiance[3]) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
-    for (int m = 0; m < shader->frame->material_count; ++m) {
-        const spsi_material *material = &shader->frame->materials[m];
+    for (int m = 0; m < shader->frame->matter.material_count; ++m) {
+        const spsi_material *material = &shader->frame->matter.materials[m];
         const spsi_sample *sample = &part->samples[m];
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
@@ -10565,8 +10633,9 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
         }
     }
-    for (int i = 0; i < shader->frame->lamp_count; ++i)
-        if (!shader->frame->lamps[i].shadows) spsi_add_lamp(shader, p, part, &shader->frame->lamps[i], mean, radiance);
+    for (int i = 0; i < shader->frame->lamps.count; ++i)
+        if (!shader->frame->lamps.list[i].shadows)
+            spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], mean, radiance);
 }
 
 /* --- polygons: one pixel at a time, in double precision --- */
@@ -10698,8 +10767,8 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     spsi_surface_at(&frame->content->eye, shader->faces, &shader->hits[at], x, y, &surface);
     spsi_surface_color(shader->faces, &shader->hits[at], color);
     for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)color[c] * frame->ambient[c] : 0;
-    for (int i = 0; i < frame->lamp_count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps[i];
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
         double arrives;
         if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT : !shader->sweep->first || lamp->shadows) continue;
@@ -10772,13 +10841,15 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     slab->depth = zero;
     for (int i = 0; i < slab->part_count; ++i) slab->part_depth[i] = zero;
     for (int m = 0; m < count; ++m)
-        if (shader->frame->materials[m].table)
+        if (shader->frame->matter.materials[m].table)
             spsi_samples_classified(shader, tile, p, m, slab);
         else
-            spsi_samples_gas(&shader->frame->materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m, slab);
+            spsi_samples_gas(&shader->frame->matter.materials[m], spsi_mul(spsi_sheet_sum(tile, m, at), p->length), m,
+                             slab);
     for (int i = 0; i < slab->part_count; ++i) slab->depth = spsi_add(slab->depth, slab->part_depth[i]);
-    if (!shader->frame->emits && !spsi_bits(spsi_less(zero, slab->depth))) return 0; /* values without extinction */
-    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
+    if (!shader->frame->matter.emits && !spsi_bits(spsi_less(zero, slab->depth)))
+        return 0; /* values without extinction */
+    for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
         spsi_slab_light(shader, &shader->shadows[i], p, slab, &slab->arrivals[i]);
     return 1;
 }
@@ -10810,7 +10881,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
         for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
         sum->distance = spsi_mul(sum->distance, through);
     }
-    for (int i = 0; i < shader->shadow_count && shader->frame->scatters; ++i)
+    for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
         spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sum->radiance);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
     if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
@@ -10844,7 +10915,7 @@ static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int 
     if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
     for (int i = 0; i < slab->part_count && held; ++i) {
         spsi_part_build(shader, slab, i, sum->depth, &part);
-        if (shader->frame->emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
+        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
             spsi_add_part(shader, p, slab, &part, sum);
     }
     if (shader->hits && !backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
@@ -10888,11 +10959,11 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     int held = 0;
     slab.samples = shading->scratch.samples;
     slab.arrivals = shading->scratch.arrivals;
-    slab.material_count = shader->frame->material_count;
-    slab.part_count = shader->frame->classifies ? SPSI_PARTS : 1;
+    slab.material_count = shader->frame->matter.material_count;
+    slab.part_count = shader->frame->matter.classifies ? SPSI_PARTS : 1;
     for (int i = 0; i < shader->shadow_count; ++i) slab.arrivals[i].plane = -1;
     spsi_pixels_build(shader, x, y, &p);
-    for (int i = 0; i < 4 * shader->frame->gradient_reach && shading->slab_count > 0; ++i) {
+    for (int i = 0; i < 4 * shader->frame->gradients.reach && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
         spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &p.around[i]);
     }
@@ -10980,7 +11051,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     shading.shader = &run->shader;
     shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)(run->frame->material_count * SPSI_PARTS);
+    shading.scratch.samples = run->samples + (size_t)worker * (size_t)(run->frame->matter.material_count * SPSI_PARTS);
     shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
     shading.slab_count = touched ? SPSI_CHUNK : 0;
     shading.low = run->low;
@@ -11030,7 +11101,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
 
 /* Begins the shadow of the sweep's own lamp. */
 static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
-    run->has_sliced = run->sweep->lamp && spsi_holds_gas(context, run->frame) && run->frame->extinguishes;
+    run->has_sliced = run->sweep->lamp && spsi_holds_gas(context, run->frame) && run->frame->matter.extinguishes;
     if (!run->has_sliced) return SPS_OK;
     for (int i = 0; i < run->shader.shadow_count; ++i) {
         if (run->shadows[i].lamp != run->sweep->lamp) continue;
@@ -11088,8 +11159,8 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
 
 /* What the workers write down while they shade. */
 static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
-    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES,
-                                                       run->frame->material_count * SPSI_PARTS, sizeof *run->samples);
+    run->samples = (spsi_sample *)spsi_vectors_reserve(
+        context, SPSI_BUFFER_SAMPLES, run->frame->matter.material_count * SPSI_PARTS, sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
     run->shaded = (uint64_t *)(void *)(run + 1); /* there is room for it behind */
@@ -11115,8 +11186,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->shadows = run->shadows;
     shader->hits = faces->count > 0 ? hits : NULL;
     shader->unshadowed =
-        sweep->first && (frame->has_ambient || frame->emits || frame->lamp_count > frame->shadow_count);
-    shader->end_depth = (float)-log(frame->threshold);
+        sweep->first && (frame->has_ambient || frame->matter.emits || frame->lamps.count > frame->lamps.shadow_count);
+    shader->end_depth = (float)-log(frame->accuracy.threshold);
     if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
@@ -11326,9 +11397,9 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
     if (!run->shadows) return context->result;
     memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
-    for (int i = 0; i < frame->lamp_count; ++i)
-        if (spsi_sweep_carries(sweep, &frame->lamps[i]))
-            run->shadows[run->shader.shadow_count++].lamp = &frame->lamps[i];
+    for (int i = 0; i < frame->lamps.count; ++i)
+        if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
+            run->shadows[run->shader.shadow_count++].lamp = &frame->lamps.list[i];
     if (!picture->hits || count == 0) return SPS_OK;
     lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, pixels, (size_t)count);
     if (!lit) return context->result;
@@ -11376,7 +11447,7 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     if (spsi_eye_polygons(context, frame, &picture.faces, &picture.hits)) return context->result;
     context->stats.seconds_polygons = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);
-    if (frame->shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
+    if (frame->lamps.shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
@@ -11399,7 +11470,7 @@ static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "light maps", "gradient",     "scattering",     "emission",      "ambient",     "surface light"};
 
 /* Whether there are volumes or particles that could be seen. */
-static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->set_count > 0; }
+static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
 
 /* Counts the blocks of all volumes that will be read, and what comes of them at most. */
 typedef struct spsi_reading {
@@ -11418,7 +11489,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             uint64_t bricks = 1, voxels = 1, kept = 1;
             spsi_block block;
             int empty;
-            spsi_block_place(&block, &frame->media[medium], &frame->materials[frame->media[medium].channel], i);
+            spsi_block_place(&block, &frame->media[medium], &frame->matter.materials[frame->media[medium].channel], i);
             if (spsi_block_range(context, &block, &empty)) return context->result;
             report->range_calls += block.medium->volume->range_fn != NULL;
             if (empty) continue;
@@ -11455,7 +11526,7 @@ static size_t spsi_plan_gather_bytes(const spsi_frame *frame, const spsi_reading
    that were planned with are not those of the render. */
 static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
     const int planned = spsi_most(sweep->rays.width, sweep->rays.height);
-    if (frame->set_count == 0) return (size_t)planned;
+    if (frame->particles.set_count == 0) return (size_t)planned;
     return (size_t)spsi_most(2, frame->view.shadow_size > 0 ? frame->view.shadow_size : spsi_light_texels_most(frame));
 }
 
@@ -11464,22 +11535,22 @@ static size_t spsi_plan_lists_bytes(const spsi_frame *frame, int width, int heig
     spsi_rays rays;
     rays.width = width;
     rays.height = height;
-    return spsi_lists_bytes(&rays, frame->particles_asked);
+    return spsi_lists_bytes(&rays, frame->particles.count);
 }
 
 /* Bytes of the queues. What has been read may be cut into other slabs than its bounds, but not into many more; where
    there are particles, nobody knows. */
 static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *slabs, size_t bricks) {
     const size_t most = SPSI_SLABS_MAX / SPSI_CHUNK;
-    const size_t chunks = frame->set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
+    const size_t chunks = frame->particles.set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
     return spsi_queue_bytes(bricks, chunks) + bricks * 2 * sizeof(int16_t[4]) +
-           (frame->set_count > 0 ? spsi_queue_bytes(frame->particles_asked, chunks) : 0);
+           (frame->particles.set_count > 0 ? spsi_queue_bytes(frame->particles.count, chunks) : 0);
 }
 
 /* Floats of a worker's sheets, whichever target it fills. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
     const spsi_shape eye = spsi_eye_shape(frame), light = spsi_light_shape(frame);
-    const size_t shadow = frame->shadow_count > 0 ? spsi_shape_floats(&light) : 0;
+    const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
 }
 
@@ -11498,11 +11569,11 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
     eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
     eye += (size_t)region[2] * 6 * sizeof(float) + spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
-           spsi_vectors_bytes(context, frame->material_count * SPSI_PARTS, sizeof(spsi_sample)) +
+           spsi_vectors_bytes(context, frame->matter.material_count * SPSI_PARTS, sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
     eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->lamp && spsi_has_gas(frame) && frame->extinguishes) {
+    if (sweep->lamp && spsi_has_gas(frame) && frame->matter.extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
                              spsi_plan_lists_bytes(frame, (int)side, (int)side);
@@ -11510,8 +11581,9 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
     }
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
     if (!sweep->lamp) return;
-    report->shadow_width = spsi_most(report->shadow_width, frame->set_count ? (int)side : sweep->rays.width);
-    report->shadow_height = spsi_most(report->shadow_height, frame->set_count ? (int)side : sweep->rays.height);
+    report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
+    report->shadow_height =
+        spsi_most(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);
 }
 
 static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
@@ -11520,7 +11592,7 @@ static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, con
 }
 
 static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *reading, sps_plan_report *report) {
-    const int volumes = frame->medium_count > 0 && reading->blocks > 0, particles = frame->set_count > 0;
+    const int volumes = frame->medium_count > 0 && reading->blocks > 0, particles = frame->particles.set_count > 0;
     spsi_plan_pass(report, SPS_PASS_GATHER, volumes || particles,
                    !particles ? "volumes must be read"
                    : volumes  ? "volumes and particles must be read"
@@ -11531,10 +11603,10 @@ static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *r
 }
 
 static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
-    const int shadows = frame->shadow_count, shade = gases && frame->extinguishes;
+    const int shadows = frame->lamps.shadow_count, shade = gases && frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
-    for (int i = 0; i < frame->lamp_count; ++i) maps += frame->lamps[i].has_map;
+    for (int i = 0; i < frame->lamps.count; ++i) maps += frame->lamps.list[i].has_map;
     spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, shade ? shadows - maps : 0, "volumes or particles cast shadows",
                    !shade    ? nothing
                    : shadows ? "every light that casts shadows has a shadow_map"
@@ -11544,10 +11616,10 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
 }
 
 static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
-    const int polygons = frame->triangle_count > 0, shadows = polygons ? frame->shadow_count : 0;
+    const int polygons = frame->triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->scatters ? shadows : 0,
+    spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->matter.scatters ? shadows : 0,
                    "polygons cast shadows on gas, one map per light",
                    shadows == 0 ? nothing : "no volume or particle that scatters light");
     spsi_plan_pass(report, SPS_PASS_TRIANGLE_TREE, shadows > 0 && !held, "polygons cast shadows on polygons",
@@ -11558,7 +11630,7 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
     const int gases = spsi_has_gas(frame), polygons = frame->triangle_count > 0;
-    const int sweeps = spsi_sweep_count(frame), lit = frame->lamp_count > 0;
+    const int sweeps = spsi_sweep_count(frame), lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_polygon_passes(frame, gases, held, report);
@@ -11567,13 +11639,13 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                               : "volumes or particles are seen, one sweep",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
-    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->has_gradient ? sweeps : 0, "a volume is shaded as a surface",
+    spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->gradients.exist ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
-    spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->scatters && lit ? sweeps : 0,
+    spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
                    "volumes or particles scatter light",
-                   frame->scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
-    spsi_plan_pass(report, SPS_PASS_EMISSION, frame->emits, "volumes or particles emit", "nothing emits");
-    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->scatters || polygons),
+                   frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
+    spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
+    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->matter.scatters || polygons),
                    "there is ambient light", frame->has_ambient ? "nothing to light" : "ambient is black");
     spsi_plan_pass(report, SPS_PASS_SURFACE_LIGHT, polygons && lit ? sweeps : 0, "lights shine on polygons",
                    polygons ? "no light" : "no triangles");
@@ -11587,14 +11659,14 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
     for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
-                                          frame->particles_asked * sizeof(sps_particle);
+                                          frame->particles.count * sizeof(sps_particle);
     if (frame->triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
             SPSI_BLOCK_BYTES;
-        if (frame->shadow_count > 0) {
-            if (frame->scatters)
+        if (frame->lamps.shadow_count > 0) {
+            if (frame->matter.scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
                     lights * ((size * size / 2 * 3 + 6 * 64) * 3 * sizeof(float) +
                               12 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float));
@@ -11617,19 +11689,19 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     *held = sizeof(sps_tmap) + side * side * faces * (components + 1) * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
-    *filling += frame->particles_asked * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles_asked);
+    *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
+    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 
 /* Bytes of the lights' maps, which are there at once, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    const int some = frame->shadow_count > 0 && spsi_has_gas(frame);
+    const int some = frame->lamps.shadow_count > 0 && spsi_has_gas(frame);
     size_t most = 0;
-    for (int i = 0; i < frame->lamp_count && some; ++i) {
+    for (int i = 0; i < frame->lamps.count && some; ++i) {
         size_t held, filling;
-        if (!frame->lamps[i].has_map) continue;
-        spsi_plan_tmap_bytes(frame, &frame->lamps[i], &held, &filling);
+        if (!frame->lamps.list[i].has_map) continue;
+        spsi_plan_tmap_bytes(frame, &frame->lamps.list[i], &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
         if (filling > most) most = filling;
     }
@@ -11648,11 +11720,12 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
     spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->scene->mesh_count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
-    for (int i = 0; i < frame->set_count; ++i)
-        report->particle_calls += (frame->sets[i].particles->count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
+    for (int i = 0; i < frame->particles.set_count; ++i)
+        report->particle_calls +=
+            (frame->particles.sets[i].particles->count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     report->sweep_count = spsi_sweep_count(frame);
     report->color_channels = frame->channels;
-    report->sheet_channels = frame->material_count * (frame->splats_slopes ? 3 : 1);
+    report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
     spsi_plan_bytes(context, frame, &reading, report);
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
@@ -11834,7 +11907,7 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
         for (int i = 0; i < node->count; ++i) {
             const int particle = tree->order[node->first + i];
             const spsi_particle_set *set = spsi_set_of(frame, particle);
-            depths[set - frame->sets] +=
+            depths[set - frame->particles.sets] +=
                 spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set->particles);
         }
         if (node->count > 0) continue;
@@ -11877,8 +11950,9 @@ static int spsi_sees_lamp(const spsi_faces *faces, const spsi_lamp *lamp, const 
 /* --- transport --- */
 
 static const spsi_material *spsi_part_material(const spsi_frame *frame, int part) {
-    return &frame->materials[part < frame->medium_count ? frame->media[part].channel
-                                                        : frame->sets[part - frame->medium_count].channel];
+    return &frame->matter
+                .materials[part < frame->medium_count ? frame->media[part].channel
+                                                      : frame->particles.sets[part - frame->medium_count].channel];
 }
 
 /* The stretch of a ray (world origin) inside the gases' bounds, and how many steps it takes. */
@@ -11927,7 +12001,7 @@ static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp
     ray.low = 0;
     ray.high = beyond;
     spsi_trace_particles(marcher, &ray, depths);
-    for (int i = 0; i < marcher->frame->set_count; ++i) depth += depths[i];
+    for (int i = 0; i < marcher->frame->particles.set_count; ++i) depth += depths[i];
     if (marcher->frame->medium_count == 0) return exp(-depth);
     count = spsi_march_range(marcher, point, toward, 0, beyond, range);
     for (int i = 0; i < count; ++i) {
@@ -11935,7 +12009,7 @@ static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp
         double at[3];
         spsi_along(point, toward, range[0] + (i + 0.5) * h, at);
         for (int m = 0; m < marcher->frame->medium_count; ++m) {
-            const spsi_material *material = &marcher->frame->materials[marcher->frame->media[m].channel];
+            const spsi_material *material = &marcher->frame->matter.materials[marcher->frame->media[m].channel];
             float appearance[4];
             if (material->extinguishes)
                 depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
@@ -12001,7 +12075,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
         spsi_march_sample(material, appearance, gradient, &point->samples[m]);
     }
     spsi_trace_particles(marcher, ray, depths);
-    for (int i = 0; i < frame->set_count; ++i) {
+    for (int i = 0; i < frame->particles.set_count; ++i) {
         const int part = frame->medium_count + i;
         const double extinction = depths[i] / (ray->high - ray->low), none[3] = {0, 0, 0};
         spsi_point_take(point, part, extinction, extinction);
@@ -12059,8 +12133,8 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
             source[c] += point->value[m] * (double)material->emission[c];
         }
     }
-    for (int i = 0; i < frame->lamp_count && point->extinction_sum > 0; ++i)
-        spsi_point_add_lamp(marcher, point, &frame->lamps[i], source);
+    for (int i = 0; i < frame->lamps.count && point->extinction_sum > 0; ++i)
+        spsi_point_add_lamp(marcher, point, &frame->lamps.list[i], source);
 }
 
 /* Radiance from the polygon that a ray meets: all lights and the ambient light. */
@@ -12071,8 +12145,8 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_surface_color(marcher->faces, hit, color);
     for (int c = 0; c < 3; ++c) radiance[c] = color[c] * (double)frame->ambient[c];
-    for (int i = 0; i < frame->lamp_count; ++i) {
-        const spsi_lamp *lamp = &frame->lamps[i];
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &frame->lamps.list[i];
         double arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
         if (!(arrives > 0)) continue;
         if (lamp->shadows) {
@@ -12276,7 +12350,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     if (spsi_gather_particles(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
     marcher->step = step * extent;
-    marcher->part_count = frame->medium_count + frame->set_count;
+    marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
     marcher->total =
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
@@ -12715,15 +12789,15 @@ SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const dou
 }
 
 SPS_API const float *sps_tmap_texels(const sps_tmap *map) {
-    return map && map->finished ? (const float *)map->texels.data : NULL;
+    return map && map->finished ? (const float *)map->data.texels.data : NULL;
 }
 
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map) {
-    return map && map->finished ? (const uint32_t *)map->starts.data : NULL;
+    return map && map->finished ? (const uint32_t *)map->data.starts.data : NULL;
 }
 
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map) {
-    return map && map->finished ? (const float *)map->surfaces.data : NULL;
+    return map && map->finished ? (const float *)map->data.surfaces.data : NULL;
 }
 
 static int spsi_tmap_has_face(const sps_tmap *map, int face) {
@@ -12760,7 +12834,7 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     constants->has_planes = settings->planes != NULL;
     constants->cubic = settings->cubic != 0;
     constants->running_maximum = settings->running_maximum != 0;
-    constants->has_surfaces = map->surfaces.data != NULL;
+    constants->has_surfaces = map->data.surfaces.data != NULL;
     constants->width = map->rays[face].width;
     constants->height = map->rays[face].height;
     constants->near_depth = (float)settings->near_depth;
@@ -12778,7 +12852,7 @@ static int spsi_tmap_item_floats(const sps_tmap *map) {
 }
 
 static size_t spsi_tmap_item_count(const sps_tmap *map) {
-    return ((const uint32_t *)map->starts.data)[spsi_tmap_texel_count(map)];
+    return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
 }
 
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {

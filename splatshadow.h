@@ -7393,33 +7393,33 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 
 /* ============================================================================================== >>targets
    18 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
-   map. The bricks and particles that a chunk of SPSI_CHUNK slabs holds are splatted into it tile by tile. A tile
-   belongs to one task, which adds bricks and then particles in the order of their numbers, so every pixel is the same
-   sum whatever the number of workers or the region. Bricks and particles wait in queues, in the order of the chunks in
-   which they begin. Tiles without bricks cost one comparison per brick of the chunk; particles are sorted into lists by
-   tile. Once the rays through a patch of 8 x 8 pixels or texels have all ended, footprints that meet nothing else cost
-   one test. */
+   map. The bricks and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile. A tile belongs to one
+   task, which adds bricks and then particles in the order of their numbers, so every pixel is the same sum for any
+   number of workers and any region. Bricks and particles are kept in queues, sorted by the first chunk that they reach.
+   A tile costs one comparison per brick of the chunk; particles are binned by tile. Once all rays through a patch of
+   8 x 8 pixels or texels have ended, a footprint that lies in such patches only costs one test. */
 
-/* --- what slabs hold --- */
+/* --- contents of the slabs --- */
 
-/* Items in the order of the chunks in which they begin. */
+/* Items sorted by the first chunk that they reach. */
 typedef struct spsi_queue {
     uint16_t (*chunks)[2]; /* per item: the first and the last */
-    int *order;            /* items by first chunk, and by number */
-    int *starts;           /* per chunk: the first in `order` that begins there; one more at the end */
-    int *present;          /* those in the chunk at hand, by number */
-    int count, current;    /* of all items, and of those present */
+    int *order;            /* items sorted by first chunk, then by number */
+    int *starts;           /* per chunk: index in `order` of the first item that begins there; one more at the end */
+    int *present;          /* items in the current chunk, sorted by number */
+    int count;             /* of all items */
+    int current;           /* number of items present */
 } spsi_queue;
 
-/* The bricks and particles of a frame between slabs, a chunk at a time. */
+/* The bricks and particles of a frame, one chunk of slabs at a time. */
 typedef struct spsi_contents {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_slabs *slabs;
     const spsi_brick *list;
     spsi_queue bricks, particles;
-    int fullest;    /* the largest number of particles in a chunk */
-    int first_slab; /* of the chunk at hand */
+    int fullest;    /* maximum number of particles in a chunk */
+    int first_slab; /* of the current chunk */
 } spsi_contents;
 
 static size_t spsi_queue_bytes(size_t items, size_t chunks) {
@@ -7437,20 +7437,20 @@ static sps_result spsi_queue_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* The chunks between two slab coordinates. */
+/* Sets the chunks of an item that lies between two slab coordinates. */
 static void spsi_queue_set(spsi_queue *queue, int item, int chunks, double low, double high) {
     queue->chunks[item][0] = (uint16_t)fmin(fmax(floor(low / SPSI_CHUNK), 0), chunks - 1);
     queue->chunks[item][1] = (uint16_t)fmin(fmax(floor(high / SPSI_CHUNK), 0), chunks - 1);
 }
 
-/* Puts the items whose chunks are set in order; returns the largest number of them in a chunk. */
+/* Counting sort of the items by first chunk; returns the maximum number of items in a chunk. */
 static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     int *passing = queue->starts + chunks + 1, here = 0, most = 0;
     memset(queue->starts, 0, ((size_t)chunks + 1) * sizeof(int));
     memset(passing, 0, ((size_t)chunks + 1) * sizeof(int));
     for (int i = 0; i < queue->count; ++i) {
         queue->starts[queue->chunks[i][0] + 1] += 1;
-        passing[queue->chunks[i][1] + 1] += 1; /* those that a chunk no longer holds, and the one before it did */
+        passing[queue->chunks[i][1] + 1] += 1; /* left behind by the chunk, but not by the one before it */
     }
     for (int chunk = 0; chunk < chunks; ++chunk) {
         here += queue->starts[chunk + 1] - passing[chunk];
@@ -7462,8 +7462,8 @@ static int spsi_queue_sort(spsi_queue *queue, int chunks) {
     return most;
 }
 
-/* Goes on to a chunk, the one after the last or the first: those present that reach into it stay, and those that begin
-   in it are merged with them, from the end on, where there is room. */
+/* Advances to the next chunk, or starts over with chunk 0. Items that reach into it stay; items that begin in it are
+   merged with them, from the end of the list backwards, in place. */
 static void spsi_queue_advance(spsi_queue *queue, int chunk) {
     int held = 0, added;
     const int *next;
@@ -7484,19 +7484,20 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
     spsi_queue_advance(&contents->particles, chunk);
 }
 
-/* Whether there are voxels or particles, now that they have been read. */
+/* Whether any voxel or particle was read. */
 static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
     return context->brick_count > 0 || frame->content->particle_count > 0;
 }
 
 /* --- a target --- */
 
-/* A chunk's particles as a target's rays see them, by tile. Those that reach into four tiles at most, two by two, are
-   listed with the one that is leftmost and topmost; the others in the last list, which all tiles look at. */
+/* A chunk's particles as a target's rays see them, binned by tile. A particle that reaches into at most two by two
+   tiles is listed with the top left one; wider particles are in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_seen *seen;
-    int *members; /* numbers in `seen`, times 4, and 1 for a particle that reaches the next column of tiles, 2: row */
-    int *starts;  /* per tile, and one more: its first in `members` */
+    int *members; /* 4 * index in `seen`, plus 1 if the particle reaches the next column of tiles, plus 2: the next row
+                   */
+    int *starts;  /* per tile, and one more: index of its first member */
 } spsi_lists;
 
 /* The workers' sheets, one tile each. */
@@ -7506,11 +7507,11 @@ typedef struct spsi_sheets {
     int worker_count;
 } spsi_sheets;
 
-/* What a tile's sheets consist of. */
+/* Extents of a tile's sheets. */
 typedef struct spsi_shape {
     int channels;
-    int margin;      /* pixels about a tile that are filled too: gradients look at neighbours */
-    int slab_margin; /* slabs before and after a chunk that are, too: profiles take one, gradients another */
+    int margin;      /* pixels around a tile, for gradients, which read neighbours */
+    int slab_margin; /* slabs before and after a chunk: one for profiles, one for gradients */
 } spsi_shape;
 
 typedef struct spsi_target {
@@ -7520,7 +7521,7 @@ typedef struct spsi_target {
     int columns, rows; /* of tiles */
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];       /* of each lattice; -1: it is not splatted */
-    int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, and behind that d/dy; -1: none */
+    int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, followed by d/dy; -1: none */
     int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
@@ -7536,8 +7537,8 @@ static size_t spsi_shape_floats(const spsi_shape *shape) {
            2 * SPSI_LANES;
 }
 
-/* The eye's sheets have a channel for each material; what is classified follows its profile from slab to slab, and
-   gradients take two slabs and pixels to either side. */
+/* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab, and gradients
+   read up to two slabs and pixels to either side. */
 static spsi_shape spsi_eye_shape(const spsi_frame *frame) {
     spsi_shape shape;
     shape.channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
@@ -7546,7 +7547,7 @@ static spsi_shape spsi_eye_shape(const spsi_frame *frame) {
     return shape;
 }
 
-/* A light's sheets have one for all gases, and one for each classified volume. */
+/* A light's sheets have a channel for all gases, and one for each classified volume. */
 static spsi_shape spsi_light_shape(const spsi_frame *frame) {
     spsi_shape shape;
     shape.channels = frame->matter.light_channel_count;
@@ -7598,8 +7599,8 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* The rays of a light or of a map's face as a target, whose sheets hold the optical depth of gases, and values of what
-   is classified, whose kernels end at `classified_cut`. */
+/* The rays of a light or of a map's face as a target. Its sheets hold the optical depth of gases and the values of
+   classified volumes, whose kernels end at `classified_cut`. */
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                        const spsi_slabs *slabs, double classified_cut, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
@@ -7618,8 +7619,7 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* Makes room for what the workers write down while they fill targets: a tile of sheets, which the targets share, and
-   counts of each target's own. */
+/* Allocates the workers' scratch: a tile of sheets, shared by the targets, and counters for each target. */
 static sps_result spsi_targets_reserve(sps_context *context, spsi_target *const *targets, int count) {
     const size_t workers = (size_t)spsi_worker_count(context);
     size_t floats = 0;
@@ -7629,7 +7629,7 @@ static sps_result spsi_targets_reserve(sps_context *context, spsi_target *const 
         const size_t own = spsi_shape_floats(&targets[i]->shape);
         floats = own > floats ? own : floats;
     }
-    floats = (floats + 1) / 2 * 2; /* which keeps the counts aligned */
+    floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
     sheets = (float *)spsi_reserve(context, SPSI_BUFFER_SHEETS, workers,
                                    floats * sizeof(float) + 2 * (size_t)count * sizeof(uint64_t));
     if (!sheets) return context->result;
@@ -7646,14 +7646,14 @@ static sps_result spsi_targets_reserve(sps_context *context, spsi_target *const 
 
 /* --- where bricks and particles are --- */
 
-/* Work that is done for all items, for one target or two that share their slabs. */
+/* One pass over the items, for one or two targets with the same slabs. */
 typedef struct spsi_targets_job {
     spsi_contents *contents;
     spsi_target *const *targets;
     int target_count;
 } spsi_targets_job;
 
-/* The slab coordinates between which the centres of a brick's voxels lie. */
+/* The range of slab coordinates of the centres of a brick's voxels. */
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
     *low = HUGE_VAL;
@@ -7668,7 +7668,7 @@ static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *bric
     }
 }
 
-/* The tiles that a brick's kernels can reach; `behind`: 1 if rays extend behind their origin. */
+/* The tiles that a brick's kernels may reach; `behind`: 1 if rays extend behind their origin. */
 static void spsi_brick_tiles(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_target *target,
                              int behind, int16_t tiles[4]) {
     const spsi_rays *rays = target->rays;
@@ -7719,7 +7719,7 @@ static void spsi_bricks_task(void *data, int index, int worker) {
     }
 }
 
-/* The chunks that particles touch, as any target sees them. */
+/* The chunks that particles touch, in any target. */
 static void spsi_particles_task(void *data, int index, int worker) {
     const spsi_targets_job *job = (const spsi_targets_job *)data;
     spsi_contents *contents = job->contents;
@@ -7738,12 +7738,12 @@ static void spsi_particles_task(void *data, int index, int worker) {
     }
 }
 
-/* Numbers that the lists of a grid of rays begin at: one per tile, one for the wide particles, and the end. */
+/* Number of list starts: one per tile, one for wide particles, and the end. */
 static size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
 
-/* Bytes of a target's lists if a chunk holds so many particles. */
+/* Bytes of a target's lists for a given number of particles in a chunk. */
 static size_t spsi_lists_bytes(const spsi_rays *rays, size_t particles) {
     return particles == 0 ? 0 : particles * (sizeof(spsi_seen) + sizeof(int)) + spsi_list_starts(rays) * sizeof(int);
 }
@@ -7757,7 +7757,7 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Finds out which chunks and tiles hold what, and reserves what splatting takes. */
+/* Finds the chunks and tiles of all bricks, and allocates the targets' sheets. */
 static sps_result spsi_contents_build(sps_context *context, spsi_target *const *targets, int target_count,
                                       spsi_contents *contents) {
     static const spsi_buffer_id tiles[2] = {SPSI_BUFFER_BRICK_TILES, SPSI_BUFFER_BRICK_LIGHT_TILES};
@@ -7782,7 +7782,7 @@ static sps_result spsi_contents_build(sps_context *context, spsi_target *const *
     return SPS_OK;
 }
 
-/* The same of particles. */
+/* The same for particles. */
 static sps_result spsi_contents_add_particles(sps_context *context, spsi_target *const *targets, int target_count,
                                               spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
@@ -7830,7 +7830,7 @@ static void spsi_seen_task(void *data, int index, int worker) {
     }
 }
 
-/* Sorts a target's particles into their lists, in which their order stays. */
+/* Bins a target's particles by a stable counting sort. */
 static void spsi_lists_task(void *data, int index, int worker) {
     const spsi_targets_job *job = (const spsi_targets_job *)data;
     const spsi_target *target = job->targets[index];
@@ -7841,7 +7841,7 @@ static void spsi_lists_task(void *data, int index, int worker) {
     for (int i = 0; i < count; ++i)
         if (lists->seen[i].list >= 0) lists->starts[lists->seen[i].list] += 1;
     for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
-    for (int i = count - 1; i >= 0; --i) /* from the end: where a list ends becomes where it begins */
+    for (int i = count - 1; i >= 0; --i) /* from the end: each list's end moves to its start */
         if (lists->seen[i].list >= 0) {
             const spsi_ball *ball = &lists->seen[i].ball;
             const int right = ball->x1 / SPSI_TILE_WIDTH > ball->x0 / SPSI_TILE_WIDTH;
@@ -7850,7 +7850,7 @@ static void spsi_lists_task(void *data, int index, int worker) {
         }
 }
 
-/* Builds the chunk's particles for all targets. */
+/* Projects and bins the chunk's particles for all targets. */
 static void spsi_targets_take_particles(sps_context *context, spsi_contents *contents, spsi_target *const *targets,
                                         int target_count) {
     const double start = spsi_clock(context);
@@ -7884,7 +7884,7 @@ static void spsi_tile_place(const spsi_target *target, int column, int row, int 
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
 
-/* A tile that is being filled. Its sheets are cleared when something first meets it. */
+/* A tile that is being filled. Its sheets are cleared when the first footprint is added. */
 typedef struct spsi_tile_fill {
     const spsi_target *target;
     const spsi_contents *contents;
@@ -7928,7 +7928,7 @@ static void spsi_tile_splat_one(spsi_tile_fill *fill, const spsi_seen *seen) {
     spsi_splat_particle(fill->tile, &fill->target->crossing, seen, fill->contents->first_slab == 0, left);
 }
 
-/* Splats the particles of one list that reach `beyond` its tile as told. */
+/* Splats those particles of a list that reach beyond its tile: 0: all, 1: to the right, 2: down, 3: both. */
 static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     const spsi_lists *lists = &fill->target->particles;
     const int first = lists->starts[list], end = lists->starts[list + 1], ahead = 8;
@@ -7940,7 +7940,7 @@ static void spsi_tile_splat_list(spsi_tile_fill *fill, int list, int beyond) {
     }
 }
 
-/* Splats the wide particles that meet a tile. */
+/* Splats the wide particles that overlap the tile. */
 static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     const spsi_lists *lists = &fill->target->particles;
     const int list = fill->target->columns * fill->target->rows;
@@ -7953,8 +7953,8 @@ static void spsi_tile_splat_wide(spsi_tile_fill *fill) {
     }
 }
 
-/* Splats the chunk's bricks and particles that meet a tile: of particles its own, those of the tiles before it, and the
-   wide ones. Returns 0, with the sheets not even cleared, if nothing does. */
+/* Splats the chunk's bricks and particles that overlap a tile. Particles come from its own list, those of its left and
+   upper neighbours, and the list of wide ones. Returns 0 if there are none; the sheets are not cleared then. */
 static int spsi_tile_splat(const spsi_target *target, const spsi_contents *contents, int column, int row,
                            spsi_tile *tile) {
     spsi_tile_fill fill;
@@ -7973,7 +7973,7 @@ static int spsi_tile_splat(const spsi_target *target, const spsi_contents *conte
     return fill.touched;
 }
 
-/* Adds a finished tile's counts to its worker's. */
+/* Adds a finished tile's counts to its worker's counters. */
 static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, int worker) {
     target->counts[worker][0] += tile->visits;
     target->counts[worker][1] += tile->fragments;

@@ -28,20 +28,20 @@ typedef struct ex_builder {
     size_t position_count, position_capacity, normal_count, normal_capacity, corner_count, corner_capacity;
 } ex_builder;
 
+/* Appends three numbers to a list of packed triples. Returns the index of the new triple. */
+static inline size_t ex_add_triple(float **list, size_t *count, size_t *capacity, double x, double y, double z) {
+    *list = (float *)ex_grow(*list, *count, capacity, 3 * sizeof(float));
+    float *triple = *list + 3 * *count;
+    triple[0] = (float)x, triple[1] = (float)y, triple[2] = (float)z;
+    return (*count)++;
+}
+
 static inline size_t ex_add_position(ex_builder *builder, double x, double y, double z) {
-    builder->positions =
-        (float *)ex_grow(builder->positions, builder->position_count, &builder->position_capacity, 3 * sizeof(float));
-    float *position = builder->positions + 3 * builder->position_count;
-    position[0] = (float)x, position[1] = (float)y, position[2] = (float)z;
-    return builder->position_count++;
+    return ex_add_triple(&builder->positions, &builder->position_count, &builder->position_capacity, x, y, z);
 }
 
 static inline size_t ex_add_normal(ex_builder *builder, double x, double y, double z) {
-    builder->normals =
-        (float *)ex_grow(builder->normals, builder->normal_count, &builder->normal_capacity, 3 * sizeof(float));
-    float *normal = builder->normals + 3 * builder->normal_count;
-    normal[0] = (float)x, normal[1] = (float)y, normal[2] = (float)z;
-    return builder->normal_count++;
+    return ex_add_triple(&builder->normals, &builder->normal_count, &builder->normal_capacity, x, y, z);
 }
 
 static inline void ex_add_corner(ex_builder *builder, size_t position, size_t normal) {

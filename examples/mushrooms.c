@@ -48,9 +48,9 @@ int main(int argc, char **argv) {
     sps_volume plate = {0};
     ex_mesh mushrooms = {0};
     set_plate(&plate);
+    scene.volumes = &plate, scene.volume_count = 1;
     build_mushrooms(&mushrooms);
     const sps_mesh mesh = ex_shape_mesh(&mushrooms);
-    scene.volumes = &plate, scene.volume_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
     const int status = ex_scene_program(argc, argv, "mushrooms.png", &scene, &view, NULL);
     ex_mesh_free(&mushrooms);

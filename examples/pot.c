@@ -57,6 +57,8 @@ int main(int argc, char **argv) {
     sps_scene scene = ex_scene(&sun);
     sps_volume haze = {0};
     ex_mesh pot = {0}, table = {0};
+    ex_color(scene.ambient, 0.06, 0.07, 0.09);
+    scene.background_user = dusk;
     set_haze(&haze);
     build_pot(&pot);
     build_table(&table);
@@ -65,8 +67,6 @@ int main(int argc, char **argv) {
     view.shadow_size = 512; /* haze needs few voxels, but the pot's shadow has sharp edges */
     scene.volumes = &haze, scene.volume_count = 1;
     scene.meshes = meshes, scene.mesh_count = 2;
-    ex_color(scene.ambient, 0.06, 0.07, 0.09);
-    scene.background_user = dusk;
     const int status = ex_scene_program(argc, argv, "pot.png", &scene, &view, NULL);
     ex_mesh_free(&pot);
     ex_mesh_free(&table);

@@ -138,9 +138,9 @@ COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native 
 # What runs where: natively all of it, with random scenes, the same ones each time (`make fuzz`, `make soak` for others);
 # under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
 TESTS_native    = $(TESTS) fuzz soak
-TESTS_sanitized = test_extremes test_plan test_transmittance
+TESTS_sanitized = test_extremes test_plan test_transmittance test_arrays
 TESTS_wide_sanitized = test_engineering test_files test_polygons test_tmaps test_watertight
-TESTS_cpp       = test_plan
+TESTS_cpp       = test_plan test_arrays
 TESTS_baseline  = test_simd
 TESTS_readme    = test_watertight
 TESTS_fused     = test_watertight

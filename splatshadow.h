@@ -174,8 +174,7 @@ typedef enum sps_object {
 typedef struct sps_error_info {
     sps_result result;
     sps_object object;
-    int index; /* of the volume, mesh, light or set of particles in its scene's array; -1: the object is none of these
-                */
+    int index; /* of a volume, mesh, light or set of particles in its scene's array; -1: it is none of these */
     /* The member of the object as C writes it ("transfer.points[2].value"; vectors and colors without an index), the
        callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value", "particle[7].radius"). "": it
        is the object as a whole. */
@@ -341,8 +340,8 @@ typedef struct sps_indexed_mesh {
     uint32_t start_canary;  /* leave 0 */
     size_t vertex_count;    /* above 0 */
     const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
-    const float *normals,
-        *colors; /* three floats of each vertex, or NULL: then mesh.has_normals, has_colors must be 0 */
+    const float *normals;   /* three floats of each vertex, or NULL: then mesh.has_normals must be 0 */
+    const float *colors;    /* likewise, and mesh.has_colors */
     size_t position_stride, normal_stride, color_stride; /* bytes from a vertex to the next; 0: 12, packed */
     size_t triangle_count;
     const uint16_t *indices_u16; /* three of each triangle; set one of these, or none: then vertices 0, 1, 2 are the */

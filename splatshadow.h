@@ -5818,6 +5818,12 @@ static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
     return floats;
 }
 
+/* The maximum of that for a map of `size` texels on a side, or six of half that. */
+static size_t spsi_depth_map_floats_most(size_t size) {
+    const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
+    return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
+}
+
 /* Lays a depth map out in memory, and returns what is left of that. */
 static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
     for (int face = 0; face < map->face_count; ++face) {
@@ -9779,6 +9785,8 @@ typedef struct spsi_planes {
     unsigned char *uneven; /* per tile: its planes differ, so that they must be levelled before the next chunk */
 } spsi_planes;
 
+#define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
+
 /* Bilinear look-up; outside of the grid the nearest edge value is used (the border of a light's planes is 0). */
 static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
@@ -9898,8 +9906,7 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     planes->tiles_y = spsi_tile_rows(rays);
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
     /* a tile's number and flag take less than one more texel */
-    planes->open =
-        (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, (SPSI_CHUNK + 1) * sizeof(float));
+    planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     memory = (float *)(void *)(planes->open + tiles);
     planes->width = rays->width;
@@ -10988,6 +10995,8 @@ typedef struct spsi_region {
     float (*polygon_range)[3]; /* per tile: slab coordinates of its polygons, and their least depth */
 } spsi_region;
 
+#define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float)) /* of `open` and `polygon_range` */
+
 /* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
 typedef struct spsi_run {
     sps_context *context;
@@ -11125,23 +11134,30 @@ static void spsi_run_linears(spsi_run *run) {
     }
 }
 
+static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
+    const int *pixels = frame->view.region;
+    region->x0 = pixels[0] / SPSI_TILE_WIDTH;
+    region->y0 = pixels[1] / SPSI_TILE_HEIGHT;
+    region->columns = (pixels[0] + pixels[2] - 1) / SPSI_TILE_WIDTH - region->x0 + 1;
+    region->rows = (pixels[1] + pixels[3] - 1) / SPSI_TILE_HEIGHT - region->y0 + 1;
+}
+
+static size_t spsi_region_tiles(const spsi_region *region) { return (size_t)region->columns * (size_t)region->rows; }
+
+/* Floats per pixel while a sweep runs: optical depth, radiance, and distance if wanted. */
+static size_t spsi_pixel_floats(const spsi_frame *frame) { return (size_t)(1 + frame->channels + frame->wants_depth); }
+
 /* The region's tiles, and where their pixels are kept. */
 static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
-    const int *pixels_of = run->frame->view.region;
-    const int x1 = (pixels_of[0] + pixels_of[2] - 1) / SPSI_TILE_WIDTH;
-    const int y1 = (pixels_of[1] + pixels_of[3] - 1) / SPSI_TILE_HEIGHT;
-    const size_t planes = (size_t)(1 + run->frame->channels + run->frame->wants_depth);
+    const size_t planes = spsi_pixel_floats(run->frame);
     spsi_region *region = &run->region;
     spsi_shader *shader = &run->shader;
     size_t tiles, pixels;
     float *memory;
-    region->x0 = pixels_of[0] / SPSI_TILE_WIDTH;
-    region->y0 = pixels_of[1] / SPSI_TILE_HEIGHT;
-    region->columns = x1 - region->x0 + 1;
-    region->rows = y1 - region->y0 + 1;
-    tiles = (size_t)region->columns * (size_t)region->rows;
+    spsi_region_place(run->frame, region);
+    tiles = spsi_region_tiles(region);
     pixels = tiles * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
-    region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, sizeof(uint64_t) + 3 * sizeof(float));
+    region->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_TILES, tiles, SPSI_REGION_TILE_BYTES);
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_PIXELS, pixels * planes, sizeof(float));
     if (!region->open || !memory) return context->result;
     memset(memory, 0, pixels * planes * sizeof(float));
@@ -11273,6 +11289,11 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 
 /* --- the image --- */
 
+/* Floats per pixel of the sum of sweeps: radiance, coverage, and distance if wanted. */
+static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + frame->wants_depth); }
+
+#define SPSI_ROW_FLOATS 6 /* per pixel of a row of background: a color and a direction */
+
 /* The radiance behind one row of the region, three floats a pixel. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const int *region = frame->view.region;
@@ -11306,8 +11327,8 @@ static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
     const spsi_frame *frame = run->frame;
     const spsi_shader *shader = &run->shader;
-    const int *region = frame->view.region, floats = 4 + frame->wants_depth;
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], 6 * sizeof(float));
+    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
     if (!rgb) return context->result;
     for (int y = 0; y < region[3]; ++y) {
         if (run->sweep->first && spsi_background_row(context, frame, y, rgb)) return context->result;
@@ -11330,7 +11351,7 @@ static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, floa
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
     const size_t pitch = image->row_pixels ? image->row_pixels : width;
-    const int floats = 4 + frame->wants_depth;
+    const int floats = (int)spsi_total_floats(frame);
     for (size_t y = 0; y < height; ++y)
         for (size_t x = 0; x < width; ++x) {
             const float *pixel = total + (y * width + x) * (size_t)floats;
@@ -11448,8 +11469,7 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     gathered = spsi_clock(context);
     if (frame->lamps.shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
-    picture.total =
-        (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
+    picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
     if (!picture.total || !run) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
@@ -11556,26 +11576,26 @@ static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
 /* Bytes of the largest sweep's planes, sheets, spans and pixels. */
 static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                   uint64_t bricks, sps_plan_report *report) {
-    const int *region = frame->view.region;
+    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
     const size_t workers = (size_t)spsi_worker_count(context);
-    const size_t columns = (size_t)((region[0] + region[2] - 1) / SPSI_TILE_WIDTH - region[0] / SPSI_TILE_WIDTH + 1);
-    const size_t rows = (size_t)((region[1] + region[3] - 1) / SPSI_TILE_HEIGHT - region[1] / SPSI_TILE_HEIGHT + 1);
-    const size_t pixels = columns * rows * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT;
     const size_t side = spsi_plan_light_side(frame, sweep);
     const int shadows = spsi_most(1, spsi_sweep_shadow_count(frame, n));
     size_t eye = workers * (spsi_plan_sheet_floats(frame) * sizeof(float) + 48) +
                  spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
-    eye += pixels * sizeof(float) * (size_t)(1 + frame->channels + frame->wants_depth) + columns * rows * 20;
-    eye += (size_t)region[2] * (size_t)region[3] * sizeof(float) * (size_t)(4 + frame->wants_depth);
-    eye += (size_t)region[2] * 6 * sizeof(float) + spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
+    spsi_region region;
+    spsi_region_place(frame, &region);
+    eye += spsi_region_tiles(&region) * SPSI_REGION_TILE_BYTES;
+    eye += spsi_region_tiles(&region) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT * spsi_pixel_floats(frame) * sizeof(float);
+    eye += width * height * spsi_total_floats(frame) * sizeof(float) + width * SPSI_ROW_FLOATS * sizeof(float);
+    eye += spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
            spsi_vectors_bytes(context, frame->matter.material_count * SPSI_PARTS, sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
     eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
     if (sweep->lamp && spsi_has_gas(frame) && frame->matter.extinguishes) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
-        const size_t light = (side * side + tiles) * (SPSI_CHUNK + 1) * sizeof(float) +
-                             spsi_plan_lists_bytes(frame, (int)side, (int)side);
+        const size_t light =
+            (side * side + tiles) * SPSI_PLANES_TEXEL_BYTES + spsi_plan_lists_bytes(frame, (int)side, (int)side);
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     }
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
@@ -11666,9 +11686,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             SPSI_BLOCK_BYTES;
         if (frame->lamps.shadow_count > 0) {
             if (frame->matter.scatters)
-                report->pass[SPS_PASS_LIGHT_POLYGONS].bytes =
-                    lights * ((size * size / 2 * 3 + 6 * 64) * 3 * sizeof(float) +
-                              12 * (size / SPSI_CELL + 2) * (size / SPSI_CELL + 2) * sizeof(float));
+                report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = lights * spsi_depth_map_floats_most(size) * sizeof(float);
             report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->triangle_count);
             report->pass[SPS_PASS_SHADOW_RAYS].bytes =
                 lights * (size_t)frame->content->eye.width * (size_t)frame->content->eye.height;
@@ -12352,7 +12370,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
     marcher->total =
-        (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, (size_t)(4 + frame->wants_depth) * sizeof(float));
+        (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
                                                            sizeof *marcher->samples);
     if (!marcher->total || !marcher->samples) return context->result;
@@ -12361,12 +12379,12 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
-    const int *region = frame->view.region, floats = 4 + frame->wants_depth;
+    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     const int rows = spsi_worker_count(context); /* between two chances to cancel: a row can take a second */
     const double start = spsi_clock(context);
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], 6 * sizeof(float));
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     if (spsi_march_build(context, frame, &faces, step, marcher)) return context->result;

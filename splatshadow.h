@@ -12760,13 +12760,13 @@ static void spsi_tmap_answer(const sps_tmap *map, int count, const double *posit
     }
 }
 
-static int spsi_tmap_askable(const sps_tmap *map, size_t count, const void *positions) {
+static int spsi_tmap_queryable(const sps_tmap *map, size_t count, const void *positions) {
     return map && map->finished && (positions || count == 0);
 }
 
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances) {
-    if (!spsi_tmap_askable(map, count, positions)) return SPS_ERROR_ARGUMENT;
+    if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
         const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
         spsi_tmap_answer(map, some, positions + 3 * first, optical_depths ? optical_depths + first : NULL,
@@ -12778,7 +12778,7 @@ SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const doubl
 SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
                                          float *optical_depths, float *transmittances) {
     const char *next = (const char *)positions;
-    if (!spsi_tmap_askable(map, count, positions)) return SPS_ERROR_ARGUMENT;
+    if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t first = 0; first < count; first += SPSI_LANES) {
         const int some = count - first < SPSI_LANES ? (int)(count - first) : SPSI_LANES;
         double wide[3 * SPSI_LANES];
@@ -12795,7 +12795,7 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
 
 SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most) {
-    if (!spsi_tmap_askable(map, count, positions)) return SPS_ERROR_ARGUMENT;
+    if (!spsi_tmap_queryable(map, count, positions)) return SPS_ERROR_ARGUMENT;
     for (size_t i = 0; i < count; ++i) {
         double bracket[2] = {0, 0};
         spsi_tmap_bracket_at(map, positions + 3 * i, bracket);

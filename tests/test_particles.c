@@ -1006,6 +1006,34 @@ static void test_stats(void) {
     stage_free(&x);
 }
 
+/* A chunk's items in a queue are those that reach into it, in the order of their numbers; and so they are when it
+   starts over. */
+static void test_queue(void) {
+    enum { ITEMS = 300, CHUNKS = 23 };
+    check_random random = {17};
+    spsi_queue queue;
+    sps_context *own = sps_create(NULL, NULL);
+    memset(&queue, 0, sizeof queue);
+    CHECK_OK(own, spsi_queue_reserve(own, SPSI_BUFFER_PARTICLE_QUEUE, ITEMS, CHUNKS, &queue));
+    for (int i = 0; i < ITEMS; ++i) {
+        const double low = SPSI_CHUNK * (CHUNKS * 1.2 * check_next(&random) - 2), most = i % 7 ? 3 : 30;
+        spsi_queue_set(&queue, i, CHUNKS, low, low + SPSI_CHUNK * most * check_next(&random));
+    }
+    spsi_queue_sort(&queue, CHUNKS);
+    for (int n = 0; n < 2 * CHUNKS; ++n) {
+        const int chunk = n % CHUNKS;
+        int count = 0, in_order = 1;
+        spsi_queue_advance(&queue, chunk);
+        for (int i = 0; i < ITEMS; ++i) {
+            if (queue.chunks[i][0] > chunk || queue.chunks[i][1] < chunk) continue;
+            in_order &= count < queue.current && queue.present[count] == i;
+            ++count;
+        }
+        CHECK(in_order && count == queue.current && count > 0);
+    }
+    sps_destroy(own);
+}
+
 /* Where particles are and how large, far from the world's origin and from the first of them: six about one middle. */
 static void test_measures(void) {
     static const double offsets[6][3] = {{3, 0, 0}, {-3, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 1}, {0, 0, -1}};
@@ -1133,6 +1161,7 @@ int main(void) {
     context = check_context(NULL);
     RUN(test_chords_close_by);
     RUN(test_sizes_on_six_faces);
+    RUN(test_queue);
     RUN(test_measures);
     RUN(test_one_ball);
     RUN(test_near_plane);

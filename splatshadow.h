@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT OR Unlicense
 
-splatshadow.h 0.3.0 (2026-11-22): volumes, gases, particles and polygons into correctly shadowed images, and into the
-shadow maps that engines look up, on the CPU.
+splatshadow.h 0.3.0 (2026-11-22): renders volumes, gases, particles and polygons into correctly shadowed images, and
+into shadow maps for engines, on the CPU.
 MIT or public domain, as you choose (full text at the end of this file).
 
 QUICK START (examples/hello.c is this text)
@@ -55,58 +55,63 @@ CONTENTS (search for the tag)
     >>plan          25 what a scene calls for        >>reference     26 brute-force ray marching
     >>public        27 the public functions          >>licence
 
-WHAT IT DOES NOT DO
-    No files, no windows, no threads of its own, no GPU. Light scatters once (plus ambient light, unshadowed).
-    One sample per pixel: render larger and average where the edges of polygons matter, or those of a classified volume
-    whose voxels are smaller than pixels. Gas is filtered, since what a pixel shows of it is its mean.
+NOT INCLUDED
+    No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light).
+    One sample per pixel: render larger and downsample where the edges of polygons matter, or those of a classified
+    volume whose voxels are smaller than pixels. Gas is filtered: a pixel shows its mean.
 
 CONVENTIONS
-    World space is right-handed in the examples, but nothing depends on handedness. Lengths are the caller's unit.
-    Angles are radians. Matrices are row-major and multiply column vectors.
+    World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
+    Angles are in radians. Matrices are row-major and multiply column vectors.
     Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are linear RGB radiance.
-    A directional light's `direction` is the way the light travels; its color is the irradiance on a plane facing it.
+    A directional light's `direction` is the direction in which the light travels; its color is the irradiance on a
+    plane facing it.
     A point light's color is its intensity: irradiance = intensity / distance^2.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
-    A surface of reflectance r sends r / pi * irradiance * cosine towards the eye.
-    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside of its box a volume's
-    value is 0; as kernels reach out, the field fades away within 2.5 voxels beyond it.
-    The field that a volume stands for is f(p) = sum of value * kernel(p - centre): the kernel is a normalised
-    Gaussian of 0.65 voxels standard deviation. sps_reference marches through that very sum; sps_render cuts the
-    kernels at 1.8 to 2.5 voxels, by quality.
+    A surface of reflectance r reflects a radiance of r / pi * irradiance * cosine towards the eye.
+    Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside its box a volume's value is 0; since kernels
+    reach beyond the box, the field fades out within 2.5 voxels of it.
+    A volume stands for the field f(p) = sum of value * kernel(p - centre), where the kernel is a normalised Gaussian
+    with a standard deviation of 0.65 voxels. sps_reference marches through exactly this sum; sps_render cuts the
+    kernels at 1.8 to 2.5 voxels, depending on quality.
 
 BUILD OPTIONS (define before the implementation is included; none changes a public type)
 
-    SPLATSHADOW_IMPLEMENTATION   in exactly one source file: the code itself
-    SPS_API                      extern; may be `static`, or an export attribute
-    SPS_ASSERT(c)                assert(c); for errors of the library and of parallel_for_fn, bad input is a sps_result
-    SPS_MALLOC(n), SPS_FREE(p)   malloc, free; used where a config names no allocator (define both or neither)
-    SPS_SNPRINTF                 snprintf; writes the error sentences
-    SPS_ALLOW_FAST_MATH          compile under -ffast-math, -ffinite-math-only or /fp:fast, which is an #error
-                                 otherwise: invalid data goes unnoticed then, and polygons may show gaps
+    SPLATSHADOW_IMPLEMENTATION   compiles the implementation; define it in exactly one source file
+    SPS_API                      default extern; may be `static` or an export attribute
+    SPS_ASSERT(c)                default assert(c); catches bugs in the library and in parallel_for_fn. Bad input
+                                 returns an sps_result instead
+    SPS_MALLOC(n), SPS_FREE(p)   default malloc, free; used if the config has no allocator (define both or neither)
+    SPS_SNPRINTF                 default snprintf; writes the error sentences
+    SPS_ALLOW_FAST_MATH          allows -ffast-math, -ffinite-math-only and /fp:fast, which are an #error otherwise:
+                                 with them invalid data goes unnoticed, and polygons may show gaps
     SPS_NO_SIMD                  plain C only. Otherwise the widest of AVX-512, AVX2+FMA, SSE2 and NEON that the
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
     about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 168 per triangle
-    and 68 more where lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
-    sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 per texel of its depth
-    map where polygons stand before gas, 1 per pixel of the image where there are polygons, and its shadow_map; those of
-    lights that share a sweep are held at once. sps_plan says how much, before; a memory_limit is never exceeded.
+    and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
+    sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
+    depth map if polygons shade gas, 1 per pixel of the image if there are polygons, and its shadow_map; the maps of
+    lights that share a sweep are held at the same time. sps_plan returns an upper bound beforehand; memory_limit is
+    never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
-    query a finished map. Work is handed out through parallel_for_fn. All other callbacks (read, range, eval,
-    background, progress, message, allocator) run on the calling thread, one at a time, and must not call into the same
-    context. Where there are parallel_for_fn and progress_fn, several workers may call clock_fn at once.
-REPEATABLE   One build gives the same bits for any number of workers, on every run, and for any region of an image; on
-    several machines too, if they have the same C library and all threads round and treat denormal numbers alike.
-LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15,
-    voxels are told apart from 1e-14 to 1e10 world units, polygons from 1e-20 on, and polygons' shadows in gas from
-    point lights up to 1e7 times as far away as it is wide. A polygon shades only what lies farther behind it than the
-    rounding of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
-    Values above 1e18 are refused, below 1e-30 they count as 0. Past an optical depth of 86 transmittance is exactly
-    0; a polygon counts as 1e15. Where a volume's optical depth is well above 1 per voxel, its silhouette shrinks by a
-    fraction of a voxel, since kernels are cut, and what is classified wants slabs of 0.7 voxels or less.
+    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, background,
+    progress, message, allocator) run on the calling thread, one at a time, and must not call into the same context.
+    With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
+REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
+    it does on different machines if they have the same C library and all threads use the same rounding mode and the
+    same treatment of denormal numbers.
+LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15.
+    Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
+    point lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than
+    the round-off of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
+    Values above 1e18 are an error, values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is
+    exactly 0; a polygon has an optical depth of 1e15. Where a volume's optical depth is well above 1 per voxel, its
+    silhouette shrinks by a fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels
+    or less.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -147,90 +152,89 @@ typedef enum sps_result {
     SPS_ERROR_ARGUMENT,    /* a field is missing or outside its documented range */
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
-    SPS_ERROR_DATA,        /* a provider delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction serves camera and light (sps_light), numbers leave floats' range, or
-                              sps_render is given a mesh that lets light pass */
+    SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (sps_light), numbers exceed the range of
+                              floats, or a mesh to be rendered lets light pass */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
-/* Which struct a failure is about. */
+/* The struct that caused a failure. */
 typedef enum sps_object {
-    SPS_OBJECT_NONE = 0, /* none: memory, being cancelled; or no failure */
+    SPS_OBJECT_NONE = 0, /* out of memory, cancelled, or no failure */
     SPS_OBJECT_CALL,     /* an argument of the call, which `field` names */
     SPS_OBJECT_CONFIG,
     SPS_OBJECT_SCENE,
     SPS_OBJECT_VIEW,
     SPS_OBJECT_IMAGE,
-    SPS_OBJECT_VOLUME,    /* of the scene's; `index` says which */
-    SPS_OBJECT_MESH,      /* likewise */
-    SPS_OBJECT_LIGHT,     /* likewise; its shadow_map's fields are "shadow_map.components" and so on */
-    SPS_OBJECT_PARTICLES, /* likewise: the set */
-    SPS_OBJECT_TMAP,      /* a transmittance map as it is, and not what it was made from */
+    SPS_OBJECT_VOLUME,    /* volume number `index` of the scene */
+    SPS_OBJECT_MESH,      /* mesh number `index` */
+    SPS_OBJECT_LIGHT,     /* light number `index`; its shadow_map's fields are "shadow_map.components" and so on */
+    SPS_OBJECT_PARTICLES, /* set number `index` */
+    SPS_OBJECT_TMAP,      /* a transmittance map itself, not what it was made from */
     SPS_OBJECT_TMAP_LIGHT,
     SPS_OBJECT_TMAP_SETTINGS
 } sps_object;
 
-/* What a failure is about, for programs; `sentence` is the same for people. */
+/* A failure, as data; `sentence` says the same for people. */
 typedef struct sps_error_info {
     sps_result result;
     sps_object object;
-    int index; /* of a volume, mesh, light or set of particles in its scene's array; -1: it is none of these */
-    /* The member of the object as C writes it ("transfer.points[2].value"; vectors and colors without an index), the
-       callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value", "particle[7].radius"). "": it
-       is the object as a whole. */
+    int index; /* of the volume, mesh, light or set of particles in the scene's array; -1 for other objects */
+    /* The member of the object in C syntax ("transfer.points[2].value"; vectors and colors without an index), the
+       callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value", "particle[7].radius"). "": the
+       object as a whole. */
     char field[64];
-    double value;       /* the field's, or what the callback returned; 0 where it is no number */
-    char sentence[256]; /* as sps_error returns it */
+    double value;       /* the field's value, or what the callback returned; 0 if that is not numeric */
+    char sentence[256]; /* what sps_error returns */
 } sps_error_info;
 
-/* What runs a loop. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on any
-   threads, and return when all are done and what they wrote is visible to the caller. Tasks that it has left out are
-   done afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two calls
-   that run at the same moment. Tasks do not block, call nothing back but clock_fn, and take up to 16 KB of stack
-   (AVX-512: 24). */
+/* Runs a loop in parallel. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on
+   any threads, and return when all calls have returned and their writes are visible to the caller. Tasks that were left
+   out are run afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two
+   calls that run at the same time. Tasks do not block, call no callback except for clock_fn, and use up to 16 KB of
+   stack (24 KB with AVX-512). */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
-/* All zero is valid: malloc, no threads, silence, no limit. Copied by sps_create. */
+/* All zero is valid: malloc, no threads, no messages, no limit. Copied by sps_create. */
 typedef struct sps_config {
     uint32_t start_canary;                                   /* leave 0 */
-    void *(*alloc_fn)(void *user, size_t size);              /* set both or neither; alignment as malloc's */
-    void (*free_fn)(void *user, void *pointer, size_t size); /* `size` as alloc_fn got it */
-    sps_parallel_for_fn parallel_for_fn;                     /* NULL: the calling thread does all */
+    void *(*alloc_fn)(void *user, size_t size);              /* set both or neither; aligned as by malloc */
+    void (*free_fn)(void *user, void *pointer, size_t size); /* `size` is the one passed to alloc_fn */
+    sps_parallel_for_fn parallel_for_fn;                     /* NULL: everything runs on the calling thread */
     int worker_count;                                        /* 1..1024 with parallel_for_fn; 0 means 1 */
-    /* 0..1, never falling; non-zero cancels, if not at once. Called throughout, on the calling thread, every few
-       milliseconds of work at most sizes. Set clock_fn too where there is parallel_for_fn: otherwise all workers wait
-       for each other after every few tasks, which takes up to a sixth of a frame's time. */
+    /* `fraction` is 0..1 and never decreases. Returning non-zero cancels, though not at once. Called on the calling
+       thread, every few milliseconds of work for most sizes. With parallel_for_fn, set clock_fn too: otherwise all
+       workers wait for each other after every few tasks, which costs up to a sixth of a frame's time. */
     int (*progress_fn)(void *user, float fraction);
-    void (*message_fn)(void *user, const char *text); /* one line without newline: errors (being cancelled is none),
-                                                         replaced data */
-    /* Returns seconds. Several workers may call it at once where there is progress_fn. NULL: no times in sps_get_stats.
-     */
+    /* One line without newline: errors (except for SPS_ERROR_CANCELLED), and warnings. */
+    void (*message_fn)(void *user, const char *text);
+    /* Returns seconds. With progress_fn, several workers may call it at once. NULL: no times in sps_get_stats. */
     double (*clock_fn)(void *user);
-    size_t memory_limit; /* bytes; 0: none */
+    size_t memory_limit; /* bytes; 0: no limit */
     void *alloc_user, *parallel_user, *progress_user, *message_user, *clock_user;
     uint32_t end_canary; /* leave 0 */
 } sps_config;
 
-/* An affine map: local (0,0,0) goes to origin, local unit steps along x, y, z go along axis[0], axis[1], axis[2].
-   All axes zero: the identity. A zero determinant is an error. */
+/* An affine map from local to world space: local (0,0,0) maps to origin, the local unit vectors along x, y, z map to
+   axis[0], axis[1], axis[2]. All axes zero: the identity. A zero determinant is an error. */
 typedef struct sps_placement {
     double origin[3];
     double axis[3][3];
 } sps_placement;
 
-/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5), c the cosine between the way
-   the light travels and the way it leaves. [Henyey & Greenstein 1941] */
+/* One Henyey-Greenstein lobe: p(c) = (1 - g^2) / (4 pi (1 + g^2 - 2 g c)^1.5), where c is the cosine of the angle
+   between the directions of travel before and after scattering. [Henyey & Greenstein 1941] */
 typedef struct sps_lobe {
     float asymmetry; /* g, -0.99..0.99; positive scatters forward */
     float weight;    /* > 0; weights are divided by their sum */
 } sps_lobe;
 
-/* A transfer function: what a value looks like. Either points, or a callback. Straight lines between points;
-   outside of the first and last value: those points' color and extinction. It is sampled once per call into a
-   table of 2048 entries over 0..value_max. Value 0 (all that lies outside of data) is always empty. */
+/* A transfer function maps values to color and extinction, by points or by a callback. Linear between points, constant
+   before the first and after the last. Sampled once per call into a table of 2048 entries over 0..value_max. Value 0
+   (everything outside the data) is always empty. */
 typedef struct sps_transfer_point {
-    float value;      /* rising from point to point, >= 0 */
+    float value;      /* strictly increasing from point to point, >= 0 */
     float color[3];   /* albedo (gas) or reflectance (surface), 0..1 */
     float extinction; /* per world unit, >= 0 */
 } sps_transfer_point;
@@ -238,36 +242,36 @@ typedef struct sps_transfer_point {
 typedef struct sps_transfer {
     const sps_transfer_point *points; /* NULL with point_count 0: use eval_fn */
     int point_count;
-    /* Fills color and extinction of `count` points. `out` comes zeroed. Non-zero: failure. */
+    /* Writes color and extinction for `count` values. `out` is zeroed beforehand. Returns non-zero on failure. */
     int (*eval_fn)(void *user, size_t count, const float *values, sps_transfer_point *out);
     void *user;
-    float value_max; /* the largest value of interest; 0 means the last point's value, or 1 with eval_fn */
+    float value_max; /* largest value of interest; 0 means the last point's value, or 1 with eval_fn */
 } sps_transfer;
 
 typedef enum sps_shading {
     SPS_SHADING_GAS = 0, /* scatters by the phase function */
-    SPS_SHADING_SURFACE  /* diffuse and specular, by the gradient, where the gradient is strong; gas elsewhere */
+    SPS_SHADING_SURFACE  /* diffuse and specular where the gradient, its normal, is strong; gas elsewhere */
 } sps_shading;
 
-/* A grid of voxels in the world. Values come from read_fn or from eval_fn, in blocks of at most 38^3 voxels.
-   Without a transfer function it is a gas: extinction = value * extinction, scattering = albedo * that. */
+/* A grid of voxels in the world. Values come from read_fn or eval_fn, in blocks of at most 38^3 voxels. Without a
+   transfer function it is a gas: extinction = value * `extinction`, scattering = `albedo` * that. */
 typedef struct sps_volume {
     uint32_t start_canary;   /* leave 0 */
-    int size[3];             /* voxels along x, y, z; 0 in any: no volume; at most 65536 each */
-    sps_placement placement; /* takes the unit cube to the volume's box; may turn, stretch and shear */
+    int size[3];             /* voxels along x, y, z, at most 65536 each; no volume if any of them is 0 */
+    sps_placement placement; /* maps the unit cube to the volume's box; may rotate, scale and shear */
 
-    /* Writes size[0]*size[1]*size[2] values >= 0, x fastest, for the voxels from lo on. `out` comes zeroed. Non-zero:
-       failure. */
+    /* Writes the size[0]*size[1]*size[2] values, >= 0, of the block of voxels that begins at lo, x fastest. `out` is
+       zeroed beforehand. Returns non-zero on failure. */
     int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);
-    /* Optional: bounds of the values in a block, to skip it unread. May be wide, must not be narrow; where data may
-       be invalid, answer 0..1e18, and reading will find it. */
+    /* Optional: bounds of the values in a block, so that it can be skipped without reading. They may be too wide, never
+       too narrow; if data may be invalid, write 0..1e18, and reading detects it. Returns non-zero on failure. */
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]);
-    /* Instead of read_fn: the value at world positions (packed triples), which are the voxels' centres. `out` comes
-       zeroed. */
+    /* Instead of read_fn: the values at world positions (packed triples), which are the voxels' centres. `out` is
+       zeroed beforehand. Returns non-zero on failure. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
-    /* Not 0: the voxels of all volumes are kept for the next call, if every volume has a revision and none has changed;
-       else all are read again. */
+    /* Non-zero: the voxels of all volumes are kept for the next call, provided that every volume has a revision and
+       nothing about any of them has changed; otherwise all are read again. */
     uint64_t revision;
 
     float extinction;      /* gas: per world unit at value 1, >= 0 */
@@ -276,15 +280,15 @@ typedef struct sps_volume {
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
-    const sps_transfer *transfer; /* NULL: gas; else extinction, albedo and emission above do not count, lobes do */
+    const sps_transfer *transfer; /* NULL: gas; otherwise extinction, albedo and emission are ignored, lobes are not */
     sps_shading shading;          /* with a transfer function */
-    float gradient_full;          /* change of value per voxel at which shading is wholly a surface's; 0 means 0.05 */
+    float gradient_full;          /* change of value per voxel from which on shading is all surface; 0 means 0.05 */
     float specular;               /* strength of the highlight, 0..1 */
     float shininess;              /* Blinn-Phong exponent, 0 means 32 */
     uint32_t end_canary;          /* leave 0 */
 } sps_volume;
 
-/* How a voxel is stored, in the byte order of the machine. There is no default: 0 is an error. */
+/* Storage of a voxel, in the machine's byte order. There is no default: 0 is an error. */
 typedef enum sps_voxel_format {
     SPS_VOXEL_U8 = 1, /* 0..255 */
     SPS_VOXEL_U16,    /* 0..65535 */
@@ -294,59 +298,63 @@ typedef enum sps_voxel_format {
 
 /* A dense array of voxels in the caller's memory, for volumes that need no callback of their own:
        volume.read_fn = sps_grid_read, volume.range_fn = sps_grid_range, volume.user = &grid;
-   The struct and its voxels stay the caller's and must stay as they are until the call that reads them returns
+   The caller owns the struct and its voxels, and must not change them until the call that reads them has returned
    (sps_tmap_add: until sps_tmap_finish has). Any number of volumes, contexts and threads may read one grid at once. */
 typedef struct sps_grid {
     uint32_t start_canary; /* leave 0 */
     const void *voxels;    /* voxel (0,0,0); need not be aligned */
     sps_voxel_format format;
     int size[3];         /* voxels along x, y, z, as in sps_volume */
-    ptrdiff_t stride[3]; /* bytes from a voxel to the next along x, y, z, which may be negative; 0: as if packed, x
-                            fastest: a voxel's bytes, size[0] times stride[0], size[1] times stride[1] */
-    float scale;         /* value = stored * scale + offset; 0 means 1. Of a byte, 1 / 255.0f makes 0..1 */
+    ptrdiff_t stride[3]; /* bytes from one voxel to the next along x, y, z; may be negative. 0: packed, x fastest:
+                            a voxel's bytes, size[0] times stride[0], size[1] times stride[1] */
+    float scale;         /* value = stored * scale + offset; 0 means 1; 1 / 255.0f maps a byte to 0..1 */
     float offset;
     uint32_t end_canary; /* leave 0 */
 } sps_grid;
 
 typedef struct sps_triangle {
     float position[3][3]; /* local to the mesh's placement */
-    float normal[3][3];   /* read where has_normals; need not be of unit length; zero: the triangle's own */
-    float color[3][3];    /* read where has_colors; replaces the mesh's color; 0..1 */
+    float normal[3][3];   /* read if has_normals; of any length; zero: the triangle's geometric normal */
+    float color[3][3];    /* read if has_colors; replaces the mesh's color; 0..1 */
 } sps_triangle;
 
-/* Opaque triangles, lit on both sides. Their shadows on each other are exact rays to the light; those in gas are as
-   sharp as sps_view.shadow_size. Degenerate triangles are left out; non-finite ones are an error. */
+/* Opaque triangles, lit on both sides. Their shadows on each other are found by exact rays to the light; the sharpness
+   of their shadows in gas is set by sps_view.shadow_size. Degenerate triangles are skipped; non-finite ones are an
+   error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
-    /* Writes `count` triangles from `first` on; called for blocks of 256, each once a call, or never where
-       `revision` says that all are known. `out` comes zeroed. Non-zero: failure. */
+    /* Writes `count` triangles, beginning with number `first`. Called for blocks of 256, once each per call, or not at
+       all if `revision` shows that all are held. `out` is zeroed beforehand. Returns non-zero on failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);
     void *user;
     sps_placement placement;
     float color[3]; /* reflectance, 0..1 */
     int has_normals, has_colors;
-    float transparency; /* share of light that passes, 0..1; transmittance maps know it, sps_render refuses all but 0 */
-    /* Not 0: the triangles of all meshes, and the tree through which their shadows are traced, are kept for the next
-       call, if every mesh has a revision and nothing of any has changed; else all are read again. */
+    float transparency; /* fraction of light that passes, 0..1; for transmittance maps: sps_render refuses all but 0 */
+    /* Non-zero: the triangles of all meshes, and the tree through which their shadows are traced, are kept for the next
+       call, provided that every mesh has a revision and nothing about any of them has changed; otherwise all are read
+       again. */
     uint64_t revision;
     uint32_t end_canary; /* leave 0 */
 } sps_mesh;
 
 /* Triangles over vertices in the caller's memory, for meshes that need no callback of their own:
        mesh.read_fn = sps_indexed_mesh_read, mesh.user = &indexed, mesh.triangle_count = indexed.triangle_count;
-   The struct and its arrays stay the caller's, as sps_grid's do, and need not be aligned. */
+   The caller owns the struct and its arrays, on the terms of sps_grid. The arrays need not be aligned. */
 typedef struct sps_indexed_mesh {
     uint32_t start_canary;  /* leave 0 */
     size_t vertex_count;    /* above 0 */
     const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
-    const float *normals;   /* three floats of each vertex, or NULL: then mesh.has_normals must be 0 */
-    const float *colors;    /* likewise, and mesh.has_colors */
-    size_t position_stride, normal_stride, color_stride; /* bytes from a vertex to the next; 0: 12, packed */
+    const float *normals;   /* three floats per vertex, or NULL: then mesh.has_normals must be 0 */
+    const float *colors;    /* three floats per vertex, or NULL: then mesh.has_colors must be 0 */
+    size_t position_stride, normal_stride, color_stride; /* bytes from one vertex to the next; 0: 12, packed */
     size_t triangle_count;
-    const uint16_t *indices_u16; /* three of each triangle; set one of these, or none: then vertices 0, 1, 2 are the */
-    const uint32_t *indices_u32; /* first triangle, 3, 4, 5 the second, and so on */
-    uint32_t end_canary;         /* leave 0 */
+    /* Three indices per triangle, in one array or the other. Both NULL: vertices 0, 1, 2 are the first triangle,
+       3, 4, 5 the second, and so on. */
+    const uint16_t *indices_u16;
+    const uint32_t *indices_u32;
+    uint32_t end_canary; /* leave 0 */
 } sps_indexed_mesh;
 
 /* A ball of gas. */
@@ -356,19 +364,19 @@ typedef struct sps_particle {
     float optical_depth; /* along its diameter, 0..1e18; less along a shorter chord */
 } sps_particle;
 
-/* A set of particles that look alike. Those smaller than a pixel or texel are spread over one, their mass kept. Optical
-   depth along a pixel's ray is exact however thick slabs are; light within a ball follows slabs (sps_view.slab) and the
-   texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that overlaps a polygon ends
-   at it. */
+/* A set of particles of the same material. Those smaller than a pixel or texel are widened to one, at the same mass.
+   Optical depth along a pixel's ray is exact for slabs of any thickness; light within a ball is resolved by slabs
+   (sps_view.slab) and by the texels of the light's sheets, which are 0.35 radii wide at medium quality. A particle that
+   overlaps a polygon ends at it. */
 typedef struct sps_particles {
     uint32_t start_canary; /* leave 0 */
     size_t count;          /* 0: no particles; at most 2^29, over all sets of a scene */
-    /* Writes `count` particles from `first` on; called for blocks of at most 4096, each once a call. `out` comes
-       zeroed. Non-zero: failure. */
+    /* Writes `count` particles, beginning with number `first`. Called for blocks of at most 4096, once each per call.
+       `out` is zeroed beforehand. Returns non-zero on failure. */
     int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out);
     void *user;
-    int soft;              /* 0: equally dense throughout; 1: as 1 - (r / radius)^2, fading to nothing at the rim */
-    int is_extinction;     /* 1: optical_depth holds extinction per world unit instead; soft: in the middle */
+    int soft;              /* 0: uniform density; 1: density falls as 1 - (r / radius)^2, to nothing at the rim */
+    int is_extinction;     /* 1: optical_depth holds extinction per world unit instead; if soft, at the centre */
     float albedo[3];       /* 0..1; all zero: absorbs only */
     float emission[3];     /* radiance per unit of optical depth, >= 0 */
     const sps_lobe *lobes; /* NULL: isotropic */

@@ -4790,23 +4790,23 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 }
 
 /* ================================================================================================ >>trees
-   11 Trees of boxes, which rays go through: of triangles, and of the reference's particles. Built from the top, each
-   node cut where areas times numbers of items come out least, by 16 bins along the axis on which the items' centres
-   spread most [Wald 2007]. That copes with a ground a million times as wide as what stands on it, since the area term
-   sets such outliers apart at once. Boxes are floats about a centre, rounded outwards; rays are widened by the
-   rounding error of their own floats, so that rounding never misses a box: it only says which items deserve an exact
-   test. Cost: items times levels to build, some 0.3 us an item of a million; 36 bytes an item, and 28 while it is made.
-   */
+   11 Trees of boxes that rays traverse: of triangles, and of the reference's particles. They are built from the top;
+   each node is cut where the sum of area times number of items is smallest, at one of 16 bins along the axis on which
+   the items' centres spread most [Wald 2007]. This copes with a ground a million times as wide as what stands on it,
+   since the area term separates such outliers at once. Boxes are floats relative to a centre, rounded outwards; rays
+   are widened by the round-off of their own floats. So round-off never misses a box; boxes only select the items for an
+   exact test. Cost: items times levels to build, about 0.3 us per item for a million items; 36 bytes per item, and 28
+   more during the build. */
 
-#define SPSI_TREE_LEAF  4 /* items in a leaf, at most; at least 2, unless the tree has only 1 */
+#define SPSI_TREE_LEAF  4 /* maximum number of items in a leaf; the minimum is 2, unless the tree has only 1 */
 #define SPSI_TREE_BINS  16
-#define SPSI_TREE_DEPTH 48 /* from here on, nodes are split in half: 2^31 items go 30 deeper at most */
+#define SPSI_TREE_DEPTH 48 /* from this depth on, nodes are split in half: 2^31 items go at most 30 levels deeper */
 #define SPSI_TREE_STACK 96
-#define SPSI_TREE_TASKS 64 /* about how many subtrees are built in parallel */
+#define SPSI_TREE_TASKS 64 /* approximate number of subtrees built in parallel */
 
 typedef struct spsi_tree_node {
     float low[3], high[3];
-    int first, count; /* count > 0: a leaf of these entries of `order`; else children first and first + 1 */
+    int first, count; /* count > 0: a leaf of these entries of `order`; 0: children first and first + 1 */
 } spsi_tree_node;
 
 /* An item while the tree is being built. */
@@ -4817,8 +4817,8 @@ typedef struct spsi_tree_item {
 
 typedef struct spsi_tree {
     spsi_tree_node *nodes;
-    int *order, count;
-    double centre[3]; /* boxes are relative to this */
+    int *order, count; /* order: the items' numbers, leaf after leaf */
+    double centre[3];  /* boxes are relative to this */
 } spsi_tree;
 
 /* A node whose items are to be split. */
@@ -4826,7 +4826,7 @@ typedef struct spsi_tree_task {
     int node, depth;
 } spsi_tree_task;
 
-/* The float next to `a` on the side of `above` (1) or below (0), or a little farther. */
+/* A float just above (1) or below (0) `a`: the next one, or a little farther. */
 static float spsi_outward(double a, int above) {
     const double room = 1.2e-7 * fabs(a) + 1e-37;
     return (float)(above ? a + room : a - room);
@@ -4847,7 +4847,7 @@ static void spsi_tree_box_add(float low[3], float high[3], const float other_low
     }
 }
 
-/* Half the area of a box, relative to the largest side that it may have, so that nothing overflows. */
+/* Half the surface area of a box. `unit` is 1 over the node's longest side, so that nothing overflows. */
 static float spsi_tree_area(const float low[3], const float high[3], float unit) {
     const float x = (high[0] - low[0]) * unit, y = (high[1] - low[1]) * unit, z = (high[2] - low[2]) * unit;
     return x >= 0 ? x * y + y * z + z * x : 0;
@@ -4863,8 +4863,8 @@ typedef struct spsi_tree_bin {
     int count;
 } spsi_tree_bin;
 
-/* How to split a node's items: those whose centre falls, along the axis, in bins 0..last come first. last < 0: no
-   bin separates them. */
+/* How to split a node's items: those whose centres fall into bins 0..last along the axis come first. last < 0: no cut
+   separates them. */
 typedef struct spsi_tree_cut {
     int axis, last;
     float start, scale;
@@ -4880,7 +4880,7 @@ static void spsi_tree_bins_clear(spsi_tree_bin *bins, int count) {
         for (int k = 0; k < 3; ++k) bins[i].low[k] = FLT_MAX, bins[i].high[k] = -FLT_MAX;
 }
 
-/* The bin after which a cut is cheapest, found by sweeping over the bins from both ends. */
+/* Returns the bin after which a cut is cheapest: sweeps over the bins from both ends. */
 static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     float cost[SPSI_TREE_BINS], least = FLT_MAX;
     spsi_tree_bin sum;
@@ -4901,7 +4901,7 @@ static int spsi_tree_cheapest(const spsi_tree_bin *bins, float unit) {
     return last;
 }
 
-/* Finds a node's box, and where to cut it. */
+/* Computes a node's box, and chooses its cut. */
 static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node, int depth, spsi_tree_cut *cut) {
     float low[3] = {FLT_MAX, FLT_MAX, FLT_MAX}, high[3] = {-FLT_MAX, -FLT_MAX, -FLT_MAX}, size = 0;
     spsi_tree_bin bins[SPSI_TREE_BINS];
@@ -4930,7 +4930,8 @@ static void spsi_tree_plan_cut(const spsi_tree_item *items, spsi_tree_node *node
     cut->last = spsi_tree_cheapest(bins, 1 / size);
 }
 
-/* Partitions items first..end-1, those up to the cut before the others; returns where the others begin. */
+/* Partitions items first..end-1 in place: those up to the cut come before the others. Returns the first of the
+   others. */
 static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_tree_cut *cut) {
     while (first < end) {
         if (spsi_tree_bin_of(cut, &items[first]) <= cut->last) {
@@ -4944,9 +4945,9 @@ static int spsi_tree_part(spsi_tree_item *items, int first, int end, const spsi_
     return first;
 }
 
-/* Makes a leaf of a node, or splits it in two. Both sides get at least two items, even if one of them is far from the
-   other: so cuts are at least two apart, and a cut's place alone determines where its two nodes are stored, whichever
-   task builds them. Returns the first child, or 0 for a leaf. */
+/* Makes a leaf of a node, or splits it in two. Both sides get at least two items, even if a single item lies far from
+   the others: cuts are then at least two apart, and a cut's position alone determines where its two nodes are stored,
+   whichever task builds them. Returns the first child, or 0 for a leaf. */
 static int spsi_tree_split(spsi_tree *tree, spsi_tree_item *items, const spsi_tree_task *task) {
     spsi_tree_node *node = &tree->nodes[task->node], *children;
     const int first = node->first, count = node->count;
@@ -4993,14 +4994,14 @@ static void spsi_tree_task_run(void *data, int index, int worker) {
     }
 }
 
-/* Nodes that a tree of `count` items needs. */
+/* Number of nodes to reserve for a tree of `count` items. */
 static size_t spsi_tree_nodes(size_t count) { return count + 2; }
 
 static size_t spsi_tree_bytes(size_t count) {
     return count * (sizeof(int) + sizeof(spsi_tree_item)) + spsi_tree_nodes(count) * sizeof(spsi_tree_node);
 }
 
-/* Builds a tree whose memory is already reserved: the top nodes one after the other, then the subtrees in parallel. */
+/* Builds a tree whose memory is already reserved: the top nodes serially, then the subtrees in parallel. */
 static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tree_item *items) {
     spsi_tree_job job;
     const int few = spsi_most(tree->count / SPSI_TREE_TASKS, 1024);
@@ -5031,23 +5032,23 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
 }
 
 /* ============================================================================================= >>polygons
-   12 Triangles, as seen by the eye and by each light, with homogeneous edge functions [Olano & Greer 1997]: for corners
-   h0, h1, h2 in ray space, the three (h1 x h2) . (x, y, 1) have one sign where the ray meets the triangle, also for
-   corners behind the eye, so nothing is ever clipped. A sign that rounding may have changed is found exactly: corners
-   are moved so that the ray is at (0, 0), which leaves a difference of two products; where that is 0 the ray is moved
-   by (e, e^2), e > 0 and as small as may be. All of it depends on the ray and the edge's two corners alone, and changes
-   sign as they are swapped. So triangles that share corners leave no gap and do not overlap, not even for a ray through
-   an edge or a corner. Cost: triangles * rows of tiles for sorting out, then three edge functions per pixel of a
-   triangle's bounding box.
-   Shadows that triangles cast on each other are exact: a ray for each pixel, through a tree of them, with neither
-   texels nor a bias. Gas is shaded by depth maps, which are rasterised as the eye's picture is, >>sweep. Cost: the
-   tree's height, for each pixel and light. */
+   12 Triangles as the eye and each light see them, by homogeneous edge functions [Olano & Greer 1997]: for corners h0,
+   h1, h2 in ray space, the three (h1 x h2) . (x, y, 1) have one sign where the ray hits the triangle, even with corners
+   behind the eye, so nothing is ever clipped. A sign that round-off may have changed is determined exactly: the corners
+   are moved so that the ray is at (0, 0), which leaves a difference of two products; where that is 0, the ray is moved
+   by (e, e^2) for an infinitesimal e > 0. All of this depends only on the ray and the edge's two corners, and changes
+   sign when they are swapped. So triangles that share corners neither leave gaps nor overlap, not even for a ray
+   through an edge or a corner. Cost: triangles times rows of tiles to cull, then three edge functions per pixel of a
+   triangle's bounding box, whose rows the rasteriser first narrows to the edges.
+   Shadows that triangles cast on each other are exact: one ray per pixel through a tree of them, with neither texels
+   nor a bias. Gas is shaded by depth maps, which are rasterised like the eye's image, >>depthmaps. Cost: the tree's
+   height per pixel and light. */
 
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
     float normal[3][3], color[3][3];
     float optical_depth; /* for maps; SPSI_DEPTH_MAX: opaque */
-    float rounding;      /* how far its corners may be off, being floats in their mesh */
+    float rounding;      /* maximum error of its corners, which are floats in their mesh */
 } spsi_face;
 
 typedef struct spsi_hit {
@@ -5059,11 +5060,11 @@ typedef struct spsi_hit {
 typedef struct spsi_faces {
     const spsi_face *list;
     int count;
-    double extent; /* the largest coordinate */
+    double extent; /* largest absolute coordinate */
     spsi_tree tree;
 } spsi_faces;
 
-/* Checks a triangle's colors and normals, and where its corners come to lie in the world. */
+/* Checks a triangle's colors and normals, and its corners' positions in the world. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const sps_mesh *mesh, int index,
                                       size_t number, double world[3][3]) {
     const char *names[] = {"position", "normal", "color"};
@@ -5085,15 +5086,15 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, index, field, value, rules[wrong]);
 }
 
-/* World position of a local one, the same bits for the same corner. */
+/* World position of a local one; equal corners get equal bits. */
 static void spsi_place(const sps_placement *placement, const float local[3], double world[3]) {
     memcpy(world, placement->origin, sizeof placement->origin);
     for (int i = 0; i < 9; ++i)
         world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
 }
 
-/* Corner normals in the world (by the cofactors of the placement, so that they stay perpendicular to the surface under
-   any affine map), or the triangle's own. */
+/* Corner normals in the world, or the triangle's own. They are transformed by the placement's cofactors, so that they
+   stay perpendicular to the surface under any affine map. */
 static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
                               const double own[3], spsi_face *face) {
     double cofactors[3][3];
@@ -5129,7 +5130,7 @@ static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *pl
     return 1;
 }
 
-/* Depths at a vector of pixels. Outside of the image its edge is repeated; infinity without hits. */
+/* Depths at a vector of pixels, clamped to the image's edge; infinity without hits. */
 static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height, int x, int y) {
     const int row = spsi_least(spsi_most(y, 0), height - 1);
     float depth[SPSI_LANES];
@@ -5166,7 +5167,7 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* A number that changes with whatever decides which faces are held; 0 where a mesh has no revision. */
+/* A hash of everything that determines which faces are held; 0 if a mesh has no revision. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->scene->mesh_count; ++i) {
@@ -5186,7 +5187,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* Whether the faces of all meshes are held from an earlier call. */
+/* Whether the faces of all meshes are still held from an earlier call. */
 static int spsi_faces_held(const sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_meshes_fingerprint(frame);
     return fingerprint != 0 && fingerprint == context->faces_held;
@@ -5204,7 +5205,7 @@ static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-/* Holds the triangles of all meshes, reading them unless they are still held from an earlier call. */
+/* Provides the triangles of all meshes, reading them unless they are still held from an earlier call. */
 static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
     if (frame->triangle_count == 0) return SPS_OK;
@@ -5228,14 +5229,14 @@ static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *fram
 
 typedef struct spsi_edges {
     double corner[3][3]; /* in ray space */
-    double depth[3];     /* t - depth_reference of the corners */
-    double edge[3][3];   /* of corner pairs 12, 20, 01: positive inside */
-    double rounding[3];  /* more than their values may be off; infinity where the triangle is seen nearly edge-on */
-    int side;            /* what edges were multiplied by; 0: it is not known which side is the inside */
+    double depth[3];     /* of the corners, t - depth_reference */
+    double edge[3][3];   /* edge functions of corner pairs 12, 20, 01; positive inside */
+    double rounding[3];  /* upper bounds of their round-off; infinity where the triangle is seen nearly edge-on */
+    int side;            /* sign that the edges were multiplied by; 0: it is unknown which side is the inside */
 } spsi_edges;
 
 /* Corners in ray space: (x t, y t, t) in perspective, (x, y, 1) otherwise. A corner has the same bits in every triangle
-   that has it. */
+   that shares it. */
 static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     for (int i = 0; i < 3; ++i) {
         double offset[3];
@@ -5249,8 +5250,9 @@ static void spsi_face_corners(const spsi_faces *faces, int index, const spsi_ray
     }
 }
 
-/* With u = 2^-53, rounding takes 5 u of the sum of all products' sizes from an edge's value, and 4 u from that of
-   corners that were moved; 32 u are allowed for both. The determinant is the sum of values at any ray times t. */
+/* The value of an edge is off by at most 5 u of the sum of its products' magnitudes, u = 2^-53, and by 4 u of it where
+   corners are moved; 32 u are allowed for both. The determinant is the sum of the edges' values at any ray, each times
+   its corner's t. */
 static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays *rays, spsi_edges *e) {
     double determinant = 0, rounding = 0, most[3][2];
     spsi_face_corners(faces, index, rays, e);
@@ -5271,8 +5273,8 @@ static void spsi_face_edges(const spsi_faces *faces, int index, const spsi_rays 
     for (int i = 0; i < 3 && e->side == 0; ++i) e->rounding[i] = HUGE_VAL;
 }
 
-/* The pixels that a face may cover: x0, y0, x1, y1 inclusive; x1 < x0 for none. Of a face that passes through the eye's
-   plane, the part before it reaches from the corners there to infinity, on the side where an edge passes through. */
+/* Pixels that a face may cover: x0, y0, x1, y1 inclusive; x1 < x0 for none. Where a face crosses the eye's plane, its
+   part in front reaches from the corners there to infinity, on the side where an edge crosses. */
 static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *rays, int box[4]) {
     const int last[2] = {rays->width - 1, rays->height - 1};
     spsi_edges e;
@@ -5285,7 +5287,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
                 low = spsi_minimum(a[k] / a[2], low);
                 high = spsi_maximum(a[k] / a[2], high);
             }
-            if ((a[2] > 0) != (b[2] > 0)) { /* passes through where t is 0, on the side of this sign */
+            if ((a[2] > 0) != (b[2] > 0)) { /* the edge crosses t = 0, on the side of this sign */
                 const double side = (a[2] > 0 ? 1 : -1) * (b[k] * a[2] - a[k] * b[2]);
                 const double rounding = 1e-12 * (fabs(b[k] * a[2]) + fabs(a[k] * b[2]));
                 if (!(side > rounding)) low = -HUGE_VAL;
@@ -5297,7 +5299,7 @@ static void spsi_face_box(const spsi_faces *faces, int index, const spsi_rays *r
     }
 }
 
-/* The sign of an edge's value, exactly; 0 where the edge is seen end-on, as its triangle is seen edge-on then. */
+/* The exact sign of an edge's value; 0 where the edge is seen end-on, since its triangle is then seen edge-on. */
 static int spsi_edge_sign(const double from[3], const double to[3], double x, double y) {
     double a[2], b[2];
     int sign;
@@ -5311,7 +5313,7 @@ static int spsi_edge_sign(const double from[3], const double to[3], double x, do
     return sign;
 }
 
-/* Whether the signs of all edges are the same, exactly. */
+/* Whether all edges have the same exact sign. */
 static int spsi_face_hit_exactly(const spsi_edges *e, double x, double y) {
     int side = e->side;
     for (int i = 0; i < 3; ++i) {
@@ -5322,8 +5324,8 @@ static int spsi_face_hit_exactly(const spsi_edges *e, double x, double y) {
     return 1;
 }
 
-/* Where the pixel's ray meets the triangle: barycentric weights; returns 0 if it misses. One that is seen nearly
-   edge-on may be met behind the eye. */
+/* Barycentric weights of the point where a pixel's ray hits the triangle; returns 0 if it misses. A triangle seen
+   nearly edge-on may be hit behind the eye. */
 static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double weights[3]) {
     double sum = 0;
     int certain = 1;
@@ -5335,14 +5337,14 @@ static inline int spsi_face_hit(const spsi_edges *e, double x, double y, double 
         sum += weights[i];
     }
     if (!certain && !spsi_face_hit_exactly(e, x, y)) return 0;
-    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* met along its plane: somewhere on it */
+    if (!(sum > 0)) weights[0] = weights[1] = weights[2] = 1, sum = 3; /* the ray lies in its plane: any point of it */
     for (int i = 0; i < 3; ++i) weights[i] /= sum;
     return 1;
 }
 
-/* Narrows x0 .. x1 to the pixels of row y whose rays may meet the triangle, and at most one more at each end. */
+/* Narrows x0 .. x1 to the pixels of row y whose rays may hit the triangle, plus at most one at each end. */
 static void spsi_face_span(const spsi_edges *e, int y, int *x0, int *x1) {
-    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* below that pixels cost less than divisions */
+    for (int i = 0; i < 3 && *x1 - *x0 > 8; ++i) { /* for fewer, testing pixels is cheaper than dividing */
         const double slope = e->edge[i][0], value = e->edge[i][1] * y + e->edge[i][2] + e->rounding[i];
         if (slope > 0) *x0 = (int)fmin(fmax(*x0, -value / slope - 1), *x1 + 1);
         if (slope < 0) *x1 = (int)fmax(fmin(*x1, -value / slope + 1), *x0 - 1);
@@ -5353,10 +5355,10 @@ typedef struct spsi_raster {
     const spsi_faces *faces;
     const spsi_rays *rays;
     int *boxes;     /* four per face */
-    spsi_hit *hits; /* for the eye; or, for a light, */
-    float *depths;  /* how far away the nearest triangle is, */
-    int *numbers;   /* and which one it is */
-    int pitch;      /* pixels from one row of them to the next */
+    spsi_hit *hits; /* per pixel of the eye; NULL for a light */
+    float *depths;  /* per texel of a light: depth of the nearest triangle; NULL for the eye */
+    int *numbers;   /* per texel of a light: number of the nearest triangle, -1: none */
+    int pitch;      /* pixels from one row to the next */
 } spsi_raster;
 
 static void spsi_raster_box_task(void *data, int index, int worker) {
@@ -5393,7 +5395,7 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
     }
 }
 
-/* One band of rows: cleared, then every face that reaches into it, in order. */
+/* Clears one band of rows, then rasterises every face that reaches into it, in order. */
 static void spsi_raster_band_task(void *data, int index, int worker) {
     const spsi_raster *raster = (const spsi_raster *)data;
     const int y0 = index * SPSI_TILE_HEIGHT, y1 = spsi_least(raster->rays->height, y0 + SPSI_TILE_HEIGHT) - 1;
@@ -5411,7 +5413,7 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
     }
 }
 
-/* For the eye, into `hits`, or for a light, into `depths` and `numbers`. */
+/* Rasterises all faces: for the eye into `hits`, for a light into `depths` and `numbers`. */
 static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
                            float *depths, int *numbers) {
     spsi_raster raster;
@@ -5426,21 +5428,20 @@ static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const 
     spsi_parallel(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
-/* --- what a pixel's polygon is --- */
+/* --- the surface at a pixel --- */
 
-/* A point of a polygon, as one pixel's ray meets it. */
+/* The point of a polygon that one pixel's ray hits. */
 typedef struct spsi_surface {
     double point[3];
-    double start[3];  /* where rays to lights begin: off the facet, where the mesh is smooth */
-    double normal[3]; /* for shading, turned towards the eye, and not of unit length */
+    double start[3];  /* origin of rays to lights: off the facet where the mesh is smooth */
+    double normal[3]; /* for shading, turned towards the eye, not normalised */
 } spsi_surface;
 
-/* The point of the face's plane on a pixel's ray; if the ray grazes the plane, the point that the rasteriser found is
-   projected onto it. The rasteriser's float depth alone is too coarse: for grazing light the point would lie behind the
-   plane. */
+/* The point of the face's plane on a pixel's ray; where the ray grazes the plane, the rasterised point projected onto
+   it. The rasteriser's float depth alone is too coarse: in grazing light the point would lie behind the plane. */
 static void spsi_surface_place(const spsi_face *face, const double plane[3], const double ray[3],
                                const double rasterised[3], double point[3]) {
-    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* the square of a cosine: below, a float tells more */
+    const double facing = spsi_dot(plane, ray), grazing = 1e-16; /* squared cosine below which a float is better */
     double offset[3], way;
     spsi_along(face->position[0], rasterised, -1, offset);
     way = spsi_dot(plane, offset);
@@ -5450,12 +5451,12 @@ static void spsi_surface_place(const spsi_face *face, const double plane[3], con
         spsi_along(rasterised, plane, way / spsi_dot(plane, plane), point);
 }
 
-/* Where rays to lights begin on a mesh with normals of its own: raised from the facet to the surface that the normals
-   describe, so that neighbouring facets do not shadow what shading says is lit [Hanika 2021, "Hacking the Shadow
-   Terminator"]. Rounding of a flat mesh's normals raises nothing. */
+/* Origin of rays to lights on a mesh with normals of its own: raised from the facet to the surface that the normals
+   describe, so that neighbouring facets do not shadow what shading shows as lit [Hanika 2021, "Hacking the Shadow
+   Terminator"]. Round-off in a flat mesh's normals raises nothing. */
 static void spsi_surface_raise(const spsi_face *face, const double weights[3], const double plane[3], int turned,
                                spsi_surface *surface) {
-    const double side = turned ? -1 : 1; /* of the plane's normal, on which the eye is */
+    const double side = turned ? -1 : 1; /* the side of the plane that the eye is on */
     for (int corner = 0; corner < 3; ++corner) {
         double normal[3], offset[3], below, room = 0;
         for (int i = 0; i < 3; ++i) {
@@ -5470,7 +5471,7 @@ static void spsi_surface_raise(const spsi_face *face, const double weights[3], c
     }
 }
 
-/* Weights of a face's corners where a pixel meets it. */
+/* Weights of a face's corners at a hit. */
 static void spsi_hit_weights(const spsi_hit *hit, double weights[3]) {
     weights[0] = 1.0 - (double)hit->weights[0] - (double)hit->weights[1];
     weights[1] = (double)hit->weights[0];
@@ -5510,22 +5511,23 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
 
 /* --- shadows on surfaces: rays through a tree of triangles --- */
 
-#define SPSI_PACKET 16 /* rays traced side by side: from 4 x 4 pixels */
+#define SPSI_PACKET 16 /* rays traced together: those of 4 x 4 pixels */
 
 /* Rays from points towards one light. */
 typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
-    double reach;         /* the light is at origin + reach * toward; infinity: it is a direction */
-    double rounding;      /* of coordinates in the world */
-    int on_faces;         /* 0: rays begin in gas, where no face is near enough for rounding to matter */
-    int own[SPSI_PACKET]; /* the face that each begins on, which it passes over; -1: none */
-    int count;            /* vectors of rays that hold any */
-    int open;             /* bits: rays that nothing has stopped */
-    /* about the tree's centre: origins and room on either side; toward, and once the packet is traced 1 / toward */
-    float above[3][SPSI_PACKET], below[3][SPSI_PACKET], inverse[3][SPSI_PACKET];
+    double reach;                  /* the light is at origin + reach * toward; infinity for a directional light */
+    double rounding;               /* round-off of world coordinates */
+    int on_faces;                  /* 0: rays begin in gas, where no face is near enough for round-off to matter */
+    int own[SPSI_PACKET];          /* face that each ray begins on and ignores; -1: none */
+    int count;                     /* vectors that hold any rays */
+    int open;                      /* bit mask of rays that nothing has occluded yet */
+    float above[3][SPSI_PACKET];   /* origins relative to the tree's centre, plus room for round-off */
+    float below[3][SPSI_PACKET];   /* the same, minus that room */
+    float inverse[3][SPSI_PACKET]; /* toward; 1 / toward once the packet is traced */
 } spsi_packet;
 
-/* An empty packet. */
+/* Begins an empty packet. */
 static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_faces, spsi_packet *packet) {
     memset(packet, 0, sizeof *packet);
     packet->on_faces = on_faces;
@@ -5533,8 +5535,8 @@ static void spsi_packet_begin(const spsi_faces *faces, int is_direction, int on_
     packet->rounding = 16 * DBL_EPSILON * faces->extent;
 }
 
-/* Adds a ray. `room` covers the rounding of its origin to floats, and of the subtraction from it. Reciprocals are kept
-   finite: no box is 1e30 times as far away as it is wide. */
+/* Adds a ray. `room` covers the rounding of its origin to floats, and the round-off of subtracting it from boxes.
+   Reciprocals are kept finite: no box is 1e30 times as far away as it is wide. */
 static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double origin[3], const double toward[3],
                             spsi_packet *packet) {
     double offset[3], room = 0;
@@ -5555,7 +5557,7 @@ static void spsi_packet_add(const spsi_tree *tree, int at, int own, const double
     packet->count = spsi_most(packet->count, at / SPSI_LANES + 1);
 }
 
-/* Bits: the open rays that may meet a node's box. */
+/* Bit mask of the open rays that may hit a node's box. */
 static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_node *node, spsi_v reach) {
     int bits = 0;
     for (int k = 0; k < packet->count; ++k) {
@@ -5573,17 +5575,17 @@ static inline int spsi_packet_meets(const spsi_packet *packet, const spsi_tree_n
     return bits & packet->open;
 }
 
-/* d . (a x b): on which side of an edge a ray passes, d being its direction and a, b relative to its origin. */
+/* d . (a x b): the side of an edge on which a ray in direction d passes; a and b are relative to its origin. */
 static inline double spsi_edge_side(const double a[3], const double b[3], const double d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
 static inline double spsi_reach_of(const double a[3]) { return fabs(a[0]) + fabs(a[1]) + fabs(a[2]); }
 
-/* Whether a ray in direction d passes between three corners, counted from where it begins, of which ab, bc and ac are
-   the edges' sides. A side whose sign rounding may have changed counts as inside: rounding is below 8 * 2^-53 of the
-   product of the lengths, which their sums of components bound. So rays through an edge or a corner slip between no two
-   faces, whatever the compiler contracts. */
+/* Whether a ray in direction d passes between three corners, given relative to its origin; ab, bc and ac are the edges'
+   sides. A side whose sign round-off may have changed counts as inside: round-off is below 8 * 2^-53 of the product of
+   the lengths, which are bounded by the sums of their components. So no ray through an edge or a corner slips between
+   two faces, however the compiler contracts multiplications and additions. */
 static inline int spsi_edges_hold(const double a[3], const double b[3], const double c[3], const double d[3], double ab,
                                   double bc, double ac) {
     const double ra = spsi_reach_of(a), rb = spsi_reach_of(b), rc = spsi_reach_of(c), rab = ra > rb ? ra : rb;
@@ -5591,10 +5593,9 @@ static inline int spsi_edges_hold(const double a[3], const double b[3], const do
     return ((ab >= -room) & (bc >= -room) & (ac <= room)) | ((ab <= room) & (bc <= room) & (ac >= -room));
 }
 
-/* Bits: the rays of a vector, from number `first` on, that a face occludes. Where they begin on faces it must be
-   ahead of a ray's origin by more than rounding explains: that of world coordinates, and of its corners in their mesh.
-   So neither an adjoining face nor a twin in the same plane shades a point, and nothing needs to know which faces are
-   neighbours. */
+/* Bit mask of the rays of a vector, from number `first` on, that a face occludes. Where rays begin on faces, it must
+   lie ahead of a ray's origin by more than the round-off of world coordinates and of its corners in their mesh. So
+   neither an adjoining face nor a twin in the same plane shades a point, and no adjacency is needed. */
 static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int first) {
     const double *p = face->position[0], *q = face->position[1], *r = face->position[2];
     double u[3], v[3], n[3], room, stops[SPSI_LANES];
@@ -5632,7 +5633,7 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
     }
 }
 
-/* Traces a packet: afterwards its open rays are those that reach the light. */
+/* Traces a packet: afterwards, its open rays are those that reach the light. */
 static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     const spsi_tree *tree = &faces->tree;
     const spsi_v reach = spsi_set(packet->reach <= 1 ? 1.0f : FLT_MAX);
@@ -5668,7 +5669,7 @@ static void spsi_face_items_task(void *data, int index, int worker) {
     }
 }
 
-/* Builds the tree of all faces, or takes the one that is held with them. */
+/* Builds the tree of all faces, or reuses the one that is held with them. */
 static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
     spsi_face_items job;
     spsi_tree *tree = &faces->tree;
@@ -5691,11 +5692,11 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 }
 
 /* ================================================================================================ >>lamps
-   13 Lights as they shine: where their light comes from, and grids of rays that cover what it may meet. */
+   13 Lights: where their light comes from, and grids of rays that cover what it may reach. */
 
-#define SPSI_PARTICLE_EDGE 0.7 /* radii */
+#define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
 
-/* The way light travels at a point. */
+/* Unit vector along which light travels at a point. */
 static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], double direction[3]) {
     if (!lamp->is_point)
         memcpy(direction, lamp->direction, sizeof lamp->direction);
@@ -5704,7 +5705,7 @@ static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], do
     spsi_normalise(direction);
 }
 
-/* The least length of any volume's voxels across a ray. */
+/* Minimum breadth of any volume's voxels across a ray; infinity without volumes. */
 static double spsi_voxel_across(const spsi_frame *frame, const double right[3], const double down[3]) {
     double least = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i)
@@ -5712,11 +5713,11 @@ static double spsi_voxel_across(const spsi_frame *frame, const double right[3], 
     return least;
 }
 
-/* Rays of a light that cover `bounds`. `texel` is the wished size of a texel in the world (at the middle of the bounds,
-   for a point light); `size` the number of texels on the longer side, or 0: as many as the wish takes, `most` at most.
-   Two texels of border stay free all round. As a light turns, texels stay where they are about the bounds' middle, and
-   come and go in pairs at the borders: errors that jump would be seen. Returns 0 if a point light does not
-   see the bounds within a cone. */
+/* Fits a light's rays to `bounds`. `texel` is the desired size of a texel in the world (for a point light, at the
+   middle of the bounds). `size` is the number of texels on the longer side; 0: what `texel` calls for, `most` at most.
+   A border of two texels stays free on every side. As a light turns, texels keep their places about the middle of the
+   bounds, and come and go in pairs at the borders: errors that jump would be visible. Returns 0 if a point light does
+   not see the bounds within a cone, or if spsi_rays_complete fails. */
 static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, double texel, int size, int most,
                          spsi_rays *rays) {
     double centre[3], forward[3], right[3], down[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
@@ -5759,13 +5760,14 @@ static int spsi_rays_fit(const spsi_lamp *lamp, const spsi_bounds *bounds, doubl
     return spsi_rays_complete(rays);
 }
 
-/* The texels that a light's sheets may have on their longer side, where shadow_size does not say. */
+/* Maximum number of texels on the longer side of a light's sheets where shadow_size does not set it. */
 static int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
-/* The wished size of a light's texels: a voxel's, or half of what stands for one in a particle, whose rim is sharper,
-   divided by the quality's number. Particles alone do not ask for more texels than a depth map has. */
+/* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
+   sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
+   has. */
 static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     double centre[3], forward[3], right[3], down[3], across[3], size, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
@@ -5778,7 +5780,8 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
-/* The way from a point to a light, in lengths that a packet's reach counts in. */
+/* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
+   directional one. */
 static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
     if (lamp->is_point) {
         spsi_along(lamp->position, point, -1, toward);
@@ -5789,31 +5792,32 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 }
 
 /* ============================================================================================ >>depthmaps
-   14 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 18 bytes a texel. */
+   14 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
+   have 1.5 times the texels of one. */
 
-#define SPSI_CELL  16   /* texels on a side of a depth map's cells */
-#define SPSI_STEEP 1024 /* texels that a depth map's planes rise by from one to the next, at most */
+#define SPSI_CELL  16   /* texels along a side of a depth map's cell */
+#define SPSI_STEEP 1024 /* maximum rise of a depth map's planes from texel to texel, in texels */
 
-/* Polygons as gas sees them between itself and a light: for each texel the nearest one's plane, which is evaluated
-   on the gas's own ray. So a plane shades nothing in front of it, however slanted; a texel's size shows only at a
-   polygon's edge. */
+/* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
+   shades nothing in front of it, however slanted it is; the texel size shows only at a polygon's edge. */
 typedef struct spsi_depth_map {
-    int face_count; /* 0: no polygons; 1; 6 for a point light among the gas */
+    int face_count; /* 0: no polygons; 1; 6 for a point light amid the gas */
     spsi_rays rays[SPSI_CUBE_FACES];
-    float *depths[SPSI_CUBE_FACES];    /* at texels' centres, from the depth reference; infinity: nothing there */
-    float *slopes[SPSI_CUBE_FACES][2]; /* what the plane rises by from a texel to the next along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: the least depth in it and in the cells around it */
-    int cells[SPSI_CUBE_FACES];        /* in a row of these */
-    /* ray coordinates of the map, along the eye's rays; t from its depth reference */
+    float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
+    float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
+    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it */
+    int cells[SPSI_CUBE_FACES];        /* per row */
+    /* ray coordinates of the map along the eye's rays; t is relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
 } spsi_depth_map;
 
-/* Texels on a side of a light's depth map: finer than the sheets' buffer where the quality says so, for it is cheap. */
+/* Texels on a side of a light's depth map: finer than the light's sheets where the quality says so, since it is
+   cheap. */
 static int spsi_depth_map_size(const spsi_frame *frame) {
     return spsi_most(frame->view.shadow_size, frame->accuracy.depth_map_texels);
 }
 
-/* Cells on a side of a map of `size` texels. */
+/* Number of cells on a side of a map of `size` texels. */
 static int spsi_depth_map_cells(int size) { return (size + SPSI_CELL - 1) / SPSI_CELL; }
 
 static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
@@ -5826,13 +5830,13 @@ static size_t spsi_depth_map_floats(const spsi_depth_map *map) {
     return floats;
 }
 
-/* The maximum of that for a map of `size` texels on a side, or six of half that. */
+/* Its maximum for a map of `size` texels on a side, or six of half that size. */
 static size_t spsi_depth_map_floats_most(size_t size) {
     const size_t cells = size / SPSI_CELL + 2, texels = size * size / 2 * 3 + SPSI_CUBE_FACES * 64;
     return 3 * texels + 2 * SPSI_CUBE_FACES * cells * cells;
 }
 
-/* Lays a depth map out in memory, and returns what is left of that. */
+/* Lays out a depth map in memory, and returns the memory after it. */
 static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
@@ -5847,8 +5851,8 @@ static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
     return memory;
 }
 
-/* Aims a light's depth map: one that is fitted to the gas, however far the polygons reach, or six where gas lies all
-   round a point light. */
+/* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, or six where a point light
+   does not see all gas within a cone. */
 static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, spsi_depth_map *map) {
     const int size = spsi_most(8, spsi_depth_map_size(frame));
     map->face_count = 1;
@@ -5858,20 +5862,21 @@ static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, s
         spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
 }
 
-/* --- filling one --- */
+/* --- filling a depth map --- */
 
 typedef struct spsi_planes_job {
     const spsi_faces *faces;
     const spsi_depth_map *map;
-    float *alone; /* per cell: the least depth in it */
+    float *alone; /* per cell: minimum depth in it alone */
     int face;
 } spsi_planes_job;
 
-/* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from a
-   texel to the next, times t itself in perspective. */
+/* A plane as a depth map's rays meet it. With n its normal and r a texel's ray, t changes by -(n.a) / (n.r) from texel
+   to texel, times t itself in perspective. */
 typedef struct spsi_map_plane {
-    int number; /* of its face; -1: none */
-    double a, b, normal[3];
+    int number;       /* of its face; -1: none */
+    double a, b;      /* n.a and n.b, with the rays' steps from texel to texel */
+    double normal[3]; /* n */
 } spsi_map_plane;
 
 static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
@@ -5885,14 +5890,14 @@ static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi
     plane->number = number;
 }
 
-/* The slope -t (n.a) / (n.r), cut where the ray grazes the plane. */
+/* The slope -t (n.a) / (n.r), clamped where the ray grazes the plane. */
 static float spsi_map_slope(double across, double facing, double t, double steepest) {
     const double slope = -t * across / facing;
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
-/* Puts the slopes of one row's planes where the rasteriser has left the numbers of their faces, and lowers the row's
-   cells to the least that its planes come to within a texel. */
+/* Replaces the face numbers that the rasteriser left in one row of texels by the slopes of their planes, and lowers the
+   row's cells to the minimum that its planes reach within a texel. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_depth_map *map = job->map;
     const spsi_rays *rays = &map->rays[job->face];
@@ -5918,7 +5923,7 @@ static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     }
 }
 
-/* One row of cells. */
+/* Fills one row of cells. */
 static void spsi_planes_task(void *data, int index, int worker) {
     const spsi_planes_job *job = (const spsi_planes_job *)data;
     const int columns = job->map->cells[job->face], height = job->map->rays[job->face].height;
@@ -5929,7 +5934,7 @@ static void spsi_planes_task(void *data, int index, int worker) {
         spsi_planes_row(job, y, cells);
 }
 
-/* The least depth in each cell and in the cells around it, from those of each alone. */
+/* Computes the minimum depth in each cell and the cells around it from the minimum in each alone. */
 static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const float *alone) {
     const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
     for (int row = 0; row < rows; ++row)
@@ -5942,7 +5947,7 @@ static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const flo
         }
 }
 
-/* Rasterises the polygons into a depth map, as a light sees them in front of the gas. */
+/* Rasterises the polygons into a depth map, as the light sees them. */
 static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, spsi_depth_map *map) {
     spsi_planes_job job;
     job.faces = faces;
@@ -5956,10 +5961,10 @@ static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, s
     }
 }
 
-/* --- looking it up --- */
+/* --- looking up a depth map --- */
 
-/* The share of the way from d0 to d1 that one face of a depth map leaves in the light; 1 outside of its grid. What a
-   texel's plane leaves before it is linear along the way: `ahead` in its middle, rising by `rise` to either end. In
+/* The share of the way from d0 to d1 that one face of a depth map leaves lit; 1 outside of its grid. How far a point is
+   in front of a texel's plane is linear along the way: `ahead` in its middle, and `per` more or less at either end. In
    perspective a plane of slope g reaches g / (1 - g / t) beyond the texel's own depth t. */
 static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                           spsi_v d1) {
@@ -6009,15 +6014,16 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
         one);
 }
 
-/* Whether a face of a depth map may hold something that shades any of the ways from d0 to d1: a look at one cell that
-   spares most slabs the sixteen texels. Both ends lie within a cell of the middle's, or the answer is yes. */
+/* Whether a face of a depth map may shade any of the ways from d0 to d1: one lookup of a cell, which spares most slabs
+   the lookups of four texels' planes. Both ends must lie within a cell of the middle's, or the answer is yes. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                            spsi_v d1) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
     spsi_v q[2][3], cell[2], deepest;
-    int clear = 0, wide = 0; /* bits: lanes that miss the face; lanes whose ends are too far apart to tell */
+    int clear = 0; /* bit mask of lanes that miss the face */
+    int wide = 0;  /* bit mask of lanes that may be shaded, if only because their ends are too far apart to tell */
     for (int i = 0; i < 3; ++i) {
         const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
         const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);

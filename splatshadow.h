@@ -6051,47 +6051,52 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
 
 /* ================================================================================================ >>balls
    15 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
-   t = C.e / e.e, of half length sqrt(1 - d^2) r, d r = |C x e| / |e|. All of it is counted from the ball's own centre,
-   in pixels and in t, where these are short polynomials with no difference of large numbers: floats do. Balls that the
-   rays' origin is in, or close to, are met one ray at a time. Cost: 15 operations for a vector of pixels. */
+   t = C.e / e.e, of half length sqrt(1 - d^2) r, where d r = |C x e| / |e|. All of this is relative to the ball's own
+   centre, in pixels and in t, which makes it short polynomials without differences of large numbers, so floats suffice.
+   Balls that contain the rays' origin, or are close to it, are intersected one ray at a time. Cost: 15 operations per
+   vector of pixels. */
 
-/* A ball is near within so many radii of the origin's plane; and where the cosine of its rays with the axis is less
-   than so much, since pixels are stretched there. */
+/* A ball is near if it is within SPSI_BALL_NEAR radii of the origin's plane, or if the cosine between its rays and the
+   axis is below SPSI_BALL_ASIDE, since pixels are stretched there. */
 #define SPSI_BALL_NEAR  4.0
 #define SPSI_BALL_ASIDE 0.05
-#define SPSI_BALL_LEAST 0.75 /* pixels: the least radius; less could fall between rays */
+#define SPSI_BALL_LEAST 0.75 /* minimum radius in pixels; a smaller ball could fall between rays */
 
+/* A ball, with (dx, dy) a pixel's offset from the centre's, e its ray and c the centre's ray. With p = tilt . (dx, dy)
+   and q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2, e.e / c.c = 1 + 2p + q in perspective. */
 typedef struct spsi_ball {
-    int x0, y0, x1, y1; /* pixels that it may cover; x1 < x0: none */
-    float x, y;         /* where its centre is, counted from (x0, y0); and */
-    float t;            /* that as t - depth_reference */
-    float radius;       /* along t at the centre */
-    float cross[3];     /* d^2 e.e / c.c = cross[0] dx^2 + 2 cross[1] dx dy + cross[2] dy^2, c being e at the centre */
-    float tilt[2];      /* of p = tilt . (dx,dy) and */
-    float bend[3];      /* q = bend[0] dx^2 + 2 bend[1] dx dy + bend[2] dy^2: e.e / c.c = 1 + 2p + q in perspective */
+    int x0, y0, x1, y1; /* pixels that it may cover, inclusive; x1 < x0: none */
+    float x, y;         /* pixel of its centre, relative to (x0, y0) */
+    float t;            /* t - depth_reference of its centre */
+    float radius;       /* in t, at the centre */
+    float cross[3];     /* d^2 e.e / c.c = cross[0] dx^2 + 2 cross[1] dx dy + cross[2] dy^2 */
+    float tilt[2];      /* coefficients of p */
+    float bend[3];      /* coefficients of q; 0 without perspective */
     float shift;        /* the chord's middle lies shift (p + q) / (e.e / c.c) behind the centre */
     float depth;        /* optical depth along the diameter */
     int soft;           /* 1: densest in the middle */
     float offset[3];    /* of the centre from the rays' origin */
-    int near_by;        /* 1: near that; then */
-    float world_radius;
+    int near_by;        /* 1: near the rays' origin, so intersected one ray at a time */
+    float world_radius; /* of a near ball */
 } spsi_ball;
 
-/* Where a vector of rays meets a ball: t - depth_reference of the chord's middle, half its length in t, and its half
-   length per radius, 0 where it is missed. */
+/* The chords in which a vector of rays meets a ball. */
 typedef struct spsi_chord {
-    spsi_v middle, half, share;
+    spsi_v middle; /* t - depth_reference of the chord's middle */
+    spsi_v half;   /* half its length, in t */
+    spsi_v share;  /* half its length per radius; 0: missed */
 } spsi_chord;
 
-/* How far away rays pass a point, in t; the same for all faces of a cube. 1 where pixels are as large everywhere. */
+/* Distance of a point along the rays, in t; the same for all faces of a cube. 1 where pixels have the same size
+   everywhere. */
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return fmax(fabs(offset[0]), fmax(fabs(offset[1]), fabs(offset[2])));
     return fmax(spsi_dot(rays->inverse[2], offset), 0);
 }
 
-/* The particle's radius, not less than pixels allow, and its optical depth, less by as much as the area has grown.
-   `offset`: of its centre from the rays' origin. */
+/* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced by as much as the area
+   has grown. `offset`: of its centre from the rays' origin. */
 static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, const sps_particle *particle,
                            const double offset[3], spsi_ball *ball, double *radius) {
     const double pixel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
@@ -6104,24 +6109,25 @@ static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, cons
     ball->soft = set->soft != 0;
 }
 
-/* The outline a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1 of a ball. */
+/* The outline of a ball: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
 typedef struct spsi_outline {
     double a, b, c, d, e;
 } spsi_outline;
 
-/* The pixels, of `size`, that lie within the outline along dx. */
+/* Range of pixels, of `size`, that lie within the outline along dx. */
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
     const double root = sqrt(fmax(half * half + square * (e * e + c), 0));
     *first = 0;
     *last = size - 1;
-    if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* no ellipse: the eye's plane cuts it */
+    if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* not an ellipse: the eye's plane cuts it */
     *first = (int)fmin(fmax(ceil(centre + (half - root) / square), 0), size);
     *last = (int)fmax(fmin(floor(centre + (half + root) / square), size - 1), -1);
 }
 
-/* Fills in what depends on the direction of the rays; `c`: that at the centre, q: the centre's pixel and t. */
+/* Fills in what depends on the direction of the rays. `c`: the ray's direction at the centre; q: the centre's pixel and
+   t. */
 static void spsi_ball_shape(const spsi_rays *rays, const double c[3], const double q[3], double radius,
                             spsi_ball *ball) {
     const double per_square = 1 / spsi_dot(c, c), t = rays->perspective ? q[2] : 1;
@@ -6153,9 +6159,9 @@ static void spsi_ball_shape(const spsi_rays *rays, const double c[3], const doub
     ball->radius = (float)(radius * sqrt(per_square));
 }
 
-/* Pixels along one axis between the two planes through the rays' origin that touch a ball: x solves (X - x T)^2 =
-   r^2 |across - x along|^2. Where it reaches behind the origin, it is on one side of either plane; where it holds the
-   planes' common line, no pixel is out of the question. */
+/* Range of pixels along one axis between the two planes through the rays' origin that touch a ball: x solves
+   (X - x T)^2 = r^2 |across - x along|^2. A ball that reaches behind the origin is bounded on one side only; one that
+   contains the planes' common line is not bounded at all. */
 static void spsi_ball_near_range(const double across[3], const double along[3], const double offset[3], double radius,
                                  int size, int *first, int *last) {
     const double x = spsi_dot(across, offset), t = spsi_dot(along, offset), square = radius * radius;
@@ -6180,7 +6186,7 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     spsi_project(rays, centre, q);
     spsi_ball_size(rays, set, particle, offset, ball, &radius);
     ball->x1 = ball->y1 = -1;
-    ahead = q[2] / spsi_length(rays->inverse[2]); /* from the origin's plane, in the world */
+    ahead = q[2] / spsi_length(rays->inverse[2]); /* distance from the origin's plane, in the world */
     if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return;
     ball->near_by =
         rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > SPSI_BALL_ASIDE * spsi_length(offset));
@@ -6198,7 +6204,7 @@ static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, con
     ball->y = (float)(q[1] - ball->y0);
 }
 
-/* One ray and a near ball; returns 0 if it is missed. */
+/* Intersects one ray with a near ball; returns 0 if it misses. The chord is as in spsi_chord. */
 static int spsi_ball_meets(const spsi_rays *rays, const spsi_ball *ball, int x, int y, double chord[3]) {
     const double radius = (double)ball->world_radius;
     double centre[3], e[3], nearest[3], square, middle, share;
@@ -6206,7 +6212,7 @@ static int spsi_ball_meets(const spsi_rays *rays, const spsi_ball *ball, int x, 
     spsi_ray_direction(rays, x, y, e);
     square = spsi_dot(e, e);
     middle = spsi_dot(centre, e) / square;
-    spsi_along(centre, e, -middle, nearest); /* from the ray's nearest point: no difference of large squares */
+    spsi_along(centre, e, -middle, nearest); /* from the ray's nearest point: avoids a difference of large squares */
     share = 1 - spsi_dot(nearest, nearest) / (radius * radius);
     if (!(share > 0)) return 0;
     share = sqrt(share);
@@ -6228,7 +6234,8 @@ static void spsi_ball_chord_near(const spsi_rays *rays, const spsi_ball *ball, i
     chord->share = spsi_load(lanes[2]);
 }
 
-/* The chords of a vector of pixels' rays from (x, y) on; those outside of x0 .. x1 are good too, if there is a ray. */
+/* The chords of a vector of pixels' rays, from (x, y) on. They also hold outside of x0 .. x1, wherever there is a
+   ray. */
 static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
     const spsi_v one = spsi_set(1), zero = spsi_set(0);
     const float dy = (float)(y - ball->y0) - ball->y;
@@ -6250,13 +6257,13 @@ static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball,
     chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
 }
 
-/* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2, over them. */
+/* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2 for a soft ball, over them. */
 static inline spsi_v spsi_chord_depth(const spsi_ball *ball, const spsi_chord *chord) {
     const spsi_v depth = spsi_mul(chord->share, spsi_set(ball->depth));
     return ball->soft ? spsi_mul(depth, spsi_mul(chord->share, chord->share)) : depth;
 }
 
-/* The share of a chord that lies before a place v in it, -1 to 1 and cut there. */
+/* The share of a chord that lies before position v in it, which is clamped to -1..1. */
 static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
     const spsi_v half = spsi_set(0.5f), s = spsi_clamp(v, spsi_set(-1), spsi_set(1));
     if (!soft) return spsi_fma(half, s, half);
@@ -6264,29 +6271,29 @@ static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
 }
 
 /* ============================================================================================== >>slicing
-   16 Slabs. They are perpendicular to s = normalise(e + l), e and l the ways the eye's and the light's rays travel, or
-   to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s never degenerates. Light
-   always crosses in the direction of s; in the second case the eye composites back to front. [Zhang & Crawfis, section
-   4] */
+   16 Slabs. They are perpendicular to s = normalise(e + l), where e and l are the directions in which the eye's and the
+   light's rays travel, or to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s
+   never degenerates. Light always crosses slabs in the direction of s; in the second case the eye composites back to
+   front. [Zhang & Crawfis, section 4] */
 
-#define SPSI_COSINE_MIN  0.1  /* of a ray with s; a slab is crossed along thickness / cosine, so 10 slabs' thickness */
-#define SPSI_COSINE_EVEN 0.35 /* below this slabs are halved; the middle ray has 0.71 or more */
+#define SPSI_COSINE_MIN  0.1  /* minimum of a ray with s, which then crosses a slab within 10 times its thickness */
+#define SPSI_COSINE_EVEN 0.35 /* below this, slabs are halved; the middle ray has 0.71 or more */
 
 typedef struct spsi_slabs {
     double normal[3]; /* s */
-    double start;     /* s . p of the first slab's entry */
+    double start;     /* s . p where the first slab begins */
     double thickness;
     int count;
 } spsi_slabs;
 
-/* The slab coordinate of a point: its whole part is the number of a slab. */
+/* Slab coordinate of a point: its integer part is the number of the slab. */
 static double spsi_slab_at(const spsi_slabs *slabs, const double point[3]) {
     return (spsi_dot(slabs->normal, point) - slabs->start) / slabs->thickness;
 }
 
 static int spsi_chunk_count(const spsi_slabs *slabs) { return (slabs->count + SPSI_CHUNK - 1) / SPSI_CHUNK; }
 
-/* The slab coordinate along rays. */
+/* Slab coordinate along rays. */
 static void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs, spsi_linear *linear) {
     static const double zero[3] = {0, 0, 0};
     double row[3];
@@ -6295,14 +6302,14 @@ static void spsi_linear_of_slabs(const spsi_rays *rays, const spsi_slabs *slabs,
 }
 
 typedef struct spsi_sweep {
-    const spsi_lamp *lamp; /* whose sheets this sweep has; NULL: none */
-    int first; /* 1: this sweep also carries coverage, ambient light, emission, and all lights that have no sheets */
+    const spsi_lamp *lamp; /* the light whose sheets this sweep has; NULL: none */
+    int first;             /* 1: also carries coverage, ambient light, emission, and all lights without sheets */
     int back_to_front;
     spsi_slabs slabs;
     spsi_rays rays; /* of the light's sheets */
 } spsi_sweep;
 
-/* The least cosine between s and the rays through a grid's corners. */
+/* Minimum cosine between s and the rays through a grid's corners. */
 static double spsi_cosine_to_corners(const double s[3], const spsi_rays *rays) {
     double least = 1;
     for (int corner = 0; corner < 4; ++corner) {
@@ -6320,7 +6327,7 @@ static int spsi_bounds_hold(const spsi_bounds *bounds, const double point[3]) {
     return inside;
 }
 
-/* The least cosine between s and rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
+/* Minimum cosine between s and the rays from `from` to the corners of `bounds`; -1 if `from` is inside. */
 static double spsi_cosine_to_bounds(const double s[3], const double from[3], const spsi_bounds *bounds) {
     const int inside = spsi_bounds_hold(bounds, from);
     double least = 1;
@@ -6334,15 +6341,16 @@ static double spsi_cosine_to_bounds(const double s[3], const double from[3], con
     return inside ? -1 : least;
 }
 
-/* The least cosine between s and the rays that matter: those inside the image, and also those that can meet a volume;
-   the milder of the two conditions is enough. */
+/* Minimum cosine between s and the rays that matter: those inside the image which can also meet gas. Each condition
+   alone gives a lower bound, and the greater of the two is used. */
 static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
     const spsi_rays *eye = &frame->content->eye;
     const double least = spsi_cosine_to_corners(s, eye);
     return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->content->bounds)) : least;
 }
 
-/* The middle of the eye's rays: towards the volumes from outside, along the camera's axis from within. */
+/* Middle direction of the eye's rays: towards the middle of the gas if all of it lies in front of the eye, otherwise
+   along the camera's axis. */
 static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
     const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
@@ -6356,12 +6364,12 @@ static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
         memcpy(direction, to_centre, sizeof to_centre);
 }
 
-/* What the frame's gas is, for messages. */
+/* The word for the frame's gas in messages. */
 static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
-/* Says which light's rays, or that the camera's, meet the slabs too flatly, and what can be done. */
+/* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                           double cosine) {
     char rest[SPSI_SENTENCE_SIZE];
@@ -6372,6 +6380,7 @@ static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
+/* The same for the camera's rays. */
 static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            double cosine, int unshadowed_helps) {
     const sps_camera *seen = &frame->view.camera;
@@ -6391,7 +6400,7 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
                           seen->world_to_clip ? 0 : value, rest);
 }
 
-/* Chooses s for a light, or for none. */
+/* Chooses s for the sweep's light, or without one. */
 static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], toward[3], centre[3], least;
     spsi_eye_direction(frame, eye);
@@ -6416,23 +6425,23 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
     return SPS_OK;
 }
 
-/* What stands for the edge of a voxel where there are particles: a ball has the variance of the kernel of a voxel of
-   0.7 radii (r^2 / 5 if it is even). Particles much smaller than the cloud that they make up need not be told apart in
-   depth: a cloud takes about 500 of these at most. 0 without particles. */
+/* The voxel edge that stands for particles: a ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if
+   it is homogeneous). Particles much smaller than their cloud need not be told apart in depth: a cloud is at most about
+   500 of these edges deep. 0 without particles. */
 static double spsi_particle_edge(const spsi_frame *frame) {
     return fmax(SPSI_PARTICLE_EDGE * frame->content->particle_radius, frame->content->particle_spread / 200);
 }
 
-/* The length of a voxel that slabs across s are measured by for a ray: what the ray crosses of it, and half or a
-   quarter of that where the ray grazes the slabs and is long in each of them. Halves, so that all slabs stay where they
-   are as a light turns: errors that jump would be seen. */
+/* The voxel length by which slabs across s are sized for a ray: what the ray crosses of a voxel, and half or a quarter
+   of that where the ray grazes the slabs and is long in each of them. Powers of 1/2 keep all slabs in place as a light
+   turns: errors that jump would be visible. */
 static double spsi_slab_chord(const spsi_lattice *lattice, const double s[3], const double ray[3]) {
     const double cosine = fabs(spsi_dot(s, ray));
     const double share = cosine >= SPSI_COSINE_EVEN ? 1 : cosine >= SPSI_COSINE_EVEN / 2 ? 0.5 : 0.25;
     return share * spsi_voxel_chord(lattice, ray);
 }
 
-/* The least of these lengths for rays from a point to the corners and the middle of `bounds`. */
+/* Minimum of these lengths for rays from a point to the corners and the middle of `bounds`. */
 static double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3], const double from[3],
                                    const spsi_bounds *bounds) {
     double least = HUGE_VAL;
@@ -6448,8 +6457,8 @@ static double spsi_chord_to_bounds(const spsi_lattice *lattice, const double s[3
     return least;
 }
 
-/* The same of a grid's rays: those through its corners and its middle, or those that can meet a volume, whichever set
-   crosses more. */
+/* The same for a grid's rays: those through its corners and its middle, or those that can meet gas, whichever set has
+   the larger minimum. */
 static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *lattice, const double s[3],
                                  const spsi_rays *rays) {
     double least = HUGE_VAL;
@@ -6463,9 +6472,9 @@ static double spsi_chord_of_rays(const spsi_frame *frame, const spsi_lattice *la
     return fmax(least, spsi_chord_to_bounds(lattice, s, rays->origin, &frame->content->bounds));
 }
 
-/* The length of a voxel that slabs are measured by. What is classified must not change much from slab to slab along
-   any ray, so there it is what the eye's and the light's rays cross of a voxel, if that is less than its extent along
-   s; a sixteenth of it is enough, or voxels flat as paper would take slabs without end. */
+/* The voxel length by which slabs are sized. What is classified must not change much from slab to slab along any ray,
+   so for it the length is what the eye's and the light's rays cross of a voxel, if that is less than the voxel's extent
+   along s. A sixteenth of the extent is the minimum, since voxels as flat as paper would need slabs without end. */
 static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
                               const spsi_lamp *lamp, const double s[3]) {
     const double extent = spsi_voxel_extent(lattice, s), flattest = 1.0 / 16;
@@ -6482,7 +6491,7 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
 }
 
 /* Cuts the bounds of volumes and particles, along the slabs' normal, into slabs that serve the rays of a target and
-   those of a light (NULL: none). `edge` is what stands for a voxel's edge where there are particles, or infinite. */
+   those of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. */
 static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                  const spsi_lamp *lamp, double edge, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, count;
@@ -6492,11 +6501,11 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
         low = fmin(low, spsi_dot(point, slabs->normal));
         high = fmax(high, spsi_dot(point, slabs->normal));
     }
-    edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* a stray particle must not take more than there can be */
+    edge = fmax(edge, (high - low) / (SPSI_SLABS_MAX / 16)); /* limits the slabs that a stray particle calls for */
     for (int i = 0; i < frame->medium_count; ++i)
         edge = fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
-    slabs->thickness = fmin(frame->view.slab * edge, high - low); /* one slab at least holds everything */
+    slabs->thickness = fmin(frame->view.slab * edge, high - low); /* never thicker than the whole extent */
     count = ceil((high - low) / slabs->thickness);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab", frame->view.slab,
@@ -6505,7 +6514,7 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     return SPS_OK;
 }
 
-/* Rays for the light's sheets. */
+/* Fits the rays of the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
     char rest[SPSI_SENTENCE_SIZE];
@@ -6519,7 +6528,7 @@ static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
-/* The number of sweeps in a frame: one for each light that shades by sheets, and one at least. */
+/* Number of sweeps in a frame: one for each light that shades by sheets, and at least one. */
 static int spsi_sweep_count(const spsi_frame *frame) { return spsi_most(1, frame->lamps.sliced_count); }
 
 /* The n-th lamp that shades by sheets; NULL if there is none. */
@@ -6529,18 +6538,18 @@ static const spsi_lamp *spsi_sliced_lamp(const spsi_frame *frame, int n) {
     return NULL;
 }
 
-/* Whether a sweep carries the shadows of a lamp that casts some: its own lamp's, and in the first sweep those of all
-   lamps that take no slabs of their own. */
+/* Whether a sweep carries the shadows of a lamp: those of its own lamp, and in the first sweep those of all shadowing
+   lamps without slabs of their own. */
 static int spsi_sweep_carries(const spsi_sweep *sweep, const spsi_lamp *lamp) {
     return lamp->sliced ? lamp == sweep->lamp : sweep->first && lamp->shadows;
 }
 
-/* The number of lights whose shadows the n-th sweep carries: of no sweep more than of the first. */
+/* Number of lights whose shadows the n-th sweep carries; no sweep has more than the first. */
 static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
 }
 
-/* Sets up the n-th sweep. Without gases there are no slabs, and nothing can be in the way of slicing. */
+/* Sets up the n-th sweep. Without gas there are no slabs, and nothing can prevent slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
     const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
     memset(sweep, 0, sizeof *sweep);
@@ -6554,92 +6563,104 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>splat
-   17 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]; its line integral
-   is a 2D Gaussian in the pixel plane, and the share of it between two slab planes is the difference of
-   spsi_kernel_share at the planes, whose distance from the kernel's middle changes from pixel to pixel because the
-   slab is tilted and the kernel sheared: the exact tilted section, without which error does not fall with thickness.
-   Every section of a voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near
-   a perspective eye, where rays are not parallel across a kernel, the integral along each pixel's own ray is taken
-   instead. Sections end at polygons and at the near plane, and footprints are widened to a pixel by its filter.
-   Classified volumes as the eye sees them are the exception: a transfer function of a mean is not the mean of a
-   transfer function, so they are sampled once a pixel, as polygons are, and from whole slabs, as profiles and gradients
-   need. Where voxels are smaller than pixels its gradient has sheets of its own, d/dx and d/dy of each section
-   (spsi_add_slopes). Sheets hold the integral of value over t; the length of a ray per t comes in at shading. Cost:
-   about 14 vector operations per vector of fragments and section, and 25 per row. */
+   17 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]. Its line integral
+   is a 2D Gaussian in the pixel plane. The share of it between two slab planes is the difference of spsi_kernel_share
+   at the planes, whose distance from the kernel's middle changes from pixel to pixel because the slab is tilted and the
+   kernel sheared. This tilted section is exact; without it, the error does not fall with thickness. Every section of a
+   voxel within a chunk of slabs is written in one visit, each plane's share serving two sheets. Near a perspective eye,
+   where rays are not parallel across a kernel, the integral along each pixel's own ray is used instead. Sections end at
+   polygons and at the near plane, and footprints are widened to a pixel by its filter. Classified volumes as the eye
+   sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
+   sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
+   smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes). Sheets hold
+   the integral of value over t; the length of a ray per t is applied at shading. Cost: about 14 vector operations per
+   vector of fragments and section, and 25 per row. */
 
-/* A kernel near a perspective eye, in units of t's standard deviation: the fourth powers need room. */
+/* A kernel near a perspective eye, in units of t's standard deviation, so that fourth powers stay in range. */
 typedef struct spsi_near_case {
-    float unit;
+    float unit;          /* the standard deviation of t */
     float covariance[6]; /* 00 01 02 11 12 22 */
     float inverse[6];    /* of the covariance */
     float root;          /* of its determinant */
     float weight;        /* integral for value 1, except for what depends on the pixel */
 } spsi_near_case;
 
-/* What is the same for all voxels of a volume, for one set of rays and slabs. */
+/* Constants shared by all voxels of a volume, for one set of rays and slabs. */
 typedef struct spsi_splatter {
-    int perspective;
+    int perspective;              /* 1: rays share an origin; 0: they are parallel */
     float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
     float step[3][3];             /* change of (x t, y t, t) or (x, y, t) per voxel along each axis */
     float slab_step[3];           /* change of slab coordinate per voxel along each axis */
     float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
-    float covariance[6];          /* of the kernel there: 00 01 02 11 12 22 */
-    float weight;                 /* integral for value 1, but for what depends on the footprint */
+    float covariance[6];          /* of the kernel in ray space: 00 01 02 11 12 22 */
+    float weight;                 /* integral for value 1, without the factors that depend on the footprint */
     float cut;                    /* standard deviations at which footprints end */
-    float filter;                 /* least variance of a footprint, in pixels */
+    float filter;                 /* minimum variance of a footprint, in square pixels */
     float reach_depth;            /* kernel radius in t */
-    float reach_slabs;            /* kernel radius along s */
+    float reach_slabs;            /* kernel radius along s, in slabs */
     float near_depth;             /* t below which the near case applies */
-    spsi_near_case near_case;
-    float eye_near; /* t before which sections are cut, as t - depth_reference */
-    float depth_reference;
-    int whole; /* 1: sections are cut by neither polygons nor the near plane, and rays go on behind the eye */
+    spsi_near_case near_case;     /* the kernel in the near case */
+    float eye_near;               /* t at which rays begin, as t - depth_reference: sections are cut there */
+    float depth_reference;        /* of the rays */
+    int whole;                    /* 1: neither polygons nor the near plane cut sections; rays go on behind the eye */
 } spsi_splatter;
 
-/* Where a brick's first voxel is: ray coordinates, depth, slab. */
+/* Position of a brick's first voxel. */
 typedef struct spsi_anchor {
-    float q[3], depth, slab;
+    float q[3];  /* ray coordinates */
+    float depth; /* t - depth_reference */
+    float slab;  /* slab coordinate */
 } spsi_anchor;
 
 /* Footprints of a vector of voxels. Distances along a ray are in v = t / (SPSI_CUT * standard deviation). */
 typedef struct spsi_footprints {
-    float x[SPSI_LANES], y[SPSI_LANES], depth[SPSI_LANES], slab[SPSI_LANES];
-    float amplitude[SPSI_LANES];
-    float across[SPSI_LANES];     /* 1 / variance of x at given y */
-    float lean[SPSI_LANES];       /* change of the mean x per y */
-    float upright[SPSI_LANES];    /* 1 / variance of y */
-    float inverse_yy[SPSI_LANES]; /* -1/2 of the inverse covariance's y y entry */
-    float row_width[SPSI_LANES];  /* standard deviation of x at given y */
-    float half_height[SPSI_LANES], half_width[SPSI_LANES];
-    float per_slab[SPSI_LANES];                     /* change of v from plane to plane */
-    float slope_x[SPSI_LANES], slope_y[SPSI_LANES]; /* change of a plane's v per pixel */
-    float mean_x[SPSI_LANES], mean_y[SPSI_LANES];   /* change of the kernel's mean t per pixel */
-    float per_depth[SPSI_LANES];                    /* v per t */
-    float spread[SPSI_LANES]; /* range of v in a row per standard deviation, widened by the x slope */
-    float slabs[SPSI_LANES];  /* 1 / per_slab */
+    float x[SPSI_LANES];           /* column of the centre, in pixels */
+    float y[SPSI_LANES];           /* row of the centre, in pixels */
+    float depth[SPSI_LANES];       /* t - depth_reference of the centre */
+    float slab[SPSI_LANES];        /* slab coordinate of the centre */
+    float amplitude[SPSI_LANES];   /* peak value: integral along the ray through the centre */
+    float across[SPSI_LANES];      /* 1 / variance of x at given y */
+    float lean[SPSI_LANES];        /* change of the mean x per y */
+    float upright[SPSI_LANES];     /* 1 / variance of y */
+    float inverse_yy[SPSI_LANES];  /* -1/2 of the inverse covariance's y y entry */
+    float row_width[SPSI_LANES];   /* standard deviation of x at given y */
+    float half_height[SPSI_LANES]; /* half the height of its bounding box, in pixels */
+    float half_width[SPSI_LANES];  /* half the width of its bounding box, in pixels */
+    float per_slab[SPSI_LANES];    /* change of v from plane to plane */
+    float slope_x[SPSI_LANES];     /* change of a plane's v per pixel along x */
+    float slope_y[SPSI_LANES];     /* change of a plane's v per pixel along y */
+    float mean_x[SPSI_LANES];      /* change of the kernel's mean t per pixel along x */
+    float mean_y[SPSI_LANES];      /* change of the kernel's mean t per pixel along y */
+    float per_depth[SPSI_LANES];   /* v per t */
+    float spread[SPSI_LANES];      /* range of v in a row per standard deviation, widened by the x slope */
+    float slabs[SPSI_LANES];       /* 1 / per_slab */
 } spsi_footprints;
 
 /* A tile's sheets: one float per pixel, slab and channel. */
 typedef struct spsi_tile {
-    float *sheets;
-    size_t sheet_size, channel_size; /* floats from one slab, and one channel, to the next */
-    int x0, y0, x1, y1;              /* pixels covered, the last ones included */
-    int pitch, slab_count;
+    float *sheets;          /* channel by channel, each slab by slab, each row by row */
+    size_t sheet_size;      /* floats from one slab to the next */
+    size_t channel_size;    /* floats from one channel to the next */
+    int x0, y0, x1, y1;     /* pixels covered, inclusive, with the margin */
+    int pitch;              /* floats from one row to the next */
+    int slab_count;         /* slabs of a chunk, and those of the margin before and after it */
     int clamped;            /* 1: sections may end at `limits`, or begin at the near plane */
-    float nearest_limit;    /* least depth of a polygon in the tile */
-    const spsi_hit *limits; /* depths of polygons, of the whole image; NULL: none */
-    int limit_width, limit_height;
-    float *slopes;  /* where the sheets of d/dx, and behind these d/dy, of the channel at hand are; or NULL */
-    uint64_t open;  /* patches that are not opaque yet; footprints that meet none are passed over */
-    int margin;     /* pixels beyond the patches, which belong to the patches at the edge */
-    float eye_slab; /* slab coordinate of the eye, for the near case */
-    uint64_t visits, fragments; /* footprints written, and pixels times slabs of them */
+    float nearest_limit;    /* minimum depth of a polygon in the tile */
+    const spsi_hit *limits; /* polygons of the whole image, by pixel; NULL: none */
+    int limit_width;        /* of the image */
+    int limit_height;       /* of the image */
+    float *slopes;          /* sheets of d/dx of the current channel, followed by those of d/dy; NULL: none */
+    uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
+    int margin;             /* pixels around the patches; they count as part of the patches at the edge */
+    float eye_slab;         /* slab coordinate of the rays' origin, for the near case */
+    uint64_t visits;        /* footprints written */
+    uint64_t fragments;     /* the sum of their pixels times slabs */
 } spsi_tile;
 
-/* The column or row of patches that a pixel `at` from a tile's edge is in; what lies outside is in the nearest. */
+/* Column or row of patches of a pixel `at` from a tile's edge; pixels outside count as part of the nearest patch. */
 static inline int spsi_patch_at(int at) { return spsi_least(spsi_most(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
-/* The patches of a tile that a box of its pixels and the margin about it meet. */
+/* Bit mask of the patches of a tile that meet a box of its pixels and the margin around it. */
 static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
     const int margin = tile->margin, left = tile->x0 + margin, top = tile->y0 + margin;
     const int c0 = spsi_patch_at(x0 - margin - left), c1 = spsi_patch_at(x1 + margin - left);
@@ -6648,7 +6669,7 @@ static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x
     return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
 }
 
-/* The patches of a tile in which some pixel's optical depth is less than `end`. */
+/* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
 static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, int height, float end) {
     uint64_t open = 0;
     for (int y = 0; y < height; ++y, depth += pitch)
@@ -6656,7 +6677,7 @@ static uint64_t spsi_patches_open(const float *depth, size_t pitch, int width, i
     return open;
 }
 
-/* Returns 0 if footprints would leave the range of floats. */
+/* Returns 0 if footprints would exceed the range of floats. */
 static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *rays, const spsi_slabs *slabs, float scale,
                                double cut, spsi_splatter *splatter) {
     double e[3][3], covariance[3][3], rows[3][3], reach = 0, unit, root, weight;
@@ -6706,14 +6727,15 @@ static int spsi_splatter_build(const spsi_lattice *lattice, const spsi_rays *ray
     }
 }
 
-/* What the eye sees of a classified volume: footprints are not widened, and sections not cut. */
+/* For a classified volume as the eye sees it: footprints are not widened, and sections not cut. */
 static void spsi_splatter_classified(spsi_splatter *splatter) {
     splatter->filter = 0;
     splatter->whole = 1;
     splatter->eye_near = -FLT_MAX;
 }
 
-/* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional forms, the section. */
+/* The parts of a footprint that follow from R at (x, y, t): the pixel filter, the conditional Gaussians, the
+   section. */
 static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v y, spsi_v t, spsi_v value,
                                         spsi_footprints *out) {
     const spsi_v one = spsi_set(1), c22 = spsi_set(s->covariance[5]);
@@ -6773,18 +6795,20 @@ static inline void spsi_footprint_shape(const spsi_splatter *s, spsi_v x, spsi_v
                                                spsi_set((float)(1 / (SPSI_CUT * SPSI_CUT))))));
 }
 
-/* What is distributed along a ray. */
+/* How mass is distributed along a ray. */
 typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD } spsi_mass;
 
 /* The mass of a kernel or a ball along a vector of rays, to be added to a run of sheets. */
 typedef struct spsi_sections {
-    float *sheet; /* the first one */
-    size_t sheet_size;
-    int count;
-    int starts, ends;    /* 1: the first one also takes what lies before its plane; the last one, what lies behind */
-    spsi_v weight;       /* the whole mass */
-    spsi_v v, per_plane; /* where the first plane cuts the profile, which extends from -1 to 1, and the next ones */
-    spsi_v low, high;    /* where rays begin and end, if they are clamped */
+    float *sheet;      /* the first one */
+    size_t sheet_size; /* floats from one sheet to the next */
+    int count;         /* number of sheets */
+    int starts;        /* 1: the first sheet also receives what lies before its plane */
+    int ends;          /* 1: the last sheet also receives what lies behind its plane */
+    spsi_v weight;     /* the whole mass */
+    spsi_v v;          /* where the first plane cuts the profile, which extends from -1 to 1 */
+    spsi_v per_plane;  /* change of v from plane to plane */
+    spsi_v low, high;  /* v at which rays begin and end, if they are clamped */
 } spsi_sections;
 
 static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
@@ -6792,7 +6816,7 @@ static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
     return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
-/* Adds the weight times the change of share from plane to plane to each sheet. Each plane's share serves two. */
+/* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
 static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
@@ -6811,10 +6835,10 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
 }
 
-/* The derivatives along x and y of sections that are clamped nowhere: of the logarithm of their weight, and of v. */
+/* Derivatives along x and y of sections that are not clamped. */
 typedef struct spsi_slopes {
-    spsi_v log_weight[2];
-    float v[2];
+    spsi_v log_weight[2]; /* of the logarithm of their weight */
+    float v[2];           /* of v */
 } spsi_slopes;
 
 /* Adds the derivatives of sections along x and y to sheets of their own: w (S(b) - S(a)) changes by w' (S(b) - S(a)) +
@@ -6840,16 +6864,17 @@ static void spsi_add_slopes(const spsi_sections *s, const spsi_slopes *slopes, s
     }
 }
 
-/* Rows of one footprint, a vector of rows at a time: where each begins and ends, in pixels and in slabs. */
+/* Rows of one footprint, a vector of rows at a time: their ranges of pixels and slabs. */
 typedef struct spsi_rows {
-    int x0[SPSI_LANES], x1[SPSI_LANES];
-    int first[SPSI_LANES], slabs[SPSI_LANES];  /* first slab plane, and slabs, cut at the tile's; 0: nothing here */
+    int x0[SPSI_LANES], x1[SPSI_LANES];        /* pixels, inclusive, clamped to the tile */
+    int first[SPSI_LANES];                     /* first slab plane, clamped to the tile's */
+    int slabs[SPSI_LANES];                     /* number of slabs, clamped to the tile's; 0: nothing here */
     int area[SPSI_LANES];                      /* pixels times slabs */
-    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1 where they were not cut: the kernel's own ends */
-    float left[SPSI_LANES], right[SPSI_LANES]; /* of x0 and x1, half a pixel outwards */
-    float dy[SPSI_LANES];
-    float factor[SPSI_LANES]; /* of the row: exp of what depends on y alone */
-    float v[SPSI_LANES];      /* of the first plane at the kernel's own x */
+    int starts[SPSI_LANES], ends[SPSI_LANES];  /* 1: not clamped at this end, which is the kernel's own */
+    float left[SPSI_LANES], right[SPSI_LANES]; /* x0 and x1, half a pixel outwards */
+    float dy[SPSI_LANES];                      /* y from the kernel's centre */
+    float factor[SPSI_LANES];                  /* of the weight: exp of the term that depends on y alone */
+    float v[SPSI_LANES];                       /* of the first plane at the kernel's own x */
 } spsi_rows;
 
 static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
@@ -6889,13 +6914,13 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store_int(rows->ends, spsi_select(spsi_less(count, high), zero, one));
 }
 
-/* Depths of the polygons that a vector of a tile's pixels sees. */
+/* Depths of the polygons at a vector of a tile's pixels. */
 static inline spsi_v spsi_tile_limits(const spsi_tile *tile, int x, int y) {
     return spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
 }
 
-/* v of the polygon at depth `beyond`, in front of which a section must end, and of the near plane behind which it
-   begins. */
+/* The range of v to which a section is clamped: it begins behind the near plane, and ends at the polygon at depth
+   `beyond`. */
 static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v mean, spsi_v per_depth, spsi_v *low,
                                spsi_v *high) {
     spsi_v near_v = spsi_mul(spsi_sub(spsi_set(eye_near), mean), per_depth);
@@ -6905,7 +6930,7 @@ static inline void spsi_limits(spsi_v beyond, float sign, float eye_near, spsi_v
     *high = sign > 0 ? beyond : spsi_sub(spsi_set(0), near_v);
 }
 
-/* One footprint that is being splatted into a channel of a tile. */
+/* A footprint that is being splatted into a channel of a tile. */
 typedef struct spsi_print {
     spsi_tile *tile;
     const spsi_splatter *splatter;
@@ -6916,7 +6941,8 @@ typedef struct spsi_print {
 
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
-   that no exponential is taken per pixel. Slender ellipses, whose factors could overflow, take one per row vector. */
+   that no exponential is evaluated per pixel. Slender ellipses, whose factors could overflow, evaluate one per vector
+   and row. */
 static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped, int sloped) {
     const spsi_tile *tile = print->tile;
@@ -6973,7 +6999,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float height = f->half_height[i], width = f->half_width[i];
-    /* cut as floats: a footprint may be wider than an int tells */
+    /* clamped as floats: a footprint may be wider than the range of an int */
     const int y0 = (int)spsi_higher(ceilf(f->y[i] - height), (float)tile->y0);
     const int y1 = (int)spsi_lower(floorf(f->y[i] + height), (float)tile->y1);
     const int x0 = (int)spsi_higher(ceilf(f->x[i] - width), (float)tile->x0);
@@ -6998,13 +7024,12 @@ static void spsi_splat_footprint(const spsi_print *print) {
     }
 }
 
-/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), and the cut, and the covariance of q and t.
- */
+/* An ellipsoid along x or y, as the near case sees it: its centre (q, t), its cut, and the covariance of q and t. */
 typedef struct spsi_extent {
     float q, t, cut, qq, qt, tt;
 } spsi_extent;
 
-/* Along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
+/* The extent along x (axis 0) or y; `side` is 1, or -1 for the mirror image behind the eye. */
 static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], int axis, float side) {
     const float *c = s->near_case.covariance;
     spsi_extent extent;
@@ -7017,8 +7042,8 @@ static spsi_extent spsi_near_extent(const spsi_splatter *s, const float q[3], in
     return extent;
 }
 
-/* The least and greatest pixel coordinate of an ellipsoid, by the tangent planes through the eye; returns 0 if the
-   eye's plane cuts it, so that there is no bound. */
+/* Minimum and maximum pixel coordinate of an ellipsoid, by the tangent planes through the eye; returns 0 if the eye's
+   plane cuts it, so that there is no bound. */
 static int spsi_extent_range(const spsi_extent *e, float *low, float *high) {
     const float square = e->cut * e->cut, a = e->t * e->t - square * e->tt, b = e->q * e->t - square * e->qt;
     const float root = b * b - a * (e->q * e->q - square * e->qq);
@@ -7028,8 +7053,8 @@ static int spsi_extent_range(const spsi_extent *e, float *low, float *high) {
     return 1;
 }
 
-/* Whether an ellipsoid reaches before the eye, and the rays between two columns (or rows) of pixels: it does not if it
-   lies wholly behind one of the planes through the eye and them. */
+/* Whether an ellipsoid reaches in front of the eye and meets the rays between two columns (or rows) of pixels: it does
+   not if it lies entirely outside of one of the planes through the eye and these. */
 static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     const float ends[2] = {(float)first - 0.5f, (float)last + 0.5f};
     for (int i = 0; i < 2; ++i) {
@@ -7039,18 +7064,19 @@ static int spsi_extent_meets(const spsi_extent *e, int first, int last) {
     return e->t + e->cut * sqrtf(e->tt) > 0;
 }
 
-/* One kernel that is being splatted along each pixel's own ray. */
+/* A kernel that is being splatted along each pixel's own ray. */
 typedef struct spsi_near_print {
     spsi_tile *tile;
     const spsi_splatter *splatter;
-    float q[3], value; /* q: of its centre, in the near case's units */
-    int x1;            /* the last column */
-    int first, last;   /* planes that it reaches */
+    float q[3];      /* (x t, y t, t) of its centre, in the near case's units */
+    float value;     /* of the voxel */
+    int x1;          /* the last column */
+    int first, last; /* first and last plane of its sections */
     float *channel;
 } spsi_near_print;
 
 /* A vector of pixels of the near case: w = (x, y, 1) is the ray, a = w' C^-1 w, and the exponent
-   (P x w)' adj(C^-1) (P x w) / a holds no difference of large numbers. */
+   (P x w)' adj(C^-1) (P x w) / a involves no difference of large numbers. */
 static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int y) {
     const spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -7103,7 +7129,7 @@ static int spsi_near_meets(const spsi_tile *tile, const spsi_splatter *s, const 
     return spsi_extent_meets(&x, tile->x0, tile->x1) && spsi_extent_meets(&y, tile->y0, tile->y1);
 }
 
-/* A kernel near the eye, at (x t, y t, t). */
+/* Splats a kernel near the eye, at (x t, y t, t). */
 static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float at[3], float slab, float value,
                             float *channel) {
     const int behind = s->whole && fabsf(slab - tile->eye_slab) < s->reach_slabs + SPSI_BEHIND;
@@ -7140,7 +7166,7 @@ static void spsi_splat_near(spsi_tile *tile, const spsi_splatter *s, const float
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_splat_near_row(&print, x, y);
 }
 
-/* The lanes of a vector of voxels whose bits are set. */
+/* Splats those voxels of a vector, near the eye, whose bits are set. */
 static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, const spsi_v q[3], spsi_v slab,
                                    spsi_v value, int bits, float *channel) {
     float lanes[5][SPSI_LANES];
@@ -7153,7 +7179,7 @@ static void spsi_splat_near_voxels(spsi_tile *tile, const spsi_splatter *s, cons
     }
 }
 
-/* Ray coordinates, depth and slab of a vector of a brick's voxels. */
+/* Ray coordinates, depth and slab coordinate of a vector of a brick's voxels. */
 static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *anchor, const spsi_v at[3], spsi_v q[3],
                                      spsi_v *depth, spsi_v *slab) {
     for (int i = 0; i < 3; ++i) {
@@ -7165,7 +7191,7 @@ static inline void spsi_voxels_place(const spsi_splatter *s, const spsi_anchor *
     *slab = spsi_fma(at[0], spsi_set(s->slab_step[0]), spsi_fma(at[1], spsi_set(s->slab_step[1]), *slab));
 }
 
-/* Which of a vector of footprints reach into the tile: a bit each. */
+/* Bit mask of a vector's footprints that reach into the tile. */
 static inline int spsi_footprints_inside(const spsi_tile *tile, const spsi_footprints *f) {
     const spsi_v x = spsi_load(f->x), width = spsi_load(f->half_width);
     const spsi_v y = spsi_load(f->y), height = spsi_load(f->half_height);
@@ -7221,7 +7247,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
     }
 }
 
-/* Where a brick lies for these rays and slabs, slab coordinates counted from `first_slab`. */
+/* Position of a brick for these rays and slabs; slab coordinates are relative to `first_slab`. */
 static void spsi_anchor_build(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_rays *rays,
                               const spsi_slabs *slabs, int first_slab, spsi_anchor *anchor) {
     double at[3], point[3], offset[3], q[3];
@@ -7236,25 +7262,27 @@ static void spsi_anchor_build(const spsi_lattice *lattice, const spsi_brick *bri
 
 /* --- particles --- */
 
-/* What is the same for all particles of a sweep, for one set of rays. */
+/* Constants shared by all particles of a sweep, for one set of rays. */
 typedef struct spsi_crossing {
     const spsi_rays *rays;
     float sign;                   /* -1 where rays cross the slabs against their order, else 1 */
     float slab_x, slab_y, slab_t; /* slab coordinate along a ray: (slab_t + x slab_x + y slab_y) per t */
     float eye_near;               /* t at which rays begin, as t - depth_reference */
     double row[3], slab_origin;   /* slab coordinate: row . p - slab_origin */
-    double reach;                 /* change of slab coordinate, and */
-    double reach_depth;           /* of t, per world unit perpendicular to slabs, and along the rays' axis, at most */
+    double reach;                 /* change of slab coordinate per world unit, perpendicular to slabs */
+    double reach_depth;           /* maximum change of t per world unit, along the rays' axis */
 } spsi_crossing;
 
 /* A particle as one set of rays sees it, in one chunk of slabs. */
 typedef struct spsi_seen {
     spsi_ball ball;
     float weight;         /* extinction in the middle */
-    float slab, reach;    /* slab coordinate of the centre from the chunk's first slab on; radius in slabs */
-    float reach_depth;    /* radius in t, at most */
-    float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel where t stays */
-    int channel, list;    /* list: of particles in a tile, >>sweep; -1: none */
+    float slab;           /* slab coordinate of the centre, relative to the chunk's first slab */
+    float reach;          /* radius in slabs */
+    float reach_depth;    /* maximum radius in t */
+    float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel at constant t */
+    int channel;          /* of the sheets */
+    int list;             /* the tiles' list that it is in, >>targets; -1: none */
 } spsi_seen;
 
 static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
@@ -7274,7 +7302,7 @@ static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, 
     crossing->reach_depth = spsi_length(rays->inverse[2]);
 }
 
-/* The slab coordinate of a particle's centre, and its radius in slabs for these rays. */
+/* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
 static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particles *set, const sps_particle *particle,
                                 double *slab, double *reach) {
     const spsi_rays *rays = crossing->rays;
@@ -7293,7 +7321,7 @@ static void spsi_seen_build(const spsi_crossing *crossing, const sps_particles *
     double slab, reach, t;
     spsi_ball_build(rays, set, particle, &seen->ball);
     spsi_particle_slabs(crossing, set, particle, &slab, &reach);
-    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* it was spread too thinly */
+    if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
     seen->slab = (float)(slab - first_slab);
     seen->reach = (float)reach;
@@ -7305,18 +7333,18 @@ static void spsi_seen_build(const spsi_crossing *crossing, const sps_particles *
     seen->channel = channel;
 }
 
-/* A ball that is being splatted into a tile: its box there, and the slabs. */
+/* A ball that is being splatted into a tile: its box there, and its slabs. */
 typedef struct spsi_ball_print {
     const spsi_tile *tile;
     const spsi_crossing *crossing;
     const spsi_seen *seen;
-    int x0, x1, y0, y1;
-    int first, last;  /* slabs, the last not included */
-    int starts, ends; /* 1: the first takes what lies before it, the last what lies behind: particles that were widened
-                         to a pixel end there */
+    int x0, x1, y0, y1; /* inclusive */
+    int first, last;    /* slabs; the last is exclusive */
+    int starts;         /* 1: the first slab also receives what a particle widened to a pixel has before it */
+    int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 
-/* Where a vector of rays crosses the slabs of a chunk, in halves of chords from their middles. */
+/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
 static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
                                      spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
@@ -7349,7 +7377,7 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
     sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* The chords of one row of a ball, whose first sheet is given from print->x0 on. */
+/* Splats one row of a ball. `row`: its first sheet, at print->x0. */
 static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamped, float *row) {
     const spsi_ball *ball = &print->seen->ball;
     const spsi_mass mass = ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD;
@@ -7376,8 +7404,8 @@ static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamp
     }
 }
 
-/* Splats a particle into the chunk's slabs of a tile, which are the first ones if `starts`, and the last ones if they
-   are no more than `left`. */
+/* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
+   first one to the last of all. */
 static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int starts,
                                 int left) {
     const spsi_ball *ball = &seen->ball;

@@ -8118,20 +8118,21 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 }
 
 /* =============================================================================================== >>tmaps
-   20 Transmittance maps: a light's texels, how they are filled and how they are asked. Each of up to six faces is a
+   20 Transmittance maps: a light's texels, how they are filled and how they are queried. Each of up to six faces is a
    grid of rays; u is the share of the way from near_depth to far_depth along t. Six faces share the rays of their
-   common edges, and t is the largest coordinate from the light, the same seen from either side: so nothing changes
-   suddenly from face to face. What is opaque is kept apart, as a depth per texel: no technique could hold it without
-   harm to all else. Filling goes a band of tiles at a time, each tile a task of its own that takes volumes, particles
-   and triangles in their order, so that bits do not depend on the number of workers. What meets a vector of texels is
-   always a vector of stretches; what becomes of it depends on the visit: sums of a technique that takes them in any
-   order; the texel's range, before that, where the technique wants it; or a list that is first counted, then filled,
-   sorted, and made into a curve to which the technique is fitted. Volumes are splatted into slabs perpendicular to the
-   light's axis, which is one visit of all voxels for sums and two for the rest. Cost: occluders times texels under them
-   times components; 4 bytes for each of these in a band of 64 rows, or 16 for each stretch in it. */
+   common edges, and t is the largest coordinate from the light, which is the same from either side, so nothing jumps
+   from face to face. Opaque surfaces are kept apart, as a depth per texel: no technique could hold them without harming
+   everything else. A map is filled one row of tiles (a band) at a time. Each tile is a task of its own that visits
+   volumes, particles and triangles in their order, so that the result is the same to the bit for any number of workers.
+   Whatever meets a vector of texels is a vector of stretches. The kind of visit decides what becomes of it: sums, for a
+   technique that accepts stretches in any order; before that the texel's range, where the technique needs it; or a list
+   that is first counted, then filled, sorted, and made into a curve to which the technique is fitted. Volumes are
+   splatted into slabs perpendicular to the light's axis, which takes one visit of all voxels for plain sums and two for
+   the rest. Cost: occluders times texels under them times components; 4 bytes per texel and component in a band of 64
+   rows, or 16 per stretch in it. */
 
-#define SPSI_NO_SURFACE 1e30f /* u of none: no point is so far behind far_depth */
-#define SPSI_GUARD_BAND 0.05  /* of all depth, free at either end of a Fourier series, whose ends are neighbours */
+#define SPSI_NO_SURFACE 1e30f /* u where there is none: no point is so far behind far_depth */
+#define SPSI_GUARD_BAND 0.05  /* share of the depth range, free at either end of a Fourier series: it is periodic */
 
 /* The occluders of a map, as they were added. */
 typedef struct spsi_added {
@@ -8141,21 +8142,21 @@ typedef struct spsi_added {
 
 typedef struct spsi_tmap_data {
     spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
-    spsi_buffer starts;   /* of lists: each texel's first item, and one more */
-    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there is none at all */
+    spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
+    spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
 } spsi_tmap_data;
 
 struct sps_tmap {
     sps_context *context;
     const spsi_technique *technique;
-    int light;                  /* whose shadow_map it is; -1: nobody's */
-    sps_tmap_settings settings; /* resolved */
+    int light;                  /* index of the light whose shadow_map it is; -1: none */
+    sps_tmap_settings settings; /* with defaults filled in */
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
-    sps_view view;              /* the light's */
+    sps_view view;              /* of the light */
     double matrix[16];          /* its camera's world_to_clip */
-    int has_components;         /* 1: the caller has said how many, 0: the technique */
+    int has_components;         /* 1: the caller has set their number; 0: left to the technique */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
-    int has_vectors;            /* 1: vectors of texels are asked at once */
+    int has_vectors;            /* 1: vectors of texels are looked up at once */
     int face_count, replace_invalid;
     int finished, failed;
     spsi_rays rays[SPSI_CUBE_FACES];
@@ -8170,10 +8171,10 @@ static size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
-/* What a technique is asked by in one texel: its floats, the range apart, and u within that. */
+/* What a technique looks up in one texel: its floats without the range, and u within the range. */
 typedef struct spsi_texel {
     const float *floats;
-    float u; /* below 0: before everything */
+    float u; /* below 0: before all occluders */
 } spsi_texel;
 
 static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
@@ -8204,7 +8205,7 @@ static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
     }
 }
 
-/* Bounds of that. */
+/* Bounds of the optical depth of gas before u in one texel. */
 static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float bounds[2]) {
     bounds[0] = 0;
     bounds[1] = SPSI_DEPTH_MAX;
@@ -8221,7 +8222,7 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     }
 }
 
-/* The four texels about a point. */
+/* The four texels around a point, for a bilinear lookup. */
 typedef struct spsi_place_in_map {
     int column[2], row[2]; /* rows of all faces, one below the other */
     double weight[4], t;
@@ -8232,7 +8233,8 @@ static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *pla
     return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
 }
 
-/* Returns 0 outside of the map, before near_depth, and for a point that is not finite. */
+/* Finds the texels around a point. Returns 0 outside of the map, before near_depth, and for a point that is not
+   finite. */
 static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
     const int width = map->rays[0].width, height = map->rays[0].height;
     double q[3], offset[3];
@@ -8246,7 +8248,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
     place->t = q[2];
     place->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
     if (!(place->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
-    if (map->face_count > 1) /* rounding must not lead out of the face */
+    if (map->face_count > 1) /* round-off must not lead out of the face */
         q[0] = fmin(fmax(q[0], 0), width - 1), q[1] = fmin(fmax(q[1], 0), height - 1);
     if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
     x = (int)floor(q[0]);
@@ -8259,10 +8261,10 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
     return 1;
 }
 
-/* The share of the four texels whose surfaces do not come before the point. */
+/* The bilinear share of the four texels whose surfaces do not lie before the point. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
     const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
-    const double u = (place->t - map->settings.near_depth) * map->per_depth; /* may be behind far_depth */
+    const double u = (place->t - map->settings.near_depth) * map->per_depth; /* not clamped: may lie behind far_depth */
     const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
@@ -8273,7 +8275,7 @@ static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place)
     return lit < sum ? lit / sum : 1;
 }
 
-/* The same of a vector of points, of which those outside of the map have no weights. */
+/* The same for a vector of points; those outside of the map have no weights. */
 typedef struct spsi_places {
     spsi_v column[2], row[2], weight[4], u;
 } spsi_places;
@@ -8296,7 +8298,7 @@ static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v ro
     return spsi_select(spsi_less(u, first), zero, map->technique->depths(&map->inner, &texels, within));
 }
 
-/* The same, one texel after the other, but for those without weight. */
+/* The same, one texel at a time; texels without weight are skipped. */
 static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
@@ -8310,14 +8312,14 @@ static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v ro
     return spsi_load(us);
 }
 
-/* The same in the way that the map allows for. */
+/* The same, by whichever of the two the map supports. */
 static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     return map->has_vectors ? spsi_tmap_all_depths(map, column, row, u)
                             : spsi_tmap_each_depth(map, column, row, u, weight);
 }
 
-/* Optical depth of gas at a vector of points: of four texels at the point's own u, not of what lies between their
-   depths. */
+/* Optical depth of gas at a vector of points. Each of the four texels is evaluated at the point's own u, rather than
+   the result interpolated between their depths. */
 static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 4; ++i) {
@@ -8327,8 +8329,8 @@ static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* Optical depth of gas at up to SPSI_LANES world points (packed triples), placed in double precision, and the shares of
-   light that surfaces leave. */
+/* Optical depth of gas at up to SPSI_LANES world points (packed triples), located in double precision, and the shares
+   of light that surfaces let through. */
 static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, float *depths, double *lit) {
     float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
     float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
@@ -8354,7 +8356,7 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     }
 }
 
-/* A vector of points as the rays of the faces that they lie in see them: x and y in texels, and t. */
+/* A vector of points as seen by the rays of the faces that they lie in: x and y in texels, and t. */
 typedef struct spsi_seen_by_map {
     spsi_v face, x, y, t;
     spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
@@ -8380,12 +8382,12 @@ static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen,
         places->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
 }
 
-/* Points given in the coordinates of the map's only rays before any division, t counted from near_depth. */
+/* Points given in the coordinates of the map's only rays, before any division; t is relative to near_depth. */
 static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_map *seen) {
     const spsi_v distance = spsi_add(q[2], spsi_set((float)map->settings.near_depth));
     const spsi_v scale =
         map->rays[0].perspective ? spsi_div(spsi_set(1), spsi_max(distance, spsi_set(FLT_MIN * 16))) : spsi_set(1);
-    /* room for rounding; what lies behind the light lies before near_depth, too */
+    /* allows for round-off; what lies behind the light also lies before near_depth */
     seen->in_range = spsi_less(spsi_set(-1e-6f), spsi_mul(q[2], spsi_set((float)map->per_depth)));
     seen->face = spsi_set(0);
     seen->x = spsi_mul(q[0], scale);
@@ -8393,12 +8395,12 @@ static void spsi_tmap_see(const sps_tmap *map, const spsi_v q[3], spsi_seen_by_m
     seen->t = q[2];
 }
 
-/* Points given as world offsets from the light, seen through the one of six faces that each lies in. */
+/* Points given as world offsets from the light, each seen through the one of six faces that it lies in. */
 static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], spsi_seen_by_map *seen) {
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), last = spsi_set((float)map->rays[0].width - 1);
     const spsi_v x = spsi_abs(offset[0]), y = spsi_abs(offset[1]), z = spsi_abs(offset[2]);
     const spsi_m is_y = spsi_less(x, y), is_z = spsi_less(spsi_max(x, y), z);
-    spsi_v axes[3], per_distance, distance; /* along the face's axis, and the two after it */
+    spsi_v axes[3], per_distance, distance; /* axes: along the face's axis, and along the two after it */
     for (int i = 0; i < 3; ++i)
         axes[i] = spsi_select(is_z, offset[(i + 2) % 3], spsi_select(is_y, offset[(i + 1) % 3], offset[i]));
     distance = spsi_abs(axes[0]);
@@ -8412,8 +8414,8 @@ static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], sps
     seen->in_range = spsi_and(seen->in_range, spsi_less(zero, distance));
 }
 
-/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see, or of six faces
-   spsi_tmap_see_round, takes. Floats do within a picture. */
+/* Optical depth of gas at a vector of points, in the coordinates that spsi_tmap_see expects, or spsi_tmap_see_round for
+   six faces. Floats are precise enough within an image. */
 static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     spsi_seen_by_map seen;
     spsi_places places;
@@ -8426,12 +8428,12 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     return spsi_tmap_depths(map, &places);
 }
 
-/* Optical depth, surfaces included, from that of gas and the share that surfaces leave. */
+/* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
 static double spsi_depth_with_surfaces(double depth, double lit) {
     return lit > 0 ? fmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
 }
 
-/* Certain bounds of the optical depth at a world point, surfaces included. */
+/* Guaranteed bounds of the optical depth at a world point, surfaces included. */
 static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
     spsi_place_in_map place;
     double lit;
@@ -8447,11 +8449,11 @@ static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], dou
     for (int k = 0; k < 2; ++k) bracket[k] = spsi_depth_with_surfaces(bracket[k], lit);
 }
 
-/* --- filling one: tiles --- */
+/* --- filling a map: tiles --- */
 
 typedef enum spsi_visit { SPSI_VISIT_RANGE, SPSI_VISIT_SUMS, SPSI_VISIT_COUNT, SPSI_VISIT_LIST } spsi_visit;
 
-/* What splatting volumes into a face takes. */
+/* Everything needed to splat volumes into a face. */
 typedef struct spsi_map_volumes {
     spsi_slabs slabs;
     spsi_target target;
@@ -8459,13 +8461,13 @@ typedef struct spsi_map_volumes {
     spsi_light_shader shader;
 } spsi_map_volumes;
 
-/* What all maps of a light, or faces of one, are made from. */
+/* The occluders that all faces of a map are made from. */
 typedef struct spsi_occluders {
     const spsi_frame *frame;
     spsi_faces faces;
-    const spsi_ball *balls;                   /* for the face at hand */
-    const uint32_t *tile_starts, *tile_balls; /* of each tile, and one more; tile_balls NULL: all of every tile */
-    int *boxes;                               /* of triangles, in texels of the face at hand */
+    const spsi_ball *balls;                   /* for the current face */
+    const uint32_t *tile_starts, *tile_balls; /* of each tile, plus one more; tile_balls NULL: all, for every tile */
+    int *boxes;                               /* of triangles, in texels of the current face */
     spsi_map_volumes *volumes;                /* NULL: none */
     spsi_part_of_call part;
 } spsi_occluders;
@@ -8476,10 +8478,10 @@ typedef struct spsi_band {
     int tiles_x;
     size_t first_texel;      /* of the map */
     float *ranges, *sums;    /* tile after tile */
-    uint32_t *starts;        /* per texel, and one more: its first stretch */
+    uint32_t *starts;        /* per texel, plus one more: its first stretch */
     uint32_t *places;        /* per texel: the number of its stretches, or where the next one goes */
     spsi_stretch *stretches; /* of all its texels */
-    uint32_t most;           /* stretches in a texel */
+    uint32_t most;           /* maximum number of stretches in a texel */
 } spsi_band;
 
 typedef struct spsi_filling {
@@ -8489,19 +8491,19 @@ typedef struct spsi_filling {
     spsi_band band;
     spsi_visit visit;
     int has_soft;  /* 1: some particles are soft */
-    int pieces;    /* that these may be cut into */
+    int pieces;    /* maximum number that each of these is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
-    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; they are where its stretches
-                      were, if they found room there */
+    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; the nodes replace its stretches
+                      where they fit */
     char *scratch; /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
-    double slab_u, u_per_slab; /* u of the plane between slabs: slab_u + k u_per_slab */
+    double slab_u, u_per_slab; /* u of the plane before slab k: slab_u + k u_per_slab */
     double light_u;            /* of the light's own position, or -infinity */
     double progress;
 } spsi_filling;
 
-/* A tile's texels. Its sums are components planes of width x height floats and a vector more, so that a vector that
-   reaches beyond the last row spoils nothing. */
+/* A tile's texels. Its sums are `components` planes of width x height floats plus one vector, so that a vector that
+   reaches beyond the last row overwrites nothing. */
 typedef struct spsi_bin {
     const spsi_filling *filling;
     int x0, y0, width, height;
@@ -8513,7 +8515,7 @@ static int spsi_filling_height(const spsi_filling *filling) {
     return spsi_least(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
 }
 
-/* Floats of a band with so many components. */
+/* Number of floats of a band with `components` components. */
 static size_t spsi_band_floats(const sps_tmap *map, int components) {
     const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]);
     const size_t height = (size_t)spsi_least(SPSI_TILE_HEIGHT, map->rays[0].height);
@@ -8548,12 +8550,12 @@ static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretch
     spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* How far stretches may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range, which may
-   be tiny, where no farther tells anything. */
+/* Limits of how far stretches may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range,
+   which may be tiny, where going farther makes no difference. */
 #define SPSI_STRETCH_REACH 1e30
 #define SPSI_RANGE_REACH   1e6f
 
-/* Counts u from the texel's first occluder to its last; ends that lie outside of 0..1 stay outside. */
+/* Makes u relative to the texel's range; ends that lie outside of 0..1 stay outside. */
 static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches *stretches) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(bin->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(bin->ranges + bin->stride + at), first);
@@ -8582,7 +8584,7 @@ static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stret
     }
 }
 
-/* What meets the texels from (x, y) of a tile on; of those beyond its edge, depth must be 0. */
+/* Inserts stretches into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
 static void spsi_insert(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
     const spsi_filling *filling = bin->filling;
     const size_t at = (size_t)((y - bin->y0) * bin->width + (x - bin->x0));
@@ -8599,7 +8601,7 @@ static void spsi_insert(const spsi_bin *bin, int x, int y, const spsi_stretches 
 
 /* --- particles --- */
 
-/* A stretch in one texel. */
+/* Inserts a stretch into one texel. */
 static void spsi_insert_one(const spsi_bin *bin, int x, int y, const spsi_stretch *stretch) {
     float lanes[3][SPSI_LANES] = {{0}};
     spsi_stretches one;
@@ -8634,8 +8636,8 @@ static const double spsi_gauss_weights[SPSI_GAUSS_POINTS] = {0.1713244923791704,
                                                              0.4679139345726910, 0.4679139345726910,
                                                              0.3607615730481386, 0.1713244923791704};
 
-/* What of a soft chord lies between two places, as points: for moments exact, for Fourier series good to 1e-6, as no
-   part is longer than a wave. */
+/* Inserts the part of a soft chord between two positions as points: exact for moments, and good to 1e-6 for Fourier
+   series, since no part is longer than a wave. */
 static void spsi_insert_points(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double from, double to) {
     const sps_tmap *map = bin->filling->map;
     const int waves = map->inner.components / 2;
@@ -8650,7 +8652,7 @@ static void spsi_insert_points(const spsi_bin *bin, int x, int y, const spsi_cut
     }
 }
 
-/* A chord that is cut, for techniques that take it in parts: what lies before 0 or behind 1 counts there. */
+/* Inserts a clipped chord in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
 static void spsi_insert_parts(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double light) {
     const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
     const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
@@ -8666,8 +8668,9 @@ static void spsi_insert_parts(const spsi_bin *bin, int x, int y, const spsi_cut_
     spsi_insert_one(bin, x, y, &back);
 }
 
-/* A chord that holds the light, or is cut otherwise and has to be taken in parts: in t, and its optical depth. What
-   lies before the light does not count: the rest is the last part of a chord. */
+/* Inserts a chord that contains the light, or is clipped otherwise and has to be inserted in parts. `in_t`: its middle
+   and half length in t, and its optical depth. What lies before the light does not count: the rest is the last part of
+   a chord. */
 static void spsi_insert_cut(const spsi_bin *bin, int soft, int x, int y, const float in_t[3]) {
     const spsi_filling *filling = bin->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
@@ -8686,8 +8689,8 @@ static void spsi_insert_cut(const spsi_bin *bin, int soft, int x, int y, const f
     }
 }
 
-/* Chords of which some reach beyond 0..1: those that hold the light, and where a technique takes what is cut in parts,
-   all that are cut, go in one by one; the rest together. */
+/* Inserts chords of which some reach beyond 0..1. Those that contain the light, and all clipped ones where a technique
+   needs these in parts, are inserted one by one; the rest together. */
 static void spsi_insert_cut_chords(const spsi_bin *bin, int soft, int x, int y, const spsi_chord *chord,
                                    spsi_stretches *stretches) {
     const int parts = bin->filling->map->technique->points;
@@ -8711,7 +8714,7 @@ static void spsi_insert_cut_chords(const spsi_bin *bin, int soft, int x, int y, 
     spsi_insert(bin, x, y, stretches);
 }
 
-/* A row of a ball's texels from x on. */
+/* Inserts a vector of a ball's texels in a row, from x on. */
 static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x, int y, int last) {
     const spsi_filling *filling = bin->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
@@ -8751,7 +8754,8 @@ static void spsi_bin_balls(const spsi_bin *bin, int tile) {
 
 /* --- triangles --- */
 
-/* A triangle in a tile: a sheet without thickness, or, where it is opaque, the nearest surface of the texels. */
+/* Inserts a triangle into a tile: as a sheet without thickness or, if it is opaque, as the nearest surface of its
+   texels. */
 static void spsi_bin_triangle(const spsi_bin *bin, int number) {
     const spsi_filling *filling = bin->filling;
     const sps_tmap *map = filling->map;
@@ -8799,7 +8803,7 @@ static void spsi_fill_task(void *data, int index, int worker) {
 
 /* --- volumes --- */
 
-/* The slabs of a chunk that a tile's voxels were splatted into, as stretches. */
+/* Inserts the slabs of a chunk that a tile's voxels were splatted into, as stretches. */
 static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
     const spsi_filling *filling = bin->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
@@ -8852,7 +8856,7 @@ static sps_result spsi_fill_volumes(spsi_filling *filling) {
     return filling->context->result;
 }
 
-/* --- what becomes of a band --- */
+/* --- a band of sums --- */
 
 static void spsi_clear_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
@@ -8911,7 +8915,7 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
 
 /* --- lists --- */
 
-/* Counts the band's stretches, lists them, and says how many any texel has at most. */
+/* Counts the band's stretches, lists them, and finds the maximum number in a texel. */
 static sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -8939,7 +8943,7 @@ static sps_result spsi_fill_lists(spsi_filling *filling) {
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* Memory of a worker that fits: stretches, a curve, and compressed nodes, or whatever a technique takes. */
+/* A worker's memory for fitting: stretches, a curve, and compressed nodes or whatever a technique needs. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
     spsi_stretch *stretches;
@@ -8948,7 +8952,7 @@ typedef struct spsi_fitting {
 
 static size_t spsi_fitting_stretches(const spsi_filling *filling) {
     const size_t most = filling->band.most;
-    if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are sorted, and kept as they are */
+    if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are only sorted, not fitted */
     return SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces);
 }
 
@@ -8975,7 +8979,7 @@ static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fit
     fitting->nodes = fitting->curve + spsi_fitting_curve(filling);
 }
 
-/* The nodes of a compressed map's texel, whose list is sorted; gives how many there are. */
+/* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_stretch *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int pieces = spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
@@ -8983,12 +8987,12 @@ static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_stre
     return (uint32_t)spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
 }
 
-/* Nodes that find room where a texel's stretches were. */
+/* Number of nodes that fit into the memory of a texel's stretches. */
 static uint32_t spsi_nodes_in_place(uint32_t stretches) {
     return stretches * (uint32_t)(sizeof(spsi_stretch) / sizeof(spsi_node));
 }
 
-/* Sorts a texel's list, and makes of it what the technique keeps: floats, or, where that is a list too, the number of
+/* Sorts a texel's list, and turns it into what the technique keeps: floats or, where that is a list too, the number of
    its items, in `places`. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
@@ -9010,7 +9014,7 @@ static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     }
 }
 
-/* Writes the nodes of a compressed map's texel to where they are kept. */
+/* Writes the nodes of a compressed map's texel to their final place. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const size_t place = texel - filling->band.first_texel;
@@ -9023,7 +9027,7 @@ static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
            nodes * sizeof(spsi_node));
 }
 
-/* The texels of a row of a tile: a tile would take too long where lists are long. */
+/* Fits the texels of one row of a tile: a whole tile would take too long where lists are long. */
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_fitting fitting;
@@ -9047,7 +9051,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
                              (double)map->settings.byte_budget, rule);
 }
 
-/* Makes room for the items of a band whose numbers are in `places`, and copies a deep map's. */
+/* Makes room for the items of a band, whose numbers are in `places`, and copies those of a deep map. */
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -9082,7 +9086,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     if (spsi_fill_lists(filling)) return context->result;
     filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
     filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
-    /* what brackets can be sure of */
+    /* the error that brackets allow for */
     filling->map->inner.epsilon =
         spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
@@ -9108,21 +9112,21 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
 
 /* --- particles into tiles --- */
 
-/* By so many steps of depth particles are put in order; finer ones would not shorten what is left to sort. */
+/* Number of depth steps by which particles are sorted; more would not shorten the sorting that remains. */
 #define SPSI_DEPTH_STEPS 4096
 
-/* Radii in texels: up to the first a particle's mass is made exact at whatever place among the texels it lies; from the
-   second on its chords are. Between these it is one by one share and the other by the rest. */
+/* Radii in texels. Up to the first, a particle's mass is made exact wherever among the texels it lies; from the second
+   on, its chords are exact. In between, the two are blended. */
 #define SPSI_BALL_FINE   1.0
 #define SPSI_BALL_COARSE 1.5
 
 typedef struct spsi_ball_job {
     const spsi_rays *rays;
-    const spsi_rays *faces; /* of a cube, whose particles keep one mass for all of them; NULL: there is but one face */
+    const spsi_rays *faces; /* of a cube, in all of which a particle has one mass; NULL: there is only one face */
     const spsi_frame *frame;
     double near_depth, steps_per_depth;
-    uint32_t *order; /* of particles; NULL: as they come */
-    uint16_t *steps; /* of depth, from near_depth on, at which each begins */
+    uint32_t *order; /* of particles; NULL: in their own order */
+    uint16_t *steps; /* the depth step, from near_depth on, at which each particle begins */
     spsi_ball *balls;
 } spsi_ball_job;
 
@@ -9144,7 +9148,8 @@ static size_t spsi_balls_order_bytes(size_t particles) {
     return SPSI_DEPTH_STEPS * sizeof(uint32_t) + particles * (sizeof(uint32_t) + sizeof(uint16_t));
 }
 
-/* Puts particles in the order in which light meets them, so that the lists of all texels come nearly sorted. */
+/* Sorts particles into the order in which light meets them (a counting sort), so that the lists of all texels are
+   nearly sorted already. */
 static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     const int count = job->frame->content->particle_count;
     uint32_t *starts, sum = 0;
@@ -9164,8 +9169,8 @@ static sps_result spsi_balls_order(sps_context *context, spsi_ball_job *job) {
     return SPS_OK;
 }
 
-/* The solid angle of a texel of a cube's face, in units of one in its middle; those on an edge have half of theirs in
-   the face. */
+/* Solid angle of a texel of a cube's face, relative to one in its middle; a texel on an edge has only half of its solid
+   angle in the face. */
 static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     const int edges = (x == 0 || x == rays->width - 1) + (y == 0 || y == rays->height - 1);
     double e[3];
@@ -9173,8 +9178,8 @@ static double spsi_ray_angle(const spsi_rays *rays, int x, int y) {
     return pow(spsi_dot(e, e), -1.5) * (edges == 0 ? 1 : edges == 1 ? 0.5 : 0.25);
 }
 
-/* The sum of a ball's chords, 1 in its middle, over the texels of a box; around a light each counts by its solid angle.
-   A row after the other, one by one, so that the sum does not depend on the vectors' length. */
+/* Sum of a ball's chords, each 1 in its middle, over the texels of a box; around a light, texels are weighted by their
+   solid angle. Summed row by row and one by one, so that the sum does not depend on the vectors' length. */
 static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const int box[4], int round) {
     double sum = 0;
     for (int y = box[1]; y <= box[3]; ++y)
@@ -9192,11 +9197,11 @@ static double spsi_ball_sum(const spsi_rays *rays, const spsi_ball *ball, const 
     return sum;
 }
 
-/* The mean of a ball's chords, 1 in the middle, over its outline. */
+/* Mean of a ball's chords, which are 1 in the middle, over its outline. */
 static double spsi_ball_mean(const spsi_ball *ball) { return ball->soft ? 2.0 / 5 : 2.0 / 3; }
 
-/* Texels that a ball may cover, beyond its face's edges too, for one that is not near by: an ellipse. Returns its area,
-   or 0 where it is seen at so grazing an angle that it is none. */
+/* Box of texels that a ball which is not near may cover, also beyond its face's edges: that of an ellipse. Returns the
+   ellipse's area, or 0 where the angle is so grazing that there is none. */
 static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
     const double a = (double)ball->cross[0], b = (double)ball->cross[1], c = (double)ball->cross[2];
     const double square = a * c - b * b, x = ball->x0 + (double)ball->x, y = ball->y0 + (double)ball->y;
@@ -9209,8 +9214,8 @@ static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
     return SPSI_PI / sqrt(square);
 }
 
-/* What the chords of a ball add up to in all faces about a light, over what they should. It is the same for each face
-   that sees the ball, so that no seam shows. */
+/* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
+   sees the ball, so that there is no seam. */
 static double spsi_ball_mass_round(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
                                    const spsi_ball *ball, const double offset[3]) {
     const double texel = spsi_length(job->rays->a) * spsi_length(offset);
@@ -9231,7 +9236,7 @@ static double spsi_ball_mass_round(const spsi_ball_job *job, const sps_particles
     return sum * texel * texel / (SPSI_PI * radius * radius * spsi_ball_mean(ball));
 }
 
-/* What a ball's chords add up to over all texels, over what they should; 1 where that is not known. */
+/* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
 static double spsi_ball_mass(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
                              const spsi_ball *ball, const double offset[3]) {
     int box[4];
@@ -9241,13 +9246,13 @@ static double spsi_ball_mass(const spsi_ball_job *job, const sps_particles *set,
     return area > 0 ? spsi_ball_sum(job->rays, ball, box, 0) / (area * spsi_ball_mean(ball)) : 1;
 }
 
-/* Gives a ball of a texel or less the optical depth with which its mass is right, wherever its centre is among the
+/* Adjusts the optical depth of a ball of a texel or less so that its mass is exact, wherever its centre lies among the
    texels. */
 static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
                             spsi_ball *ball) {
     const spsi_rays *rays = job->rays;
     double centre[3], offset[3], texel, share, mass;
-    /* most are too large by far: the sum of the outline's two inverse squared half axes is small */
+    /* most are much too large: the sum of the inverse squares of the outline's half axes is small */
     if (!ball->near_by && (double)ball->cross[0] + (double)ball->cross[2] < 1 / (SPSI_BALL_COARSE * SPSI_BALL_COARSE))
         return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
@@ -9255,7 +9260,7 @@ static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, 
     texel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
     share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
     if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
-    /* so few texels that a ball about the light, or a face, is no larger */
+    /* a face of too few texels, or a ball as wide as its distance */
     if (job->faces && (rays->width < 3 || !(2 * (double)particle->radius < spsi_length(offset)))) return;
     mass = spsi_ball_mass(job, set, particle, ball, offset);
     if (mass > 0) ball->depth *= (float)(1 + fmin(share, 1) * (1 / mass - 1));
@@ -9274,12 +9279,12 @@ static void spsi_balls_task(void *data, int index, int worker) {
     }
 }
 
-#define SPSI_OUTSIDE 1e-3 /* of a map's depths, beyond them: less is negligible */
+#define SPSI_OUTSIDE 1e-3 /* share of a map's depth range: reaching less beyond it is negligible */
 
-/* Tiles that a ball meets, on the mean, from which on no lists are made: such balls cover much of a map anyway. */
+/* Average number of tiles per ball above which no lists are made: such balls cover much of a map anyway. */
 #define SPSI_BALL_TILES 8
 
-/* Counts the balls of each tile in starts, or, where there is a list, enters them at starts, which move on. */
+/* Counts the balls of each tile in `starts`; or, if there is a list, stores them at `starts`, which are advanced. */
 static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tiles_x, uint32_t *starts, uint32_t *list) {
     for (size_t i = 0; i < count; ++i) {
         const spsi_ball *ball = &balls[i];
@@ -9293,14 +9298,16 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
     }
 }
 
-/* Counts the balls that reach beyond the map's depths: of six faces, on the one that the centre is seen through. */
+/* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
+   seen. */
 static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
     const double per_length = spsi_length(rays->inverse[2]);
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
         const spsi_ball *ball = &balls[i];
         const double radius = ball->near_by ? (double)ball->world_radius * per_length : (double)ball->radius;
-        const double low = fmax(((double)ball->t - radius) * map->per_depth, light); /* behind the light is no loss */
+        const double low =
+            fmax(((double)ball->t - radius) * map->per_depth, light); /* behind the light, none is lost */
         const double high = ((double)ball->t + radius) * map->per_depth;
         double offset[3];
         if (ball->x1 < ball->x0 || ball->y1 < ball->y0 || (low > -SPSI_OUTSIDE && high < 1 + SPSI_OUTSIDE)) continue;
@@ -9310,7 +9317,8 @@ static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_
     }
 }
 
-/* Sees the particles as a face's rays do, in order of depth if lists are to be made of them, and lists each tile's. */
+/* Builds the particles as a face's rays see them, sorted by depth if the technique needs lists, and lists those of each
+   tile. */
 static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
@@ -9344,16 +9352,16 @@ static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_
     list = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_BALL_LIST, (size_t)sum, sizeof *list);
     if (!list) return context->result;
     spsi_balls_into_tiles(job.balls, count, tiles_x, starts, list);
-    memmove(starts + 1, starts, tiles * sizeof *starts); /* each had moved on to where the next begins */
+    memmove(starts + 1, starts, tiles * sizeof *starts); /* each was advanced to where the next begins */
     starts[0] = 0;
     occluders->tile_starts = starts;
     occluders->tile_balls = list;
     return SPS_OK;
 }
 
-/* --- a face, and a map --- */
+/* --- a face, and the whole map --- */
 
-/* Slabs perpendicular to a face's axis, for the volumes of a frame; particles are no part of sheets here. */
+/* Slabs perpendicular to a face's axis, for the volumes of a frame; here particles are not part of sheets. */
 static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                   spsi_slabs *slabs) {
     double least;
@@ -9408,7 +9416,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
     return SPS_OK;
 }
 
-/* What the map holds, or, before it is finished, will hold as far as is known. */
+/* Bytes that the map holds; before it is finished, what it will hold, as far as that is known. */
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t texels = spsi_tmap_texel_count(map);
     const size_t fixed = sizeof *map + map->planes.size;
@@ -9417,7 +9425,7 @@ static size_t spsi_tmap_bytes(const sps_tmap *map) {
     return fixed + texels * (size_t)map->settings.components * sizeof(float);
 }
 
-/* Room for what the map holds, as far as that is known. */
+/* Reserves what the map will hold, as far as that is known. */
 static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     const size_t texels = spsi_tmap_texel_count(map);
     float *surfaces = NULL;
@@ -9434,7 +9442,7 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     return map->context->result;
 }
 
-/* Gives back what a list has grown to beyond what it holds. */
+/* Releases the memory that a list has grown to beyond what it holds. */
 static sps_result spsi_tmap_trim(sps_tmap *map) {
     const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
     const size_t count = ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
@@ -9447,7 +9455,7 @@ static sps_result spsi_tmap_trim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* Fills a map with the triangles, and with the voxels and particles of the frame, which are gathered. */
+/* Fills a map with the triangles, and with the frame's voxels and particles, which must have been gathered. */
 static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     sps_context *context = map->context;
     spsi_filling filling;
@@ -9479,14 +9487,14 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         return context->result;
     map->finished = 1;
     if (!map->settings.byte_budget || spsi_tmap_bytes(map) <= map->settings.byte_budget) return SPS_OK;
-    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* as long as it is finished, it knows */
+    spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map)); /* only while it is finished is its size known */
     map->finished = 0;
     return context->result;
 }
 
-/* --- making one --- */
+/* --- making a map --- */
 
-/* Checks the camera of a map's light, or, if it shines all round, where it is. */
+/* Checks the camera of a map's light, or only its position if the light is omnidirectional. */
 static sps_result spsi_check_tmap_camera(sps_context *context, const sps_tmap_light *light) {
     const sps_camera *camera = &light->camera;
     double forward[3];
@@ -9519,7 +9527,8 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *li
     return spsi_check_tmap_camera(context, light);
 }
 
-/* Fills in the number of components, as many as the budget has room for if that is left to the technique. */
+/* Fills in the number of components; if it is left to the technique, the largest that fits into the budget, up to the
+   default. */
 static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
@@ -9533,7 +9542,7 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
-    /* look-ups count in ints */
+    /* lookups index by int */
     map->has_vectors = technique->depths && spsi_tmap_texel_count(map) <= INT32_MAX / (size_t)settings->components;
     return budget && spsi_tmap_bytes(map) > budget ? spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map))
                                                    : SPS_OK;
@@ -9565,7 +9574,7 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* The rays of a map's faces. */
+/* Builds the rays of a map's faces. */
 static sps_result spsi_tmap_aim(sps_tmap *map) {
     map->rays[0].width = map->view.width;
     map->rays[0].height = map->view.height;
@@ -9591,7 +9600,7 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
     return SPS_OK;
 }
 
-/* Fills a map that is zeroed but for its context. */
+/* Sets up a map that is zeroed except for its context. */
 static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, const sps_tmap_settings *settings) {
     map->light = -1;
     map->settings = spsi_settings_resolve(settings);
@@ -9611,7 +9620,7 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
     return spsi_tmap_take_planes(map);
 }
 
-/* Appends structs to those that a map has been given. */
+/* Appends structs to those already added to a map. */
 static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held, const void *more, int count,
                                    size_t size) {
     const size_t kept = (size_t)*held, all = kept + (size_t)count;
@@ -9625,7 +9634,7 @@ static sps_result spsi_tmap_append(sps_tmap *map, spsi_buffer *buffer, int *held
     return SPS_OK;
 }
 
-/* All of it or nothing, so that a failed one can be repeated. */
+/* Adds all of a scene or nothing, so that a failed call can be repeated. */
 static sps_result spsi_tmap_add(sps_tmap *map, const sps_scene *scene) {
     const int volumes = map->added.volume_count, meshes = map->added.mesh_count;
     if (spsi_check_scene(map->context, scene)) return map->context->result;
@@ -9651,7 +9660,7 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.surfaces);
 }
 
-/* What was added is read, and no longer needed. */
+/* Releases the occluders that were added, once they have been read. */
 static void spsi_tmap_forget(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->added.volumes);
     spsi_buffer_release(map->context, &map->added.meshes);
@@ -9659,7 +9668,7 @@ static void spsi_tmap_forget(sps_tmap *map) {
     map->added.volume_count = map->added.mesh_count = map->added.particle_set_count = 0;
 }
 
-/* The frame of all that was added, as the light's first face sees it. NULL: failed. */
+/* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
 static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     spsi_frame *frame;
     memset(scene, 0, sizeof *scene);
@@ -9679,7 +9688,7 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
     return frame;
 }
 
-/* Whether the box about all voxels reaches beyond a map's depths. */
+/* Whether the box around all voxels reaches beyond a map's depth range. */
 static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
     const double near_depth = map->settings.near_depth, room = SPSI_OUTSIDE / map->per_depth;
     for (int corner = 0; corner < 8 && !spsi_bounds_empty(bounds); ++corner) {
@@ -9694,7 +9703,7 @@ static int spsi_voxels_outside(const sps_tmap *map, const spsi_bounds *bounds) {
     return 0;
 }
 
-/* Tells message_fn of gas that lies beyond the map's depths, and so counts at either end of them. */
+/* Tells message_fn of gas that lies beyond the map's depth range and so counts at its ends. */
 static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame) {
     const sps_context *context = map->context;
     const double particles = (double)context->stats.particles_outside;
@@ -9707,7 +9716,7 @@ static void spsi_tmap_tell_outside(const sps_tmap *map, const spsi_frame *frame)
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Tells message_fn if the light is inside the gas, since its one view covers only what is in front of it. */
+/* Tells message_fn if the light is inside the gas, since its single view covers only what lies in front of it. */
 static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
     const sps_config *config = &map->context->config;
     const spsi_rays *rays = &map->rays[0];
@@ -9725,7 +9734,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     spsi_frame *frame = spsi_tmap_frame(map, &scene);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
-    /* voxels last, whose bounds alone the slabs are cut from: particles take none */
+    /* voxels last, since slabs are cut from their bounds alone: particles need none */
     if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
@@ -9740,7 +9749,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
 
 /* --- a light's own map --- */
 
-/* The depths along a face's axis between which all gas lies. */
+/* Fits the depth range, along a face's axis, to all gas. */
 static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     sps_tmap_settings *settings = &map->settings;
     double low = HUGE_VAL, high = 0, room;
@@ -9756,7 +9765,7 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
         low = fmin(low, q[2]);
         high = corner > 0 ? fmax(high, q[2]) : q[2];
     }
-    /* gas that its distance does not tell from a point still lies between two depths */
+    /* gas so far away that it looks like a point still lies between two depths */
     high = fmax(high, low + fmax(1e-12 * fabs(low), DBL_MIN / DBL_EPSILON));
     room = settings->technique == SPS_TMAP_FOURIER && !map->has_range ? SPSI_GUARD_BAND * (high - low) : 0;
     settings->near_depth = map->rays[0].perspective ? fmax(low - room, 0) : low - room;
@@ -9765,7 +9774,7 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* Six grids of rays about a point light, whose texels are as large as wished where the gas is farthest. */
+/* Six grids of rays around a point light, whose texels have the desired size where the gas is farthest. */
 static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, const spsi_lamp *lamp, double texel,
                                       int size, int most) {
     double farthest = 0;
@@ -9781,7 +9790,7 @@ static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, co
     return SPS_OK;
 }
 
-/* Aims a light's map at the gas: one grid of rays if the light sees all of it within a cone, six if not. */
+/* Aims a light's map at the gas: one grid of rays if the light sees all of it within a cone, otherwise six. */
 static sps_result spsi_tmap_aim_lamp(sps_tmap *map, const spsi_frame *frame, const spsi_lamp *lamp) {
     const int size = lamp->map_size;
     const int most = spsi_light_texels_most(frame);
@@ -9794,7 +9803,7 @@ static sps_result spsi_tmap_aim_lamp(sps_tmap *map, const spsi_frame *frame, con
                           "cannot tell its texels apart");
 }
 
-/* Fills the map that gas shades by in a light. */
+/* Fills the map by which gas casts a light's shadow. */
 static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       const spsi_part_of_call *part, sps_tmap *map) {
     spsi_occluders occluders;

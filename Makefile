@@ -6,7 +6,7 @@
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and which test notices each; LIMIT=2400 seconds, then again to go on
 # make bench       times, as ratios within one run, and error against time
-# make accuracy    error against time alone, into docs/accuracy.md
+# make accuracy    error against time alone, into docs/accuracy.md, whose first lines stay
 # make maps        transmittance maps against each other, into docs/maps.md and docs/maps_*.png
 # make gallery     the pictures of the scene programs alone
 # make pictures    the small ones in docs/
@@ -101,8 +101,8 @@ build/bench_plain: examples/bench.c $(HEADERS) | build
 
 accuracy: build/bench
 	build/bench accuracy | tee build/accuracy.txt
-	@{ echo '# Error against time'; echo; echo 'Printed by `make accuracy`. Times are those of the machine it ran on.'; echo; \
-		echo '```'; cat build/accuracy.txt; echo '```'; } > docs/accuracy.md
+	@{ sed '/^```/,$$d' docs/accuracy.md; echo '```'; cat build/accuracy.txt; echo '```'; } > build/accuracy.md
+	cp build/accuracy.md docs/accuracy.md
 
 # The program prints Markdown. Its pictures are in build/maps_pictures/, since build/maps is the program itself.
 .PHONY: maps

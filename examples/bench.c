@@ -714,7 +714,7 @@ static void print_setting(ex_session *session, const frame *f, const double *exa
 }
 
 static void print_curve(ex_session *session, frame *f, const double *exact, const double *own, best_setting *best) {
-    printf("\n  %d^3 voxels, kernels and ends of rays as in %s\n       ", f->volume.size[0],
+    printf("\n  %d^3 voxels, kernels and ray termination as in %s\n       ", f->volume.size[0],
            f->view.quality == SPS_QUALITY_DRAFT ? "draft" : "medium");
     for (int k = 0; k < CURVE_SHADOWS; ++k) printf(" | shadow buffer %4d            ", curve_shadows[k]);
     printf("\n  slab ");
@@ -907,7 +907,7 @@ static void bench_classified(void) {
     ex_session_measure(&session, program, WORKERS);
     for (int shape = DENSE_BALL; shape <= DENSE_HALF_SPACE; ++shape)
         dense_reference(&session, (dense_shape)shape, &transfer, references[shape]);
-    printf("\nWhat is classified: optical depth 3 per voxel, shaded as a surface; against sps_reference at step 0.25\n"
+    printf("\nClassified volumes: optical depth 3 per voxel, shaded as a surface; against sps_reference at step 0.25\n"
            "             a ball of radius 12             a flat surface, even in the reference\n"
            "           rmse    largest      ms           dimmest  brightest\n");
     for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {

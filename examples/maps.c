@@ -385,9 +385,9 @@ static const trial *best_within(const set_up *s, int components) {
 }
 
 static void print_best(set_up *const *scenes) {
-    printf(
-        "\n## Which technique to take for so many bytes\n\nThe least rms error in the gas among all maps that take no "
-        "more than 6, 8, 16 or 24 floats a texel.\n\n| scene |");
+    printf("\n## The most accurate technique for each size\n\nThe smallest rms error in the gas among all maps that "
+           "take no "
+           "more than 6, 8, 16 or 24 floats per texel.\n\n| scene |");
     for (int which = 0; which < COUNTS; ++which) printf(" %d |", counts[which]);
     printf("\n|---|---|---|---|---|\n");
     for (int i = 0; i < SCENES; ++i) {
@@ -491,12 +491,12 @@ enum {
 };
 
 static const claim error_claims[ERROR_CLAIMS] = {
-    [DEEP_BETTER_6] = {"6: deep opacity is more exact than opacity", "opacity / deep", deep_gain, 6, 0, 1, HUGE_VAL},
+    [DEEP_BETTER_6] = {"6: deep opacity is more accurate than opacity", "opacity / deep", deep_gain, 6, 0, 1, HUGE_VAL},
     [DEEP_BETTER_8] = {"8: the same", "opacity / deep", deep_gain, 8, 0, 1, HUGE_VAL},
-    [DEEP_EQUAL_16] = {"16: the two are all but equal", "opacity / deep, 0.8..1.25", deep_gain, 16, 0, 0.8, 1.25},
+    [DEEP_EQUAL_16] = {"16: the two are practically equal", "opacity / deep, 0.8..1.25", deep_gain, 16, 0, 0.8, 1.25},
     [DEEP_EQUAL_24] = {"24: the same", "opacity / deep, 0.8..1.25", deep_gain, 24, 0, 0.8, 1.25},
-    [FOURIER_WORST_6] = {"6: Fourier is the least exact of the three", "Fourier / the worse", fourier_over_most, 6, 0,
-                         1, HUGE_VAL},
+    [FOURIER_WORST_6] = {"6: Fourier is the least accurate of the three", "Fourier / the worse", fourier_over_most, 6,
+                         0, 1, HUGE_VAL},
     [FOURIER_WORST_8] = {"8: the same", "Fourier / the worse", fourier_over_most, 8, 0, 1, HUGE_VAL},
     [FOURIER_WORST_16] = {"16: the same", "Fourier / the worse", fourier_over_most, 16, 0, 1, HUGE_VAL},
     [FOURIER_WORST_24] = {"24: the same", "Fourier / the worse", fourier_over_most, 24, 0, 1, HUGE_VAL},
@@ -506,7 +506,7 @@ static const claim error_claims[ERROR_CLAIMS] = {
     [OPACITY_GAINS] = {"opacity: more numbers, less error", "6 / 24", over_largest, 6, OPACITY, 1, HUGE_VAL},
     [DEEP_GAINS] = {"deep opacity: the same", "6 / 24", over_largest, 6, DEEP_OPACITY, 1, HUGE_VAL},
     [FOURIER_GAINS] = {"Fourier: the same", "6 / 24", over_largest, 6, FOURIER, 1, HUGE_VAL},
-    [OPACITY_OWN] = {"opacity, 8: its own 24 will do for the truth", "own / true, 0.8..1.25", own_over_true, 8, OPACITY,
+    [OPACITY_OWN] = {"opacity, 8: its own 24 serves as the truth", "own / true, 0.8..1.25", own_over_true, 8, OPACITY,
                      0.8, 1.25},
     [DEEP_OWN] = {"deep opacity, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, DEEP_OPACITY, 0.8, 1.25},
     [FOURIER_OWN] = {"Fourier, 8: the same", "own / true, 0.8..1.25", own_over_true, 8, FOURIER, 0.8, 1.25},
@@ -545,12 +545,12 @@ static void print_cell(const claim *c, const set_up *s, measure_fn of) {
 
 static void print_claims(set_up *const *scenes) {
     printf(
-        "\n## What the thesis found, scene by scene\n\nWhether it holds, and the ratio of errors (rms in the gas; of "
-        "the picture in the last column) that tells so. Deep opacity's errors in the gas are those of the thesis's own "
-        "layout: u of the first occluder, and n - 1 layers from there on over a thickness common to all texels. Its "
-        "pictures, and the last four rows, are those of the library's layout: u of the first and the last occluder, "
-        "and "
-        "n - 2 planes between these.\n\n| finding | ratio of errors |");
+        "\n## Findings of the thesis, scene by scene\n\nWhether each finding holds, and the ratio of errors that "
+        "decides "
+        "(rms in the gas; in the last column of the picture). Deep opacity's errors in the gas are those of the "
+        "thesis's own layout: u of the first occluder, and n - 1 layers behind it over a thickness common to all "
+        "texels. Its pictures, and the last four rows, are those of the library's layout: u of the first and the last "
+        "occluder, and n - 2 planes between these.\n\n| finding | ratio of errors |");
     for (int i = 0; i < SCENES; ++i) printf(" %s |", scenes[i]->name);
     printf(" puff, picture |\n|---|---|---|---|---|---|---|---|---|\n");
     for (int i = 0; i < ERROR_CLAIMS; ++i) {
@@ -600,15 +600,15 @@ static void print_few_numbers(set_up *const *scenes) {
         if (gain_of(scenes[i], 8) < gain_of(scenes[least], 8)) least = i;
         if (gain_of(scenes[i], 8) > gain_of(scenes[most], 8)) most = i;
     }
-    printf("- **Few numbers: deep opacity beats opacity.** It does with 6 ");
+    printf("- **Few numbers: deep opacity beats opacity.** In the thesis's own layout that holds with 6 ");
     print_tally(DEEP_BETTER_6, scenes);
     printf(", with 8 ");
     print_tally(DEEP_BETTER_8, scenes);
-    printf(", in the thesis's own layout. Layers begin where each ray meets gas. With 8 the error of opacity is %.2f "
-           "times "
-           "that of deep opacity in %s, where that helps most, and %.2f times in %s, where it helps least. In the "
-           "library's layout deep opacity is the better one with 6 ",
-           gain_of(scenes[most], 8), scenes[most]->name, gain_of(scenes[least], 8), scenes[least]->name);
+    printf(
+        ". Layers begin where each ray meets gas. With 8 the error of opacity is %.2f times that of deep opacity in "
+        "%s, where that helps most, and %.2f times in %s, where it helps least. In the library's layout deep opacity "
+        "is better with 6 ",
+        gain_of(scenes[most], 8), scenes[most]->name, gain_of(scenes[least], 8), scenes[least]->name);
     print_tally(LIBRARY_6, scenes);
     printf(", with 8 ");
     print_tally(LIBRARY_8, scenes);
@@ -631,15 +631,16 @@ static void print_more_numbers(set_up *const *scenes) {
     for (int i = 0; i < SCENES; ++i) shrinks += fabs(gain_of(scenes[i], 24) - 1) < fabs(gain_of(scenes[i], 6) - 1);
     range_of(DEEP_EQUAL_24, scenes, own);
     range_of(LIBRARY_24, scenes, library);
-    printf("- **More numbers: the two meet.** In the thesis's layout they are all but equal with 16 ");
+    printf("- **More numbers: the two meet.** In the thesis's layout they are practically equal with 16 ");
     print_tally(DEEP_EQUAL_16, scenes);
     printf(", with 24 ");
     print_tally(DEEP_EQUAL_24, scenes);
-    printf("; with 24 the error of opacity is %.2f to %.2f times that of deep opacity, and the two are nearer to each "
-           "other than with 6 in %d of %d scenes. That is a finding about that layout, whose layers have one thickness "
-           "for all texels: between each texel's own first and last occluder, as the library lays planes, opacity's "
-           "error is %.2f to %.2f times that of deep opacity.\n",
-           own[0], own[1], shrinks, SCENES, library[0], library[1]);
+    printf(
+        "; with 24 the error of opacity is %.2f to %.2f times that of deep opacity, and the two are closer than with 6 "
+        "in %d of %d scenes. The reason is that layout, whose layers have one thickness for all texels. With planes "
+        "between each texel's own first and last occluder, as in the library, the error of opacity is %.2f to %.2f "
+        "times that of deep opacity.\n",
+        own[0], own[1], shrinks, SCENES, library[0], library[1]);
 }
 
 static const char *windows_verdict(double without, double lanczos, double fejer) {
@@ -652,7 +653,7 @@ static void print_fourier(set_up *const *scenes) {
     const set_up *puff = scenes[PUFF];
     const double without = gas_error_of(puff, FOURIER, 8), lanczos = gas_error_of(puff, FOURIER_LANCZOS, 8);
     const double fejer = gas_error_of(puff, FOURIER_FEJER, 8), range = gas_error_of(puff, FOURIER_TEXEL_RANGE, 8);
-    printf("- **Fourier is the worst.** With 6 ");
+    printf("- **Fourier is the worst.** That holds with 6 ");
     print_tally(FOURIER_WORST_6, scenes);
     printf(", with 8 ");
     print_tally(FOURIER_WORST_8, scenes);
@@ -660,28 +661,30 @@ static void print_fourier(set_up *const *scenes) {
     print_tally(FOURIER_WORST_16, scenes);
     printf(", with 24 ");
     print_tally(FOURIER_WORST_24, scenes);
-    printf(". That is the series without a window, over the range of depths that the gas takes up. %s: for puff with 8 "
-           "the error is %.4f without, %.4f with Lanczos's and %.4f with Fejer's, against %.4f of opacity. A range for "
-           "each texel %s it to %.4f.\n",
-           windows_verdict(without, lanczos, fejer), without, lanczos, fejer, gas_error_of(puff, OPACITY, 8),
-           range < without ? "lowers" : "raises", range);
+    printf(
+        ". This is the series without a window, over the range of depths that the gas occupies. %s: for puff with 8 "
+        "the "
+        "error is %.4f without, %.4f with Lanczos's and %.4f with Fejer's, against %.4f for opacity. A range for each "
+        "texel %s it to %.4f.\n",
+        windows_verdict(without, lanczos, fejer), without, lanczos, fejer, gas_error_of(puff, OPACITY, 8),
+        range < without ? "lowers" : "raises", range);
 }
 
 static void print_own_truth(set_up *const *scenes) {
     const trial *fejer = trial_of(&scenes[PUFF]->trials, FOURIER_FEJER, 8);
     const trial *moment = trial_of(&scenes[PUFF]->trials, MOMENT, 8);
     const int hidden = (fejer->own < fejer->gas.rms) + (moment->own < moment->gas.rms);
-    printf("- **A technique's own run with 24 is the truth.** For opacity maps of 8 that will do ");
+    printf("- **A technique's own run with 24 is the truth.** It serves as such for opacity maps of 8 ");
     print_tally(OPACITY_OWN, scenes);
     printf(", for Fourier maps ");
     print_tally(FOURIER_OWN, scenes);
     printf(", for moment maps ");
     print_tally(MOMENT_OWN, scenes);
-    printf(". For puff a Fejer window's error is %.4f, of which that way shows %.4f, and a moment map's %.4f, of which "
-           "it shows %.4f: %s.\n",
+    printf(". For puff the error with a Fejer window is %.4f, of which that comparison shows %.4f, and the error of a "
+           "moment map %.4f, of which it shows %.4f: %s.\n",
            fejer->gas.rms, fejer->own, moment->gas.rms, moment->own,
-           hidden == 2   ? "it hides what more numbers do not cure"
-           : hidden == 1 ? "it hides a part of one of the two"
+           hidden == 2   ? "it hides errors that more numbers do not cure"
+           : hidden == 1 ? "it hides part of one of the two"
                          : "it hides nothing of either");
 }
 
@@ -691,12 +694,13 @@ static void print_speed(set_up *const *scenes) {
     const int fastest = claim_holds(&time_claims[FOURIER_FASTEST_6], puff, seconds_of, &ratio);
     const int slowest = claim_holds(&time_claims[FOURIER_SLOWEST_16], puff, seconds_of, &ratio);
     const double query = trial_of(&puff->trials, FOURIER, 6)->query;
-    printf(
-        "- **Speed.** That Fourier maps are fastest with 6 %s here, that they are slowest with 16 %s. What they saved "
-        "in the thesis was to sort particles, which none of the three needs here; with 6 their queries take %.2f "
-        "times as long as those of opacity, and %.2f times as long as those of deep opacity.\n",
-        fastest ? "holds" : "does not hold", slowest ? "holds" : "does not hold",
-        query / trial_of(&puff->trials, OPACITY, 6)->query, query / trial_of(&puff->trials, DEEP_OPACITY, 6)->query);
+    printf("- **Speed.** The finding that Fourier maps are fastest with 6 %s here; that they are slowest with 16 %s. "
+           "In the "
+           "thesis they saved the sorting of particles, which none of the three needs here. With 6 their queries take "
+           "%.2f "
+           "times as long as those of opacity, and %.2f times as long as those of deep opacity.\n",
+           fastest ? "holds" : "does not hold", slowest ? "holds" : "does not hold",
+           query / trial_of(&puff->trials, OPACITY, 6)->query, query / trial_of(&puff->trials, DEEP_OPACITY, 6)->query);
 }
 
 /* Beer maps of the library spread gas from the first to the last occluder; engines take its mean over what is occupied.
@@ -704,27 +708,27 @@ static void print_speed(set_up *const *scenes) {
 static void print_beer(set_up *const *scenes) {
     int better = 0;
     printf(
-        "- **Beer maps.** Engines keep the mean extinction over what is occupied, so that the whole is reached before "
-        "the last occluder; the library spreads the whole from the first occluder to the last. Rms errors in the gas, "
-        "the library's first:");
+        "- **Beer maps.** Engines keep the mean extinction over the occupied part of a ray, so that the whole optical "
+        "depth is reached before the last occluder; the library spreads it from the first occluder to the last. Rms "
+        "errors in the gas, the library's first:");
     for (int i = 0; i < SCENES; ++i) {
         const double own = trial_of(&scenes[i]->trials, BEER, 6)->gas.rms;
         better += own < scenes[i]->beer_rms;
         printf("%s %s %.4f and %.4f", i > 0 ? "," : "", scenes[i]->name, own, scenes[i]->beer_rms);
     }
-    printf(". The library's is the better one in %d of %d scenes.\n", better, SCENES);
+    printf(". The library's is better in %d of %d scenes.\n", better, SCENES);
 }
 
 static void print_lists(set_up *const *scenes) {
-    printf("- **Bytes of lists.** Compressed and deep maps take next to nothing where there is no gas, all others the "
-           "same "
-           "for every texel, so that over a map that the gas fills lists come off worse than in the tables. Here gas "
-           "covers");
+    printf(
+        "- **Bytes of lists.** Compressed and deep maps take almost nothing where there is no gas; all others take the "
+        "same for every texel. So over a map that the gas fills, lists come off worse than in the tables. Here gas "
+        "covers");
     for (int i = 0; i < SCENES; ++i) {
         const trial *t = trial_of(&scenes[i]->trials, COMPRESSED, 16);
         const double texels = (double)scenes[i]->map_size * scenes[i]->map_size;
         printf("%s %.0f %% of the texels in %s", i > 0 ? "," : "", 100 * scenes[i]->covered, scenes[i]->name);
-        printf(" (epsilon %g: %.1f floats a texel, %.1f one with gas)", (double)t->settings.epsilon,
+        printf(" (epsilon %g: %.1f floats per texel, %.1f per texel with gas)", (double)t->settings.epsilon,
                t->bytes / 4 / texels, (t->bytes / 4 - texels) / (scenes[i]->covered * texels) + 1);
     }
     printf(".\n");
@@ -733,15 +737,16 @@ static void print_lists(set_up *const *scenes) {
 static void print_not_tried(set_up *const *scenes) {
     const trial *compressed = trial_of(&scenes[PUFF]->trials, COMPRESSED, 8);
     const trial *deep = trial_of(&scenes[PUFF]->trials, DEEP_OPACITY, 8);
-    printf("- **What the thesis did not try.** For puff a compressed map with an epsilon of %g takes %.1f MB, and errs "
-           "by %.4f; a deep opacity map of 8 takes %.1f MB, and errs by %.4f. To make the former takes %.2g times as "
-           "long.\n",
+    printf("- **Not tried in the thesis.** For puff a compressed map with an epsilon of %g takes %.1f MB and errs by "
+           "%.4f; "
+           "a deep opacity map of 8 takes %.1f MB and errs by %.4f. The former takes %.2g times as long to make.\n",
            (double)compressed->settings.epsilon, 1e-6 * compressed->bytes, compressed->gas.rms, 1e-6 * deep->bytes,
            deep->gas.rms, compressed->build / deep->build);
 }
 
 static void print_words(set_up *const *scenes) {
-    printf("\n## Findings\n\nEach begins with what the thesis found; then comes whether that holds here.\n\n");
+    printf(
+        "\n## Findings\n\nThe first five begin with a finding of the thesis and go on with whether it holds here.\n\n");
     print_few_numbers(scenes);
     print_more_numbers(scenes);
     print_fourier(scenes);
@@ -753,9 +758,9 @@ static void print_words(set_up *const *scenes) {
 }
 
 static void print_controls(set_up *const *scenes) {
-    printf(
-        "\n## Deep opacity: the thesis's layout and the library's\n\nRms errors in the gas: opacity, deep opacity in "
-        "the thesis's layout, and in the library's.\n\n| scene |");
+    printf("\n## Deep opacity: the thesis's layout and the library's\n\nRms errors in the gas of opacity, of deep "
+           "opacity in "
+           "the thesis's layout, and of deep opacity in the library's.\n\n| scene |");
     for (int which = 0; which < COUNTS; ++which) printf(" %d |", counts[which]);
     printf("\n|---|---|---|---|---|\n");
     for (int i = 0; i < SCENES; ++i) {
@@ -804,33 +809,45 @@ static void run_scene(ex_session *session, set_up *s, int every, const char *fol
 
 static void print_legend(void) {
     printf(
-        "- asked, has: numbers a texel. A technique that cannot have as many has the next lower that it can; "
+        "- asked, has: numbers per texel. A technique that cannot have as many as asked for has the next lower number; "
         "compressed\n"
-        "  maps are asked for an epsilon instead.\n"
-        "- in the gas, on the ground: error of transmittance at %d points in particles and %d in their shadow.\n"
-        "- own24: rms difference from this technique's own largest map, as the thesis measured.\n"
-        "- picture: error of linear radiance, against the picture made with the exact map. p99: 99th percentile. Where "
-        "none\n"
-        "  stands, none was rendered: of scenes other than the thesis's smoke those with 8 alone are.\n",
+        "  maps have an epsilon instead.\n"
+        "- in the gas, on the ground: error of transmittance at %d points in particles and at %d in their shadow.\n"
+        "- own24: rms difference from this technique's own largest map, as measured in the thesis.\n"
+        "- picture: error of linear radiance, relative to the picture made with the exact map. p99: 99th percentile. "
+        "Empty\n"
+        "  where no picture was rendered: except for the smoke (puff and wind), only maps of 8, Beer and depth maps "
+        "have one.\n",
         GAS_POINTS, GROUND_POINTS);
 }
 
 static void print_head(void) {
     printf(
         "# Transmittance maps compared\n\n"
-        "Printed by `make maps`. %d particles, one spot light, maps of %d x %d texels (%d x %d but for\n"
-        "the smoke), pictures of %d x %d. Times are\n"
-        "those of the machine it ran on (%d processors, vectors of %d floats); errors are the same anywhere but for\n"
-        "rounding.\n\n"
-        "The setting is that of N. Giulietti's thesis (DigiPen, 2013), which rendered smoke with opacity, deep "
-        "opacity\n"
-        "and Fourier maps of 6, 8, 16 and 24 numbers a texel, and took each technique's own run with 24 for the "
+        "Errors, sizes and times of every technique on six scenes, printed by `make maps`. The truth is the exact deep "
+        "map "
+        "of as\n"
+        "many texels. The setting is that of N. Giulietti's thesis (DigiPen, 2013), which rendered smoke with opacity, "
+        "deep\n"
+        "opacity and Fourier maps of 6, 8, 16 and 24 numbers per texel, and took each technique's own run with 24 for "
+        "the "
         "truth.\n"
-        "Here the truth is the exact deep map of as many texels.\n\n"
+        "Advice drawn from these figures is in [shadow_maps.md](shadow_maps.md).\n");
+}
+
+static void print_charts(void) {
+    printf(
+        "\n## Charts\n\n"
+        "%d particles, one spot light, maps of %d x %d texels (%d x %d except for puff and wind), pictures of %d x %d. "
+        "Times are\n"
+        "those of the machine it ran on (%d processors, vectors of %d floats); errors are the same anywhere, up to "
+        "rounding.\n\n"
         "![Error over time](maps_time.png)\n![Error over bytes](maps_bytes.png)\n![Error over "
         "bytes](maps_bytes_hard.png)\n\n"
-        "Differences of the puff's pictures with 8 numbers a texel or the next that there is, four times\n"
-        "enlarged, as a screen shows them:\n\n"
+        "Differences of the puff's pictures, four times enlarged, as a screen shows them, with 8 numbers per texel or "
+        "the "
+        "next\n"
+        "lower number available:\n\n"
         "![Differences](maps_differences.png)\n",
         PARTICLES, MAP_SIZE, MAP_SIZE, SMALL_MAP_SIZE, SMALL_MAP_SIZE, WIDTH, HEIGHT, ex_processor_count(), SPSI_LANES);
 }
@@ -844,21 +861,22 @@ static void time_scene(ex_session *session, set_up *s) {
 }
 
 static void print_time_table(const set_up *s) {
-    printf("\n## Times of %s\n\nThe least of %d, of one where build and query take more than %g s; with all "
-           "processors. The query is of %d points; the picture's time has "
-           "the making of its map in it.\n\n",
-           s->name, TURNS + 1, LONG, POINTS);
+    printf(
+        "\n## Times of %s\n\nThe shortest of %d runs, or one run where build and query take more than %g s, with all "
+        "processors. The query is of %d points; the picture's time includes making its map.\n\n",
+        s->name, TURNS + 1, LONG, POINTS);
     print_times(s);
 }
 
-/* What was found first, then what shows it, then all figures. */
+/* Findings first, then the tables that show them, then all figures. */
 static void print_all(set_up *const *scenes) {
     print_head();
     print_words(scenes);
+    print_best(scenes);
+    print_charts();
     print_claims(scenes);
     print_controls(scenes);
-    print_best(scenes);
-    printf("\n## What the tables hold\n\n");
+    printf("\n## Reading the tables\n\n");
     print_legend();
     for (int i = 0; i < SCENES; ++i) {
         print_exact(scenes[i]);

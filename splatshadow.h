@@ -384,117 +384,119 @@ typedef struct sps_particles {
     uint32_t end_canary;   /* leave 0 */
 } sps_particles;
 
-/* How a transmittance map keeps, for each texel, how optical depth grows along its ray. u is the share of the way from
-   near_depth to far_depth. The order in which occluders are added does not matter except for rounding: a technique that
-   needs them in order has them sorted. Deep, compressed, depth, cosine and adaptive maps are made from lists that they
-   sort, which takes 4 to 30 times as long as the sums of the others. n stands for `components`; docs/shadow_maps.md
-   says which to take. */
+/* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
+   far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth,
+   cosine and adaptive maps are made from sorted lists, which takes 4 to 30 times as long as the sums of the others.
+   n stands for `components`; docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     SPS_TMAP_DEFAULT = 0, /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats */
-    /* Every stretch of every occluder: the exact answer along the texels' own rays, to measure the others by. (In all
-       maps particles of a radius up to one texel are weighed so that their mass is right wherever they lie among the
-       texels; from 1.5 texels on they are as they are. Volumes are as exact as `quality` cuts kernels, see
-       sps_tmap_bracket.) 16 bytes a stretch and 4 a texel; a query adds up the stretches that begin before it. No
-       components. */
+    /* Every stretch of every occluder: exact along the texels' own rays, as a reference for the others. (In all maps,
+       particles with a radius up to one texel are weighted so that their mass is right wherever they lie between
+       texels; from 1.5 texels on they are unchanged. Volumes are exact except for the cut of their kernels, which
+       `quality` sets: see sps_tmap_bracket.) 16 bytes per stretch and 4 per texel; a query sums the stretches that
+       begin before it. No components. */
     SPS_TMAP_DEEP,
-    /* Deep shadow map [Lokovic & Veach 2000]: straight lines of transmittance that are nowhere more than `epsilon` off
-       along a texel's own ray, the one whose error is set by the caller. (Between four texels, the mean of optical
-       depths may be more off where some of them are all but black.) 8 bytes a node and 4 a texel; a query searches.
-       No components. */
+    /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance that is nowhere more than `epsilon` off along
+       a texel's own ray; the one technique whose error the caller sets. (Between four texels, the mean of their optical
+       depths may be farther off where some of them are nearly black.) 8 bytes per node and 4 per texel; a query
+       searches. No components. */
     SPS_TMAP_COMPRESSED,
-    /* Where transmittance falls to a half; 1 before, 0 behind. Right for what is opaque alone. 1 component. */
+    /* Where transmittance falls to one half; 1 before, 0 behind. Right for opaque occluders only. 1 component. */
     SPS_TMAP_DEPTH,
-    /* Optical depth at n planes, u = 1/n .. 1 or as given [Kim & Neumann 2001]. Exact there; between them, the planes
-       before and after bracket the truth. n 1..65, by default 8; insertion costs the planes that a stretch runs
-       through, a query 2 look-ups (cubic: 4), and a comparison with each plane if these are given. */
+    /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]. Exact there; in between, the
+       neighbouring planes bracket the true value. n 1..65, default 8. Insertion costs the planes that a stretch passes
+       through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
     SPS_TMAP_OPACITY,
     /* Deep opacity map, after [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last
-       occluder, which come before them. (Theirs begin at the first and have one thickness for all texels, in n - 1 of
-       n numbers: with 8 that errs 1.2 to 2.7 times as much in five of the six scenes of docs/maps.md.) Thin
-       shells stay sharp; two clumps far apart gain nothing. n 3..65, by default 8; occluders are looked at twice. */
+       occluder, which are stored before them. (The planes of the paper begin at the first and have one thickness for
+       all texels, in n - 1 of n numbers: with 8 its errors are 1.2 to 2.7 times as large in five of the six scenes of
+       docs/maps.md.) Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, default 8; occluders are
+       processed twice. */
     SPS_TMAP_DEEP_OPACITY,
     /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
-       by up to 9 % of a sudden rise without a window. Leave room before the first occluder and behind the last, since
-       u = 0 and u = 1 are neighbours, or set texel_range. n 3, 5 .. 65, by default 7, and two more with
-       texel_range; insertion and query cost n. */
+       by up to 9 % of a step without a window. The series is periodic, with u = 0 next to u = 1: leave room before the
+       first occluder and behind the last, or set texel_range. n 3, 5 .. 65, default 7, and two more with texel_range;
+       insertion and query cost n. */
     SPS_TMAP_FOURIER,
-    /* A cosine series of transmittance itself: c0 c1 .. . Nothing wraps round, and only what is opaque rings, but
-       nothing is exact either. n 2..64, by default 8; made from lists, slowest of all to build; a query costs n. */
+    /* A cosine series of transmittance itself: c0 c1 .. . It does not wrap around, and rings only at opaque occluders,
+       but is exact nowhere. n 2..64, default 8; made from lists, slowest of all to build; a query costs n. */
     SPS_TMAP_COSINE,
-    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the whole, and the means of z ..
-       z^(n-1) with z = 2u - 1. The answer is the middle of the narrowest bracket that they leave; soft, never rings,
-       exact at u = 1. n 5, 7 or 9, by default 5; insertion costs n, a query a small matrix and the roots of a
-       polynomial, ten times as much as others. */
+    /* 4, 6 or 8 moments of extinction along the ray [Muenstermann et al. 2018]: the total, and the means of z ..
+       z^(n-1) with z = 2u - 1. A query returns the middle of the narrowest bracket that they allow. Soft, never rings,
+       exact at u = 1. n 5, 7 or 9, default 5; insertion costs n; a query solves a small matrix and finds the roots of a
+       polynomial, ten times the cost of others. */
     SPS_TMAP_MOMENT,
-    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the curve of transmittance in n / 2 nodes, u T u T .. . Of
-       all nodes of the curve the one that changes the area least goes, again and again, until n / 2 are left: no bound,
-       but 1.3 to 1.5 times the rms error of the best nodes there are. n 4, 6 .. 64, by default 16; made from lists; a
-       query searches. */
+    /* Adaptive volumetric shadow map [Salvi et al. 2010]: the transmittance curve as n / 2 nodes, u T u T .. . The node
+       whose removal changes the area least is removed until n / 2 are left. There is no error bound; the rms error is
+       1.3 to 1.5 times that of the best nodes. n 4, 6 .. 64, default 16; made from lists; a query searches. */
     SPS_TMAP_ADAPTIVE,
-    /* Beer shadow map: u where gas begins, optical depth per u from there on, and the whole, at which it stops: what
-       engines know. Exact for one even stretch, and behind everything; gas in several clumps is spread over the gaps
-       between them. (Engines take the mean over what is occupied instead: better for two clumps, 0.106 against 0.170,
-       worse in the other five scenes of docs/maps.md. The three numbers are read alike.) 3 components; insertion and
-       query cost least of all. */
+    /* Beer shadow map, as engines have it: u where gas begins, optical depth per u from there on, and the total, at
+       which it is capped. Exact for a single uniform stretch, and behind everything; gas in several clumps is spread
+       over the gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
+       against 0.170, worse in the other five scenes of docs/maps.md. The three numbers are read in the same way.)
+       3 components; insertion and query cost least of all. */
     SPS_TMAP_BEER
 } sps_tmap_technique;
 
-/* Weights of the harmonics k of a Fourier or cosine map, n of them. */
+/* Weight of harmonic k of a Fourier or cosine map that has n of them. */
 typedef enum sps_tmap_window {
     SPS_TMAP_WINDOW_NONE = 0, /* sharpest; overshoots */
     SPS_TMAP_WINDOW_LANCZOS,  /* sinc(k / (n + 1)): hardly overshoots, twice the blur */
-    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): a Fourier map's optical depth never falls on its way; most blur */
+    SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): optical depth of a Fourier map never decreases; most blur */
 } sps_tmap_window;
 
-/* All zero but far_depth is valid: deep opacity, cubic, with 8 components. */
+/* All zero except for far_depth is valid: deep opacity, cubic, with 8 components. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
-    int components;     /* floats per texel; 0: the technique's default, or fewer if byte_budget has no more room */
-    size_t byte_budget; /* what the finished map may take at most, surfaces too; 0: no limit */
-    /* Depths along the light's axis (six faces: along the nearest coordinate axis) or its direction, 0 <= near <
-       far, that all gas is to lie between: what lies before or behind counts as at either end, where Fourier maps mix
-       it up and cosine maps lose it. Opaque surfaces shade from where they are, before near_depth and behind
-       far_depth, too; but points before near_depth are lit. */
+    int components;     /* floats per texel; 0: the technique's default, or fewer to stay within byte_budget */
+    size_t byte_budget; /* maximum size of the finished map, including surfaces; 0: no limit */
+    /* Range of depths along the light's axis (six faces: the nearest coordinate axis) or its direction, 0 <= near <
+       far, which should contain all gas. Gas before or behind it counts as if at its near or far end, where Fourier
+       maps confuse it with that of the other end and cosine maps lose it. Opaque surfaces shade from where they are,
+       outside the range too; but points before near_depth are lit. */
     double near_depth, far_depth;
-    /* Opacity: u of each plane, rising from above 0 to 1, copied: as many as `components` (deep opacity: two less),
-       which must be set; NULL: even steps. Techniques that have none do not look at this, nor at what is below. */
+    /* Opacity: u of each plane, increasing from above 0 to 1; copied. There are `components` of them (deep opacity: two
+       fewer), which must be set. NULL: even steps. A technique ignores those of the fields from here to epsilon that
+       are not meant for it. */
     const float *planes;
-    int cubic; /* opacity: 1: monotone cubics between planes instead of straight lines */
-    sps_tmap_window window;
-    int texel_range;     /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
-    int running_maximum; /* Fourier: 1: a query takes the most of the series so far, so that T never rises; n times the
-                            cost */
-    float epsilon; /* compressed: largest error of T, up to 0.5, 1e-6 (soft particles: 0.001) at best; 0 means 0.01 */
-    double surface_bias; /* world units behind an opaque surface from which on it shades; 0 means 2 texels' width */
+    int cubic;              /* opacity: 1: monotone cubics between planes instead of straight lines */
+    sps_tmap_window window; /* Fourier and cosine */
+    int texel_range;        /* Fourier: 1: u runs from each texel's first occluder to its last, two more components */
+    /* Fourier: 1: a query returns the maximum of the series so far, so that T never rises; n times the cost. */
+    int running_maximum;
+    float epsilon; /* compressed: maximum error of T, up to 0.5; 0 means 0.01; kept to 1e-6 (soft particles: 0.001) */
+    double surface_bias; /* world units behind an opaque surface at which its shadow begins; 0 means 2 texels' width */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
 
 typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
 
-/* A light of no extent. It shadows volumes and particles by slabs perpendicular to the half-way vector between eye and
-   light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine of at least 0.1;
-   otherwise (a point light inside or close to a volume, a very wide camera) rendering stops with
-   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are perpendicular to the eye's middle ray: then only a camera is refused
-   that sees volumes across more than 168 degrees (2.94) from corner to corner. Polygons have no such limit. */
+/* A light without extent. Its shadows of volumes and particles come from slabs perpendicular to the half-way vector
+   between eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine
+   of at least 0.1; otherwise (a point light inside or close to a volume, a very wide camera) rendering fails with
+   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are perpendicular to the eye's central ray: only a camera that sees
+   volumes across more than 168 degrees (2.94) from corner to corner is refused then. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
-    double direction[3]; /* directional: the way the light travels; any length but 0 */
+    double direction[3]; /* directional: the direction in which the light travels; of any length except for 0 */
     double position[3];  /* point */
     float color[3];      /* >= 0; directional: irradiance, point: intensity; all zero: no light */
     int no_shadow;       /* 1: shines through everything */
-    /* NULL: gas shades by slabs. Else it shades by a transmittance map made with these settings, which knows no limit
-       of slicing: around a point light that is among what it lights, the map has six faces. The range of depths is
-       fitted to the gas, and polygons shade as they do without it: near_depth, far_depth and surface_bias must be 0. */
+    /* NULL: shadows of gas come from slabs. Otherwise from a transmittance map made with these settings, which has no
+       slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
+       gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0.
+       Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
-    int shadow_map_size; /* texels on its longer side, or a face's, up to 16384; 0: shadow_size, or from quality */
-    int shadow_map_omnidirectional; /* point: 1: six faces wherever the light is; 0: only if it is among what it lights
-                                     */
-    uint32_t end_canary;            /* leave 0 */
+    int shadow_map_size; /* texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality
+                          */
+    /* Point: 1: six faces wherever the light is; 0: only if it is amid what it lights. */
+    int shadow_map_omnidirectional;
+    uint32_t end_canary; /* leave 0 */
 } sps_light;
 
-/* Borrowed for the call. Zero is absent. Anything may overlap anything. */
+/* Borrowed for the call. Members that are zero are absent. Objects may overlap each other. */
 typedef struct sps_scene {
     uint32_t start_canary; /* leave 0 */
     const sps_volume *volumes;
@@ -503,21 +505,22 @@ typedef struct sps_scene {
     int mesh_count;
     const sps_light *lights;
     int light_count;
-    float ambient[3];    /* radiance from everywhere, >= 0; lights gases and surfaces without shadow */
-    float background[3]; /* radiance behind everything, >= 0; does not count in alpha */
-    /* Instead of the color: radiance along unit directions (packed triples), one row of pixels a call. */
+    float ambient[3];    /* radiance from all directions, >= 0; lights gases and surfaces without shadow */
+    float background[3]; /* radiance behind everything, >= 0; not part of alpha */
+    /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. Returns
+       non-zero on failure. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    int replace_invalid; /* 1: values that would be an error become 0 and are counted */
+    int replace_invalid; /* 1: values that would be SPS_ERROR_DATA become 0 and are counted */
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
     uint32_t end_canary;    /* leave 0 */
 } sps_scene;
 
-/* What each quality sets:   slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
-                             gas, classified      voxel; classified   transmittance   at (voxels)   (rms, largest)
-   At medium, the kernels of what is classified end at 1.82 voxels in shadow buffers, where their ripple is small
-   beside the error of the texels; flat voxels, which have more of it, are the price. */
+/* Settings of a quality:    slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
+                             gas, classified      voxel; classified   transmittance   at (voxels)   (rms, maximum)
+   At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers, where their ripple is small
+   compared with the error of the texels; the price is that flat voxels ripple more. */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
@@ -526,16 +529,17 @@ typedef enum sps_quality {
     SPS_QUALITY_ULTRA        /*  0.25  0.2         4     4            0.00005         2.5           0.07 %  0.2 %  */
 } sps_quality;
 
-/* Where rays start and which way they go. Exactly one of field_of_view, ortho_height and world_to_clip is set; not to
-   set any is an error, as is setting several. */
+/* Where rays start and where they go. Exactly one of field_of_view, ortho_height and world_to_clip must be set: none or
+   several is an error. */
 typedef struct sps_camera {
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
     double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 (volumes: sps_light) */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
-    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. Depth may run
-       either way and in any range in perspective. An orthographic one must grow away from the eye; its plane of clip
-       depth -1 is where distances are counted from: the near plane where depth is -1..1, far - near ahead of it where
-       depth is 0..1 (the plane through the world's origin, if its row 2 says nothing). Borrowed for the call. */
+    /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
+       depth may run either way and over any range. In an orthographic matrix it must increase away from the eye;
+       distances are measured from the plane of clip depth -1, which is the near plane if depth is -1..1, lies
+       far - near in front of it if depth is 0..1, and is replaced by a plane across the world's origin if there is none
+       within 1e12 pixels. Borrowed for the call. */
     const double *world_to_clip;
 } sps_camera;
 
@@ -543,16 +547,17 @@ typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* pixels of the whole image, 1..16384 each */
     sps_camera camera;
-    double near_distance; /* along the camera's axis; what is nearer is not seen; >= 0 (0, orthographic matrix: none) */
-    int region[4];        /* x, y, width, height of the part to render; all 0: the whole image */
+    /* Along the camera's axis, >= 0. Nothing nearer is seen; 0 with an orthographic matrix: no near plane. */
+    double near_distance;
+    int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
-    /* Sheet thickness in voxels, the main knob: error falls with its square; 0: from quality. A particle counts as a
-       voxel of 0.7 radii, the radius being the geometric mean of all, but no less than lets 500 such span a cloud;
-       where there are voxels too, the smaller of the two counts. */
+    /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
+       quality. Particles count as voxels of 0.7 times their geometric mean radius, but no smaller than about 1/500 of
+       their cloud; with voxels too, the smaller of the two counts. */
     double slab;
     /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
-       from quality. The depth map, which is fitted to the gas, has at least 512, 1024, 2048, 4096 by quality, and
-       sheets of particles alone that many at most. Shadows on polygons have no texels. */
+       from quality. The depth map, which is fitted to the gas, has at least 512, 1024, 2048 or 4096 by quality, and
+       sheets of particles alone have at most that many. Shadows on polygons have no texels. */
     int shadow_size;
     int no_shadows;      /* 1: as no_shadow on every light */
     uint32_t end_canary; /* leave 0 */
@@ -560,109 +565,110 @@ typedef struct sps_view {
 
 /* The caller's buffers: for a region of W x H pixels, (H - 1) * row_pixels + W of them. Written on SPS_OK only. */
 typedef struct sps_image {
-    /* Four floats a pixel: radiance, background included, and coverage (1 - transmittance), without it. Against a black
-       background that is premultiplied alpha. */
+    /* Four floats per pixel: radiance, including the background, and coverage (1 - transmittance), without it. On a
+       black background that is premultiplied alpha. */
     float *rgba;
-    /* Optional, a float a pixel: mean distance from the eye along the ray, in world units, of what is seen, weighted by
-       coverage; infinity where nothing is. Orthographic: from the plane across camera.position, or see world_to_clip.
-     */
+    /* Optional, one float per pixel: mean distance from the eye along the ray, in world units, weighted by coverage;
+       infinity where nothing is seen. Orthographic: from the plane through camera.position, or see world_to_clip. */
     float *depth;
     size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
 
 typedef enum sps_pass {
-    SPS_PASS_GATHER = 0,     /* relevant voxels read into bricks, and particles */
-    SPS_PASS_EYE_POLYGONS,   /* triangles rasterised for the eye */
-    SPS_PASS_LIGHT_POLYGONS, /* ... into depth maps, per shadowing light, for gas that scatters */
-    SPS_PASS_TRIANGLE_TREE,  /* triangles sorted into a tree, for */
-    SPS_PASS_SHADOW_RAYS,    /* rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* voxels and particles splatted for the eye, once per sweep */
-    SPS_PASS_LIGHT_SHEETS,   /* ... for a light, once per shadowing light, but */
-    SPS_PASS_LIGHT_MAPS,     /* into a transmittance map, for those that have a shadow_map */
+    SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
+    SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
+    SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, per shadowing light, for gas that scatters */
+    SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
+    SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
+    SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep */
+    SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a shadow_map */
+    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
-    SPS_PASS_EMISSION,
-    SPS_PASS_AMBIENT,
-    SPS_PASS_SURFACE_LIGHT, /* lights on polygons */
+    SPS_PASS_EMISSION,       /* emission of volumes and particles */
+    SPS_PASS_AMBIENT,        /* ambient light on gases and surfaces */
+    SPS_PASS_SURFACE_LIGHT,  /* lights on polygons */
     SPS_PASS_COUNT
 } sps_pass;
 
 typedef struct sps_pass_report {
-    int runs;           /* how many times; 0: left out */
-    const char *reason; /* why, either way; a constant */
-    size_t bytes;       /* held for this pass, at most; without the lists of maps that are made from such */
+    int runs;           /* number of times that the pass runs; 0: skipped */
+    const char *reason; /* why it runs or is skipped; a static string */
+    size_t bytes;       /* upper bound held for this pass, without the lists that maps are made from */
 } sps_pass_report;
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    int sweep_count;                 /* passes over the slabs: one for each light that shades by sheets, or one */
-    int color_channels;              /* 3, or 1 where every color is grey */
+    int sweep_count;                 /* passes over the slabs: one per light that shades by sheets, but at least one */
+    int color_channels;              /* 3, or 1 if every color is grey */
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
-    /* all that the context will hold, at most, with image.depth: often 2 or 3 times what it comes to, and far more
-       where there are particles, several shadow maps or maps made from lists, since nobody has seen yet how far they
-       reach */
+    /* Upper bound of all that the context will hold, with image.depth. Often 2 or 3 times the actual size, and far more
+       with particles, several shadow maps or maps made from lists, since their extents are not known yet. */
     size_t bytes;
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn: voxels, particles and triangles read; triangles rasterised; their tree made, and shadow rays traced
-       through it; bricks and particles sorted; a light's sheets; the eye's sheets, shading and the image; all of the
-       call. */
+    /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; building their tree;
+       tracing shadow rays through it; binning bricks and particles; the lights' sheets; the eye's sheets, shading and
+       the image; all of the call. */
     double seconds_gather, seconds_polygons, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, background_calls;
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
-    uint64_t shadow_rays;        /* from pixels' polygons towards lights */
-    uint64_t particles;          /* that have a radius and an optical depth */
-    uint64_t particles_outside;  /* of a transmittance map: that reach beyond near_depth or far_depth; message_fn hears
-                                    of these, and of voxels that do */
+    uint64_t shadow_rays; /* from pixels' polygons towards lights */
+    uint64_t particles;   /* that have a radius and an optical depth */
+    /* Transmittance maps: particles that reach beyond near_depth or far_depth. message_fn is told of these, and of such
+       voxels. */
+    uint64_t particles_outside;
     uint64_t slabs, slabs_empty; /* over all sweeps */
-    /* voxels and particles written to a tile's chunk of slabs; their pixels times slabs (a particle's: of its box) */
+    /* Footprints: voxels and particles written to a tile's chunk of slabs. Fragments: their pixels times slabs
+       (particles: the pixels of their boxes). */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
-    uint64_t tiles_finished; /* tiles that went opaque before the last slab */
+    uint64_t tiles_finished; /* tiles that became opaque before the last slab */
     uint64_t allocations;
-    size_t bytes, bytes_peak; /* held now, and at most since sps_create */
+    size_t bytes, bytes_peak; /* held now; maximum since sps_create */
 } sps_stats_report;
 
-/* A light as its transmittance map sees from it: perspective for a point light or a spot, orthographic for a
-   directional one. */
+/* The view of a light's transmittance map: perspective for a point light or a spot light, orthographic for a
+   directional light. */
 typedef struct sps_tmap_light {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels of the map, or of each of six faces, 1..16384 each; six faces are square */
     sps_camera camera;     /* copied, matrix and all */
-    /* 1: six faces about camera.position, the only field of camera that counts then. 0: one view. If such a light lies
-       among voxels, those outside its view count as lit, and message_fn is told. */
+    /* 1: six faces around camera.position, the only field of camera used then. 0: one view. If a light with one view
+       lies amid voxels, those outside its view count as lit, and message_fn is told. */
     int omnidirectional;
-    sps_quality quality; /* of volumes: where kernels end, and slabs; as in sps_view */
-    double slab;         /* of volumes: in voxels, as in sps_view */
+    sps_quality quality; /* of volumes: cut of the kernels, and slabs; as in sps_view */
+    double slab;         /* of volumes: thickness in voxels, as in sps_view */
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_light;
 
-/* What is known of a map: how large it is, and what it was made with. */
+/* Size and settings of a map. */
 typedef struct sps_tmap_info {
     int width, height;  /* texels of a face */
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
-    int item_floats;    /* in sps_tmap_texels, of a texel; of a deep or compressed map, of a stretch or a node */
-    size_t texel_count; /* of all faces, and the length of sps_tmap_surfaces; sps_tmap_starts has one more */
-    size_t float_count; /* the length of sps_tmap_texels; of deep and compressed maps 0 before sps_tmap_finish */
-    size_t bytes;       /* that the map holds; before sps_tmap_finish those that it will hold, except for what
-                           only the occluders tell: stretches or nodes, and 4 a texel if anything is opaque */
-    sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, components as they are; planes belong to the map */
+    int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per stretch or node */
+    size_t texel_count; /* of all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
+    size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
+    /* Held by the map. Before sps_tmap_finish, what it will hold, except for what depends on the occluders: stretches
+       or nodes, and 4 per texel if anything is opaque. */
+    size_t bytes;
+    sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
 } sps_tmap_info;
 
-/* What a shader has to know about a face of a map: a std140 block or a constant buffer, 128 bytes to copy as they are.
-   struct tmap in examples/shaders/ begins with the same members. A world point's p = (x, y, z, 1) texel is
-   (row_x . p, row_y . p) / (row_w . p), whole numbers being texels' centers; row_distance . p is its distance from the
-   light as near_depth counts it. Rows are the matrix of sps_tmap_get_projection in floats. */
+/* Constants that a shader needs for a face of a map: a std140 block or constant buffer, 128 bytes to copy as they are.
+   struct tmap in examples/shaders/ begins with the same members. The texel of a world point p = (x, y, z, 1) is
+   (row_x . p, row_y . p) / (row_w . p), where whole numbers are texel centres; row_distance . p is its distance from
+   the light as measured by near_depth. The rows are the matrix of sps_tmap_get_projection in floats. */
 typedef struct sps_tmap_constants {
     float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
     int32_t technique, components;                       /* sps_tmap_technique; 0 components: stretches or nodes */
@@ -672,7 +678,7 @@ typedef struct sps_tmap_constants {
     int32_t has_surfaces;        /* 1: sps_tmap_surfaces is not NULL */
     int32_t width, height;       /* texels of a face */
     float near_depth, far_depth; /* u = (distance - near_depth) / (far_depth - near_depth) */
-    /* a surface shades what is farther behind it than bias + bias_per_distance * distance */
+    /* A surface shades what is farther behind it than bias + bias_per_distance * distance. */
     float bias, bias_per_distance;
     int32_t face, face_count;
     int32_t padding; /* 0 */
@@ -684,144 +690,147 @@ typedef struct sps_context sps_context; /* opaque */
 
 /* ============================================================================================ >>functions */
 
-/* The version of the compiled implementation, as SPS_VERSION. */
+/* Returns the version of the compiled implementation, in the form of SPS_VERSION. */
 SPS_API int sps_version(void);
 
-/* Makes a context, which sps_destroy frees. config may be NULL: all defaults. Returns NULL after a failure,
-   which `why` describes, unless it is NULL itself; after success it says SPS_OK. Errors: ARGUMENT (a canary of config
-   is not 0, only one of alloc_fn and free_fn is set, worker_count is not 0..1024), MEMORY (it is short, or memory_limit
-   is less than a context takes). */
+/* Creates a context, which the caller must free with sps_destroy. config may be NULL: all defaults. Returns NULL on
+   failure. `why` may be NULL; otherwise it receives the error, or SPS_OK. Errors: ARGUMENT (a canary of config is not
+   0, only one of alloc_fn and free_fn is set, worker_count is not 0..1024), MEMORY (the allocator returned NULL, or
+   memory_limit is less than a context needs). */
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why);
 
-/* Frees everything the context holds. Its maps must have been destroyed (SPS_ASSERT). NULL is allowed. */
+/* Frees everything that the context holds. Its maps must have been destroyed before (SPS_ASSERT). NULL is allowed. */
 SPS_API void sps_destroy(sps_context *context);
 
-/* One sentence about the last call on the context, if it failed; "" if it did not. Never NULL. Valid until the next
-   call. */
+/* Returns one sentence about the last call on the context if that failed, "" otherwise. Never NULL. Valid until the
+   next call on the context. */
 SPS_API const char *sps_error(const sps_context *context);
 
-/* The same as data. `info` is the caller's, and filled whatever the last call did: after one that did not fail `result`
-   is SPS_OK, `object` SPS_OBJECT_NONE, and strings are empty. Where context is NULL `result` is SPS_ERROR_ARGUMENT. */
+/* The same as data. `info` is the caller's and always filled: if the last call succeeded, `result` is SPS_OK, `object`
+   SPS_OBJECT_NONE, and strings are empty. If context is NULL, `result` is SPS_ERROR_ARGUMENT. */
 SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
-/* What sps_render would run for this scene and view, and why. Calls range_fn, and reads no voxels, triangles or
-   particles. So slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are what
-   there may be. `report` is filled on SPS_OK and zeroed otherwise. Volumes count whole, so UNSUPPORTED, or too many
-   slabs, may be found here where sps_render, which knows what the voxels hold, has no difficulty. Errors: ARGUMENT,
-   MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
+/* Reports what sps_render would run for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
+   particles: slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are upper
+   bounds. `report` is filled on SPS_OK and zeroed otherwise. Volumes count with their whole boxes, so UNSUPPORTED, or
+   too many slabs, may be reported where sps_render, which knows the voxels, succeeds. Errors: ARGUMENT, MEMORY,
+   CALLBACK (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 
-/* Renders the view's region into the caller's image. Time is about (relevant voxels) * (footprint area in pixels)
-   * (slabs that a voxel touches) for the eye, the same for each shadowing light, and a little per pixel and slab.
+/* Renders the view's region into the caller's image. Time is about (relevant voxels) * (footprint area in pixels) *
+   (slabs that a voxel touches) for the eye, the same again for each shadowing light, and a little per pixel and slab.
    The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 
-/* The same scene by brute force, in double precision, for measuring: marches f(p) along each pixel's ray with
-   shadow rays at every sample, and meets polygons and particles by exact intersection: a step takes the optical depth
-   that balls have on it, all of it lit as the step's middle is. `step` is in voxels, or 0.7 of particles' geometric
-   mean radius where that is less (> 0); the error is second order in it. No slicing limit: any light, any camera. Holds
-   all voxels, triangles and particles in memory, of the latter 68 bytes each. Particles below a pixel's size are not
-   widened. */
+/* Renders the same scene by brute force, in double precision, as a reference to measure against. Marches f(p) along
+   each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
+   has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
+   times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
+   light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle. Particles smaller
+   than a pixel are not widened. The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
-/* Fills a report of what the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did, also if it
-   failed. Footprints splatted into maps are not counted. Where context is NULL all of it is 0. */
+/* Fills a report of what the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did, even if it
+   failed. Footprints splatted into maps are not counted. If context is NULL, all of the report is 0. */
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report);
 
-/* A short lower-case name of a pass ("light sheets"); never NULL. */
+/* Returns a short lower-case name of a pass ("light sheets"), a static string; never NULL. */
 SPS_API const char *sps_pass_name(sps_pass pass);
 
-/* The read_fn and the range_fn of a volume whose `user` is an sps_grid. range_fn looks at each voxel of the block, and
-   answers 0..1e18 where one is not finite, negative or above 1e18. Threads: see sps_grid. Both return 0, or, so that
+/* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range looks at each voxel of the block,
+   and writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. Both return 0, or, so that
    the call fails with CALLBACK: 1: grid or its voxels are NULL, a canary is not 0, a size is below 1, the format is
    unknown, or scale or offset is not finite; 2: the block reaches beyond the grid, which is smaller than the volume. */
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
-/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. What it has no normals or colors for comes as zeros.
+/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Normals and colors that it does not have are zeros.
    Threads: see sps_grid. Returns 0, or, so that the call fails with CALLBACK: 1: indexed or its positions are NULL, a
-   canary is not 0, vertex_count is 0, or both kinds of indices are set; 2: there are fewer triangles than the mesh has;
-   3: an index is not below vertex_count. */
+   canary is not 0, vertex_count is 0, or both kinds of indices are set; 2: it has fewer triangles than the mesh; 3: an
+   index is not below vertex_count. */
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
-/* A transmittance map: what an engine looks shadows up in. Add occluders, finish, query. Everything that settings and
-   light point to is copied. A call on a map counts as one on its context, except for queries and whatever else only
-   reads a map. Errors: ARGUMENT, MEMORY (byte_budget too); *map is NULL then. */
+/* Creates a transmittance map, in which an engine looks up shadows: add occluders, finish, query. The caller must free
+   it with sps_tmap_destroy. Everything that settings and light point to is copied. A call on a map counts as a call on
+   its context, except for queries and others that only read the map. Errors: ARGUMENT, MEMORY (also byte_budget); *map
+   is NULL then. */
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
-/* Adds the volumes, meshes and particles of a scene; its lights and background do not matter. What these structs hold
-   is copied, what they point to is borrowed until sps_tmap_finish, which reads it. May be called any number of times
-   before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
+/* Adds the volumes, meshes and particles of a scene; its lights and background are ignored. These structs are copied;
+   what they point to is borrowed until sps_tmap_finish, which reads it. May be called any number of times before that.
+   Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
-/* Pulls the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
+/* Reads the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
    kernel cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels
-   under them * components; memory, on top of the map's, 160 bytes a particle and 4 bytes a component of 64 rows of
-   texels, or 16 bytes for every stretch in these, and half as much again as lists hold while they grow; techniques made
-   from lists need per worker what the fullest texel's stretches need, 0.1 KB each, or, where particles are soft, 0.5
-   KB, and 18 KB for a compressed map. After a failure the map is good for sps_tmap_destroy only. Errors: ARGUMENT
-   (finished already), and all of sps_render's. */
+   under them * components. Memory, on top of the map's: 160 bytes per particle, and 4 bytes per component of 64 rows of
+   texels, or 16 bytes for every stretch in these, and half as much again as lists hold while they grow. Techniques made
+   from lists need, per worker, 0.1 KB for each stretch of the fullest texel (0.5 KB if particles are soft), and 18 KB
+   for a compressed map. After a failure the map can only be destroyed. Errors: ARGUMENT (finished already), and all
+   those of sps_render. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
-/* Optical depth between the light and world positions (packed triples), and exp(-that); either may be NULL. Gas is
-   interpolated between four texels, surfaces shade by the share of these that they cover. 0, and transmittance 1,
-   outside of the map, behind the light, before near_depth, and for a position that is not finite. Behind surfaces,
-   where all four have one, 1e15 and 0. May be called from many threads, and so records no error in the context. Errors,
-   which leave both arrays untouched: ARGUMENT (map is NULL or not finished; positions is NULL, and count is not 0). */
+/* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
+   either array may be NULL. Gas is interpolated between four texels; surfaces shade by the fraction of these that they
+   cover. Optical depth is 0, and transmittance 1, outside the map, behind the light, before near_depth, and for a
+   position that is not finite; 1e15 and 0 behind surfaces that cover all four texels. May be called from many threads,
+   and therefore records no error in the context. Errors, which leave both arrays untouched: ARGUMENT (map is NULL or
+   not finished; positions is NULL and count is not 0). */
 SPS_API sps_result sps_tmap_query(const sps_tmap *map, size_t count, const double *positions, float *optical_depths,
                                   float *transmittances);
 
-/* The same for positions in floats, as vertices have them: x, y, z each, `stride` bytes from one to the next (0: 12,
-   packed; they need not be aligned). */
+/* The same for positions in floats, as in vertex buffers: x, y, z, with `stride` bytes from one position to the next
+   (0: 12, packed). They need not be aligned. */
 SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, const float *positions, size_t stride,
                                          float *optical_depths, float *transmittances);
 
-/* Optical depths between which the truth lies for certain except for rounding, as far as the rays of the texels tell:
-   for deep, compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which know no bounds. Of
-   volumes they bound the field of kernels that are cut as `quality` says, slab by slab. From f(p) itself that may be as
-   far as what comes from beyond the cut, at medium 0.9 % of the optical depth through the fullest voxels near the ray
-   and 0.5 % of its own (draft 3 and 2 %, high and ultra 0.2 and 0.1 %), which no bracket holds: take a higher quality.
-   least or most may be NULL. Threads and errors as for sps_tmap_query. */
+/* Writes bounds of the true optical depth along the rays of the texels, certain except for round-off: for deep,
+   compressed, opacity, deep opacity and moment maps. 0 and 1e15 for the others, which have no bounds. Of volumes they
+   bound the field of the kernels as `quality` cuts them, slab by slab. It differs from f(p) itself by what lies beyond
+   the cut: at medium up to 0.9 % of the optical depth through the fullest voxels near the ray and 0.5 % of its own
+   (draft 3 and 2 %, high and ultra 0.2 and 0.1 %). No bracket includes that: choose a higher quality. least or most may
+   be NULL. Threads and errors as for sps_tmap_query. */
 SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
-/* The texels, rows from the top: what an engine uploads. `components` floats each; for a deep map stretches (u0, u1,
-   optical depth, 1 where it is densest in the middle), for a compressed one nodes (u, transmittance), of all texels one
-   after the other. A stretch may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is
-   before counts at 0, and at u = 1 all of it does. Where it holds the light, the fourth number is less than 1: only the
-   last part of its chord, that much of it, counts, and u0 is where that begins. Six faces follow each other, +x -x +y
-   -y +z -z, columns and rows along the next two axes, y z, z x or x y; the middles of the outermost texels lie on the
-   cube's edges, so that this is no hardware cube map. Valid until sps_tmap_destroy; NULL before sps_tmap_finish.
-   examples/shaders/ has the code that samples them as sps_tmap_query does. */
+/* Returns the texels for an engine to upload, rows from the top. `components` floats each; for a deep map stretches
+   (u0, u1, optical depth, 1 if densest in the middle), for a compressed map nodes (u, transmittance), texel after
+   texel. A stretch may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is before 0
+   counts at 0, and at u = 1 all of it counts. If the light is inside a soft particle, the fourth number is less than 1:
+   only the last part of its chord, that fraction of it, counts, and u0 is where that begins. Six faces follow each
+   other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x or x y; the centres of the outermost
+   texels lie on the cube's edges, so this is not a hardware cube map. Valid until sps_tmap_destroy; NULL before
+   sps_tmap_finish. examples/shaders/ has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
-/* Of deep and compressed maps: the number of each texel's first stretch or node, and at the end that of all. NULL for
-   other maps. */
+/* Deep and compressed maps: returns the index of each texel's first stretch or node, followed by the number of all.
+   Valid as sps_tmap_texels. NULL for other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
-/* u of each texel's first opaque surface, below 0 before near_depth, 1e30 where there is none, one float a texel in the
-   same order; NULL where there is none in all of the map. */
+/* Returns u of each texel's first opaque surface, one float per texel in the same order: below 0 before near_depth,
+   1e30 if there is no surface. Valid as sps_tmap_texels. NULL if the whole map has no surface. */
 SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
 
-/* Where a world point is on a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y, z, 1). Its texel
-   is (X / W, Y / W), whole numbers being texels' centres; D is its distance from the light as near_depth counts it, and
-   where W is not above 0 it lies behind the light. A surface shades what is more than bias[0] + bias[1] * D behind it,
-   in the same units. matrix or bias may be NULL. Errors, which leave both untouched: ARGUMENT (map is NULL or not
-   finished, or has no such face). */
+/* Writes the projection of world points onto a face of the map (0, or 0..5): row-major, (X, Y, D, W) = matrix * (x, y,
+   z, 1). The texel is (X / W, Y / W), where whole numbers are texel centres. D is the distance from the light as
+   measured by near_depth; the point lies behind the light unless W > 0. A surface shades what is more than bias[0] +
+   bias[1] * D behind it, in the same units. matrix or bias may be NULL. Errors, which leave both untouched: ARGUMENT
+   (map is NULL or not finished, or has no such face). */
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
-/* Fills the block of constants for a shader that reads a face of the map (0, or 0..5). Errors, which leave it
-   untouched: ARGUMENT (map is NULL or not finished, or has no such face; constants is NULL). */
+/* Fills the constants for a shader that reads a face of the map (0, or 0..5). Errors, which leave them untouched:
+   ARGUMENT (map is NULL or not finished, or has no such face; constants is NULL). */
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants);
 
-/* Size and settings of the map, finished or not. Errors, which leave info untouched: ARGUMENT (either is NULL). */
+/* Writes size and settings of the map, finished or not. Errors, which leave info untouched: ARGUMENT (either is NULL).
+ */
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info);
 
-/* Frees the map; before its context. NULL is allowed. */
+/* Frees the map, which must be done before its context is destroyed. NULL is allowed. */
 SPS_API void sps_tmap_destroy(sps_tmap *map);
 
 #ifdef __cplusplus
@@ -834,7 +843,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_IMPLEMENTED
 
 /* =============================================================================================== >>config
-   1  Macros and the C library. Everything taken from libc is named here. */
+   1  Macros and the C library. Everything used from libc is named here. */
 
 #if defined(__FAST_MATH__) || defined(_M_FP_FAST) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0)
 #ifndef SPS_ALLOW_FAST_MATH
@@ -864,34 +873,34 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them still count in an int */
-#define SPSI_SLABS_MAX      (1 << 20) /* look-ups along the eye's rays tell a sixteenth of a slab at this many */
+#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them fit an int */
+#define SPSI_SLABS_MAX      (1 << 20) /* with this many, lookups along the eye's rays resolve a sixteenth of a slab */
 #define SPSI_VOLUMES_MAX    64
 #define SPSI_SETS_MAX       64 /* of particles */
 #define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
 #define SPSI_LOBES_MAX      8
 #define SPSI_WORKERS_MAX    1024
-#define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still count in an int */
+#define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still fit an int */
 #define SPSI_PARTICLES_MAX  (1 << 29)
 #define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it still have room in a double */
-#define SPSI_VALUE_MIN      1e-30f /* smaller ones would only make denormal numbers */
-#define SPSI_RADIANCE_MAX   1e30f  /* cap of what one sheet emits, so that sums stay finite */
-#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and that of a polygon; exp(-86) is already 0 here */
-#define SPSI_LIGHT_END      16.0f  /* optical depth from which on a light's is not followed: 1e-7 is left of it */
+#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it do not overflow a double */
+#define SPSI_VALUE_MIN      1e-30f /* smaller values would only make denormal numbers */
+#define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission, so that sums stay finite */
+#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
+#define SPSI_LIGHT_END      16.0f  /* optical depth at which a light is no longer followed: 1e-7 of it is left */
 
-#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in a second-level cache, measured best on 512 KiB */
+#define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in the level-2 cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
-#define SPSI_PATCH       8  /* pixels on a side of a patch: a tile has 8 x 8 of them, a bit each of a 64-bit number */
+#define SPSI_PATCH       8  /* pixels on a side of a patch: a tile has 8 x 8 of them, one bit each in a uint64_t */
 #define SPSI_CHUNK       16 /* slabs splatted in one visit of a voxel */
-#define SPSI_BRICK       8  /* voxels along a brick's edge: what is binned together */
-#define SPSI_BLOCK       32 /* voxels along a block's edge: what a provider is asked for */
+#define SPSI_BRICK       8  /* voxels along the edge of a brick, the unit of binning */
+#define SPSI_BLOCK       32 /* voxels along the edge of a block, the unit of reading */
 #define SPSI_MARGIN      3  /* voxels around a block that decide which of its voxels a transfer function shows */
 
 /* ================================================================================================= >>simd
-   2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a truth value for each. All code further down is
-   written once, for any width; lanes never mix, so results do not depend on the width but for rounding of fused
-   multiply-add. Only this section names an instruction set. */
+   2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a boolean for each. All code below is written once, for
+   any width. Lanes never mix, so results do not depend on the width except for the rounding of fused multiply-add. Only
+   this section names instruction sets. */
 
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
@@ -1063,20 +1072,20 @@ static inline spsi_m spsi_less(spsi_v a, spsi_v b) { return a < b; }
 static inline spsi_m spsi_and(spsi_m a, spsi_m b) { return a & b; }
 static inline int spsi_bits(spsi_m m) { return m; }
 static inline spsi_v spsi_select(spsi_m m, spsi_v a, spsi_v b) { return m ? a : b; }
-static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only ever given whole numbers */
+static inline void spsi_store_int(int *p, spsi_v a) { *p = (int)a; } /* only called with whole numbers */
 static inline spsi_v spsi_iota(void) { return 0; }
 #endif
 
-/* Zeroes what wide registers hold above their first 128 bits. Compilers do that before they call a function, but gcc 12
-   now and then forgets it after it has copied a struct through such a register. Until something zeroes it, each call of
-   a C library function that knows only SSE, such as fmin, takes tens of times as long on some processors. */
+/* Zeroes the upper bits of wide registers, above the first 128. Compilers do that before function calls, but gcc 12
+   sometimes omits it after it has copied a struct through such a register. As long as they are not zero, each call of
+   a C library function compiled for SSE, such as fmin, takes tens of times as long on some processors. */
 #if defined(SPSI_SIMD_AVX512) || defined(SPSI_SIMD_AVX2)
 static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 #else
 static inline void spsi_zero_upper(void) {}
 #endif
 
-/* The first numbers of a vector, where there may be fewer than it has; the others are read as 0. */
+/* Loads the first `count` lanes only, if there are fewer than SPSI_LANES; the others are 0. */
 static inline spsi_v spsi_load_first(const float *p, int count) {
     float lanes[SPSI_LANES] = {0};
     if (count >= SPSI_LANES) return spsi_load(p);
@@ -1095,7 +1104,7 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
 }
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
-/* Largest whole number not above a, for |a| < 2^30. */
+/* Rounds down, for |a| < 2^30. */
 static inline spsi_v spsi_floor(spsi_v a) {
     const spsi_v r = spsi_round(a);
     return spsi_select(spsi_less(a, r), spsi_sub(r, spsi_set(1)), r);
@@ -1103,7 +1112,7 @@ static inline spsi_v spsi_floor(spsi_v a) {
 #endif
 
 #ifndef SPSI_HAS_LOOKUP
-/* The numbers at (x, y) of a grid, for whole-numbered x and y. */
+/* Gathers grid[y * stride + x], per lane, for whole-numbered x and y. */
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     float xs[SPSI_LANES], ys[SPSI_LANES];
     spsi_store(xs, x);
@@ -1113,7 +1122,7 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
 }
 #endif
 
-/* The four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1). */
+/* Gathers the four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1) for a bilinear lookup. */
 static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
     quad[0] = spsi_lookup(grid, stride, x, y);
     quad[1] = spsi_lookup(grid + 1, stride, x, y);
@@ -1121,7 +1130,7 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
     quad[3] = spsi_lookup(grid + stride + 1, stride, x, y);
 }
 
-/* Asks for memory that will be read soon, where the compiler knows how. */
+/* Prefetches memory that will be read soon, if the compiler has a way to. */
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
@@ -1134,8 +1143,8 @@ static inline spsi_v spsi_clamp(spsi_v a, spsi_v low, spsi_v high) { return spsi
 static inline spsi_v spsi_abs(spsi_v a) { return spsi_max(a, spsi_sub(spsi_set(0), a)); }
 static inline spsi_v spsi_mix(spsi_v a, spsi_v b, spsi_v t) { return spsi_fma(spsi_sub(b, a), t, a); }
 
-/* e^x to 2e-7 of itself for -86 < x < 88; exactly 0 below, so that no denormal number is made.
-   x = n ln 2 + r; the polynomial in r was fitted for this library (largest relative error 1.1e-7). */
+/* e^x with a relative error of 2e-7 for -86 < x < 88; exactly 0 below, so that no denormal numbers arise.
+   x = n ln 2 + r; the polynomial in r was fitted for this library (maximum relative error 1.1e-7). */
 static inline spsi_v spsi_exp(spsi_v x) {
     const spsi_v inside = spsi_clamp(x, spsi_set(-87.0f), spsi_set(88.0f));
     const spsi_v n = spsi_round(spsi_mul(inside, spsi_set(1.44269504f)));
@@ -1151,14 +1160,14 @@ static inline spsi_v spsi_exp(spsi_v x) {
 }
 
 /* ================================================================================================ >>maths
-   3  Vectors and matrices in double precision: all placing is done with these, relative to the camera or to the first
+   3  Vectors and matrices in double precision: all placement is done with these, relative to the camera or to the first
    slab, before anything becomes a float. */
 
 static double spsi_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 static double spsi_length(const double a[3]) { return sqrt(spsi_dot(a, a)); }
 
-/* a b + c, the same bits wherever it is computed: a compiler may fuse a product with a sum in one place and leave them
-   apart in another. Fused explicitly where hardware does that; elsewhere the product passes through memory. */
+/* a b + c with the same bits wherever it is computed: a compiler may fuse product and sum in one place and not in
+   another. Fused explicitly where the hardware can; elsewhere the product goes through memory. */
 static inline double spsi_multiply_add(double a, double b, double c) {
 #if defined(FP_FAST_FMA) || defined(__FMA__) || defined(__ARM_FEATURE_FMA)
     return fma(a, b, c);
@@ -1174,14 +1183,14 @@ static double spsi_upper_half(double a) {
     return scaled - rest;
 }
 
-/* What rounding has taken from a product. Those of halves are exact, so fusing them changes nothing. [Dekker 1971] */
+/* The rounding error of a product. Products of halves are exact, so fusing them changes nothing. [Dekker 1971] */
 static double spsi_product_rest(double a, double b, double product) {
     const double a0 = spsi_upper_half(a), b0 = spsi_upper_half(b), a1 = a - a0, b1 = b - b0;
     return a0 * b0 - product + a0 * b1 + a1 * b0 + a1 * b1;
 }
 
-/* The sign of a b - c d, exactly. Rounding never swaps two products: if they differ so do those that are not rounded,
-   else what rounding has taken from them decides. */
+/* The exact sign of a b - c d. Rounding is monotonic: if the rounded products differ, so do the exact ones in the same
+   way; otherwise their rounding errors decide. */
 static int spsi_sign_of_difference(double a, double b, double c, double d) {
     const volatile double first = a * b, second = c * d;
     double p = first, q = second;
@@ -1208,7 +1217,7 @@ static void spsi_along(const double a[3], const double b[3], double t, double ou
 static int spsi_normalise(double a[3]) {
     const double square = spsi_dot(a, a);
     double largest, length;
-    if (square > 1e-200 && square < 1e200) { /* nearly always, and a division and a root are all it takes */
+    if (square > 1e-200 && square < 1e200) { /* nearly always, and cheap: one division and one root */
         length = 1 / sqrt(square);
         for (int i = 0; i < 3; ++i) a[i] *= length;
         return 1;
@@ -1221,7 +1230,7 @@ static int spsi_normalise(double a[3]) {
     return 1;
 }
 
-/* Two unit vectors perpendicular to the unit vector n; `x` lies along the coordinate axis that is least along n. */
+/* Two unit vectors perpendicular to the unit vector n; `x` is near the coordinate axis along which n is smallest. */
 static void spsi_basis(const double n[3], double x[3], double y[3]) {
     const double ax = fabs(n[0]), ay = fabs(n[1]), az = fabs(n[2]);
     const int least = ax <= ay && ax <= az ? 0 : ay <= az ? 1 : 2;
@@ -1239,7 +1248,7 @@ static double spsi_determinant(const double a[3], const double b[3], const doubl
     return spsi_dot(a, bc);
 }
 
-/* Rows of the inverse of the matrix with columns a, b, c; returns 0 if there is none. */
+/* Rows of the inverse of the matrix with columns a, b, c. Returns 0 if it is singular. */
 static int spsi_invert(const double a[3], const double b[3], const double c[3], double rows[3][3]) {
     const double determinant = spsi_determinant(a, b, c);
     if (!(fabs(determinant) > 0) || !(fabs(determinant) <= DBL_MAX)) return 0;
@@ -1250,14 +1259,14 @@ static int spsi_invert(const double a[3], const double b[3], const double c[3], 
     return 1;
 }
 
-/* The first of some numbers that is no usable coordinate; NULL where all are. */
+/* Returns the first number that is not a usable coordinate, NULL if there is none. */
 static const double *spsi_bad_coordinate(const double *values, int count) {
     for (int i = 0; i < count; ++i)
         if (!(fabs(values[i]) <= SPSI_COORDINATE_MAX)) return &values[i];
     return NULL;
 }
 
-/* The first of three components that is not within 0..most; NULL where all are. */
+/* Returns the first of three components that is not within 0..most, NULL if there is none. */
 static const float *spsi_bad_color(const float c[3], float most) {
     for (int i = 0; i < 3; ++i)
         if (!(c[i] >= 0 && c[i] <= most)) return &c[i];
@@ -1266,7 +1275,7 @@ static const float *spsi_bad_color(const float c[3], float most) {
 
 static int spsi_black(const float c[3]) { return !(c[0] > 0) && !(c[1] > 0) && !(c[2] > 0); }
 static int spsi_grey(const float c[3]) { return !(c[0] < c[1] || c[0] > c[1] || c[1] < c[2] || c[1] > c[2]); }
-/* inline, as fminf and fmin seldom are; b where a is NaN */
+/* Inlined, as fminf and fmin rarely are. b if a is NaN. */
 static inline float spsi_lower(float a, float b) { return a < b ? a : b; }
 static inline float spsi_higher(float a, float b) { return a > b ? a : b; }
 static inline double spsi_minimum(double a, double b) { return a < b ? a : b; }

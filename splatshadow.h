@@ -1284,55 +1284,55 @@ static int spsi_least(int a, int b) { return a < b ? a : b; }
 static int spsi_most(int a, int b) { return a > b ? a : b; }
 
 /* =============================================================================================== >>memory
-   4  The context, its one allocator, its one error path, and how work is handed out.
-   Memory lives in numbered buffers that keep their largest size from call to call. */
+   4  The context, its one allocator, its one error path, and the distribution of work. Memory lives in numbered buffers
+   that keep their largest size from call to call. */
 
 typedef enum spsi_buffer_id {
-    SPSI_BUFFER_FRAME,   /* the checked scene, >>scene; */
-    SPSI_BUFFER_CONTENT, /* and what is read of it */
+    SPSI_BUFFER_FRAME,   /* the checked scene, >>scene */
+    SPSI_BUFFER_CONTENT, /* what is read from the scene, >>scene */
     SPSI_BUFFER_TABLES,  /* transfer functions */
-    SPSI_BUFFER_LAMPS,   /* lights, as resolved */
+    SPSI_BUFFER_LAMPS,   /* resolved lights */
     SPSI_BUFFER_BLOCK,   /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
-    SPSI_BUFFER_SEGMENTS,   /* the list of voxel segments */
-    SPSI_BUFFER_FACES,      /* triangles, >>polygons */
-    SPSI_BUFFER_FACE_ROWS,  /* which rows each triangle covers */
-    SPSI_BUFFER_FACE_ORDER, /* their tree, >>trees */
-    SPSI_BUFFER_FACE_NODES,
-    SPSI_BUFFER_TREE_ITEMS,    /* any tree's, while it is being built */
-    SPSI_BUFFER_EYE_FACES,     /* the triangle that each pixel shows */
+    SPSI_BUFFER_SEGMENTS,      /* the list of voxel segments */
+    SPSI_BUFFER_FACES,         /* triangles, >>polygons */
+    SPSI_BUFFER_FACE_ROWS,     /* the rows that each triangle covers */
+    SPSI_BUFFER_FACE_ORDER,    /* the order of the triangles in their tree, >>trees */
+    SPSI_BUFFER_FACE_NODES,    /* the nodes of the triangles' tree */
+    SPSI_BUFFER_TREE_ITEMS,    /* items of any tree that is being built */
+    SPSI_BUFFER_EYE_FACES,     /* the triangle visible at each pixel */
     SPSI_BUFFER_SHADOWS,       /* of a sweep's lights, >>shading */
-    SPSI_BUFFER_ARRIVALS,      /* how their light comes to a vector of pixels, per worker */
-    SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: which pixels' polygons see it */
+    SPSI_BUFFER_ARRIVALS,      /* light that arrives at a vector of pixels, per worker */
+    SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: the pixels whose polygons see it */
     SPSI_BUFFER_DEPTH_MAPS,
-    SPSI_BUFFER_PIXELS,      /* optical depth and radiance, >>shading */
-    SPSI_BUFFER_PLANES,      /* a light's optical depth at the slabs of a chunk, >>lightsheets */
-    SPSI_BUFFER_SHEETS,      /* a tile of sheets per worker */
-    SPSI_BUFFER_SAMPLES,     /* what the volumes are at a vector of pixels, per worker, >>shading */
-    SPSI_BUFFER_PARTICLES,   /* >>gather */
-    SPSI_BUFFER_BRICK_QUEUE, /* bricks by the chunks that they touch, >>targets; */
-    SPSI_BUFFER_PARTICLE_QUEUE,
-    SPSI_BUFFER_BRICK_TILES, /* the tiles that bricks touch for the eye, or a map, and */
-    SPSI_BUFFER_BRICK_LIGHT_TILES,
-    SPSI_BUFFER_EYE_BALLS, /* the particles of one chunk as the eye sees them, by tile, and */
-    SPSI_BUFFER_LIGHT_BALLS,
-    SPSI_BUFFER_TILES,        /* what is known of each tile */
-    SPSI_BUFFER_RUN,          /* what the tasks of a sweep share */
-    SPSI_BUFFER_TMAP_VOLUMES, /* what splatting volumes into a map takes, >>tmaps */
-    SPSI_BUFFER_LIGHT_TMAPS,  /* lights' transmittance maps */
-    SPSI_BUFFER_TOTAL,        /* sum of the sweeps' images */
-    SPSI_BUFFER_ROW,          /* directions and colors of one row of background */
-    SPSI_BUFFER_MARCHER,      /* >>reference */
+    SPSI_BUFFER_PIXELS,            /* optical depth and radiance, >>shading */
+    SPSI_BUFFER_PLANES,            /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_SHEETS,            /* a tile of sheets per worker */
+    SPSI_BUFFER_SAMPLES,           /* samples of the volumes at a vector of pixels, per worker, >>shading */
+    SPSI_BUFFER_PARTICLES,         /* >>gather */
+    SPSI_BUFFER_BRICK_QUEUE,       /* bricks by the chunks that they touch, >>targets */
+    SPSI_BUFFER_PARTICLE_QUEUE,    /* particles by the chunks that they touch */
+    SPSI_BUFFER_BRICK_TILES,       /* tiles that bricks touch, for the eye or a map */
+    SPSI_BUFFER_BRICK_LIGHT_TILES, /* tiles that bricks touch, for a light */
+    SPSI_BUFFER_EYE_BALLS,         /* the particles of one chunk as the eye sees them, by tile */
+    SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
+    SPSI_BUFFER_TILES,             /* state of each tile */
+    SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
+    SPSI_BUFFER_TMAP_VOLUMES,      /* data for splatting volumes into a map, >>tmaps */
+    SPSI_BUFFER_LIGHT_TMAPS,       /* lights' transmittance maps */
+    SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
+    SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
+    SPSI_BUFFER_MARCHER,           /* >>reference */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
-    SPSI_BUFFER_BALL_ORDER,  /* by depth, and */
-    SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>tmaps; */
-    SPSI_BUFFER_BALL_STARTS, /* where each tile's begin in */
-    SPSI_BUFFER_BALL_LIST,   /* the list of all tiles' */
+    SPSI_BUFFER_BALL_ORDER,  /* particles of a map in order of depth */
+    SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>tmaps */
+    SPSI_BUFFER_BALL_STARTS, /* where each tile's particles begin in the list */
+    SPSI_BUFFER_BALL_LIST,   /* the particles of all tiles */
     SPSI_BUFFER_BAND,        /* sums or stretches of a band of tiles of a map */
     SPSI_BUFFER_PLACES,      /* where each texel's stretches begin */
-    SPSI_BUFFER_CURVES,      /* per worker, what a texel of a map is made from */
+    SPSI_BUFFER_CURVES,      /* per worker, the data that a texel of a map is made from */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
 
@@ -1350,8 +1350,8 @@ struct sps_context {
     sps_result result;
     sps_error_info error; /* of that result */
     float progress;
-    int tmap_count; /* maps that are not destroyed yet */
-    int cancelled;  /* progress_fn wants to stop, which takes effect at the next spsi_progress */
+    int tmap_count; /* maps not yet destroyed */
+    int cancelled;  /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
     double clock_start;
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
@@ -1360,11 +1360,11 @@ struct sps_context {
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
-    int tree_held; /* 1: and a tree of them */
+    int tree_held; /* 1: the tree of these triangles is held too */
     double mesh_low[3], mesh_high[3];
 };
 
-/* The member that a phrase begins with: "count" of "count, with those before it,". */
+/* The member at the beginning of a phrase: "count" of "count, with those before it,". */
 static void spsi_leading_member(const char *phrase, char member[SPSI_FIELD_SIZE]) {
     size_t length = 0;
     while (length < SPSI_FIELD_SIZE - 1 && phrase[length] && !strchr(" ,'(", phrase[length])) ++length;
@@ -1377,7 +1377,7 @@ static void spsi_clear_error(sps_error_info *info) {
     info->index = -1;
 }
 
-/* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 leaves the brackets out. */
+/* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 omits the brackets. */
 static void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
                           const char *rest) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
@@ -1392,8 +1392,8 @@ static void spsi_describe(sps_error_info *info, sps_object object, int index, co
                  *names[object] && *phrase ? "." : "", phrase, *names[object] || *phrase ? " " : "", rest);
 }
 
-/* The one way to fail: records what spsi_describe says, tells message_fn unless the caller has cancelled, and hands the
-   result on. The first failure stands. */
+/* The one way to fail: records the description, tells message_fn unless the caller has cancelled, and returns the
+   result. The first failure stands. */
 static sps_result spsi_fail_that(sps_context *context, sps_result result, sps_object object, int index,
                                  const char *phrase, double value, const char *rest) {
     if (context->result == SPS_OK) {
@@ -1405,7 +1405,7 @@ static sps_result spsi_fail_that(sps_context *context, sps_result result, sps_ob
     return context->result;
 }
 
-/* As spsi_fail_that, for a failure that no object is to blame for. */
+/* As spsi_fail_that, for a failure without an object. */
 static sps_result spsi_fail(sps_context *context, sps_result result, const char *sentence) {
     return spsi_fail_that(context, result, SPS_OBJECT_NONE, -1, "", 0, sentence);
 }
@@ -1414,7 +1414,7 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
 
 /* The rest of a sentence about a field whose value breaks a rule. Returns the value. */
 static double spsi_say_value(double value, const char *rule, char rest[SPSI_SENTENCE_SIZE]) {
-    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which says nothing */
+    if (!(value <= 0) && !(value > 0)) value = fabs(value); /* NaN may print its sign, which is meaningless */
     SPS_SNPRINTF(rest, SPSI_SENTENCE_SIZE, "is %g; %s", value, rule);
     return value;
 }
@@ -1441,7 +1441,8 @@ static void spsi_release(sps_context *context, void *data, size_t size) {
         SPS_FREE(data);
 }
 
-/* Every allocation but the context's own passes here: overflow, limit and failure are one error. NULL after it. */
+/* Every allocation except for the context's own comes from here: overflow, limit and failure are one error, with NULL
+   returned. */
 static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     const size_t limit = context->config.memory_limit;
     const size_t bytes = count * size;
@@ -1467,7 +1468,7 @@ static void *spsi_acquire(sps_context *context, size_t count, size_t size) {
     return data;
 }
 
-/* Calls progress_fn in the middle of work, so that it is called often enough however long tasks take. */
+/* Calls progress_fn in the middle of work, so that it is called often enough even if tasks take long. */
 static void spsi_tick(sps_context *context) {
     if (context->config.progress_fn && !context->cancelled)
         context->cancelled = context->config.progress_fn(context->config.progress_user, context->progress) != 0;
@@ -1475,7 +1476,7 @@ static void spsi_tick(sps_context *context) {
 
 #define SPSI_COPY_BYTES ((size_t)1 << 24) /* a few milliseconds' work */
 
-/* memcpy of what may be large. */
+/* memcpy of possibly large data, with progress. */
 static void spsi_copy(sps_context *context, void *to, const void *from, size_t bytes) {
     for (size_t at = 0; at < bytes; at += SPSI_COPY_BYTES) {
         const size_t some = bytes - at < SPSI_COPY_BYTES ? bytes - at : SPSI_COPY_BYTES;
@@ -1490,7 +1491,7 @@ static void spsi_buffer_release(sps_context *context, spsi_buffer *buffer) {
     buffer->size = 0;
 }
 
-/* Makes a buffer hold count * size bytes at least; what it held is lost if it has to grow. NULL: failed. */
+/* Makes a buffer hold at least count * size bytes; its contents are lost if it has to grow. Returns NULL on failure. */
 static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size_t count, size_t size) {
     const size_t wanted = count > 0 ? count : 1;
     if (buffer->data && buffer->size / size >= wanted) return buffer->data;
@@ -1500,7 +1501,7 @@ static void *spsi_buffer_reserve(sps_context *context, spsi_buffer *buffer, size
     return buffer->data;
 }
 
-/* As spsi_buffer_reserve, but keeps the first `kept` items and grows by half at least. */
+/* As spsi_buffer_reserve, but keeps the first `kept` items and grows by at least half. */
 static void *spsi_buffer_extend(sps_context *context, spsi_buffer *buffer, size_t kept, size_t count, size_t size) {
     const size_t held = buffer->size / size, grown = held + held / 2;
     const size_t wanted = grown > count ? grown : count > 0 ? count : 1;
@@ -1534,7 +1535,7 @@ static double spsi_clock(const sps_context *context) {
 
 #define SPSI_GROUP_TASKS  1024
 #define SPSI_TICK_SECONDS 0.01
-#define SPSI_TICK_TASKS   4 /* per worker, where no clock tells: fewer would leave yet more workers idle */
+#define SPSI_TICK_TASKS   4 /* per worker, if there is no clock: fewer would leave even more workers idle */
 
 static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
@@ -1542,8 +1543,8 @@ static void spsi_task_run(sps_task_fn task, void *data, int index, int worker) {
     spsi_zero_upper();
 }
 
-/* Tasks from `first` on. A task whose turn comes after the deadline is left for another round, so that workers wait for
-   each other when progress_fn is due and not once per few tasks, which took a sixth of a frame. */
+/* Tasks from `first` on. A task that starts after the deadline is left for another round, so that workers wait for each
+   other only when progress_fn is due, and not after every few tasks, which took a sixth of a frame. */
 typedef struct spsi_task_group {
     const sps_context *context;
     sps_task_fn task;
@@ -1561,8 +1562,8 @@ static void spsi_group_task(void *data, int index, int worker) {
     spsi_task_run(group->task, group->data, group->first + index, worker);
 }
 
-/* Runs a group's tasks, in rounds with a call of progress_fn after each. The round after one in which nothing was done,
-   because the clock leapt, has no deadline and is the last: tasks that parallel_for_fn has left out are done here. */
+/* Runs a group's tasks in rounds, with a call of progress_fn after each. If nothing was done in a round, because the
+   clock jumped, the next round has no deadline and is the last. Tasks that parallel_for_fn left out are run here. */
 static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     const int timed = context->config.progress_fn && context->config.clock_fn;
     int left = group->count, stuck = 0;
@@ -1580,7 +1581,7 @@ static void spsi_group_run(sps_context *context, spsi_task_group *group) {
     for (int i = 0; i < group->count && left > 0; ++i) spsi_group_task(group, i, 0);
 }
 
-/* Runs task(data, i, worker) for i = 0..count-1, and calls progress_fn now and then. Tasks write to disjoint places, so
+/* Runs task(data, i, worker) for i = 0..count-1, and calls progress_fn at intervals. Tasks write to disjoint memory, so
    the order does not matter. */
 static void spsi_parallel(sps_context *context, int count, sps_task_fn task, void *data) {
     const int untimed = context->config.progress_fn && !context->config.clock_fn;
@@ -1601,31 +1602,31 @@ static void spsi_parallel(sps_context *context, int count, sps_task_fn task, voi
     }
 }
 
-/* A part of a call: how far the call is when it begins, and its share of the call. */
+/* A part of a call: the call's progress when the part begins, and the part's share of the call. */
 typedef struct spsi_part_of_call {
     double progress, share;
 } spsi_part_of_call;
 
-/* How far the call is when a fraction of the part is done. */
+/* The call's progress when a fraction of the part is done. */
 static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
     return part->progress + part->share * fraction;
 }
 
-/* Shares of a call's progress. They only have to be likely: of what is read, and, in a sweep, of its lights' maps. */
+/* Shares of a call's progress, roughly: of reading, and, in a sweep, of its lights' maps. */
 #define SPSI_PROGRESS_GATHER 0.2
 #define SPSI_PROGRESS_TMAP   0.3
 
-#define SPSI_BATCH 256 /* items to a task where they are many and small: enough to hide what a task costs */
+#define SPSI_BATCH 256 /* items per task where they are many and small: enough to hide a task's overhead */
 
-/* Runs the tasks of so many items in batches. */
+/* Runs the tasks for `count` items in batches. */
 static void spsi_parallel_batches(sps_context *context, int count, sps_task_fn task, void *data) {
     spsi_parallel(context, count / SPSI_BATCH + (count % SPSI_BATCH > 0), task, data);
 }
 
-/* Where the batch of a task ends, which begins at index * SPSI_BATCH. */
+/* The end of a task's batch, which begins at index * SPSI_BATCH. */
 static int spsi_batch_end(int index, int count) { return spsi_least(count, (index + 1) * SPSI_BATCH); }
 
-/* Tells how far the work is; SPS_ERROR_CANCELLED where the caller wants to stop. */
+/* Reports progress; SPS_ERROR_CANCELLED if the caller wants to stop. */
 static sps_result spsi_progress(sps_context *context, double fraction) {
     const float now = (float)fmin(1.0, fmax((double)context->progress, fraction));
     context->progress = now;
@@ -1634,7 +1635,7 @@ static sps_result spsi_progress(sps_context *context, double fraction) {
     return SPS_OK;
 }
 
-/* FNV-1a, 64 bits: tells whether what a caller has handed in is what is held. [Fowler, Noll, Vo] */
+/* FNV-1a, 64 bits: tells whether the caller's data is the data already held. [Fowler, Noll, Vo] */
 #define SPSI_FINGERPRINT_START UINT64_C(14695981039346656037)
 
 static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
@@ -1644,20 +1645,20 @@ static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
 }
 
 /* =============================================================================================== >>kernel
-   5  The voxel kernel, a Gaussian of SPSI_SIGMA voxels cut at SPSI_CUT standard deviations or less, and the closed
-   forms for light in a sheet. */
+   5  The voxel kernel, a Gaussian with a standard deviation of SPSI_SIGMA voxels, cut at SPSI_CUT standard deviations
+   or less, and the closed forms for light in a sheet. */
 
 #define SPSI_SIGMA       0.65 /* voxels; a lattice of such kernels is constant to 0.05 % */
 #define SPSI_REACH       2.5  /* voxels */
 #define SPSI_CUT         (SPSI_REACH / SPSI_SIGMA)
-#define SPSI_PIXEL_SIGMA 0.5 /* least footprint width in pixels: the pixel filter where voxels are smaller */
+#define SPSI_PIXEL_SIGMA 0.5 /* minimum footprint width in pixels: the pixel filter if voxels are smaller */
 
-/* The kernel's mass in the disc of the footprint that is kept. Dividing by it makes a constant grid constant. */
+/* The kernel's mass within the cut footprint. Dividing by it keeps a constant grid constant. */
 static double spsi_footprint_mass(double cut) { return -expm1(-0.5 * cut * cut); }
 
 /* The share of a kernel's line integral that lies before a plane; v = distance / (SPSI_CUT * standard deviation).
-   A polynomial whose derivative (1 - v^2)^2 (..) is nowhere negative, so that sheets are never negative; fitted to the
-   cut Gaussian: largest error 2e-4 of the integral, and the shares of all slabs add up to 1. */
+   A polynomial whose derivative (1 - v^2)^2 (..) is never negative, so that sheets are never negative. It was fitted to
+   the cut Gaussian: maximum error 2e-4 of the integral, and the shares of all slabs add up to 1. */
 static inline spsi_v spsi_kernel_share(spsi_v v) {
     const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
     spsi_v p = spsi_set(0.915625417f);
@@ -1670,7 +1671,7 @@ static inline spsi_v spsi_kernel_share(spsi_v v) {
     return spsi_fma(p, x, spsi_set(0.5f));
 }
 
-/* Its derivative. */
+/* The derivative of spsi_kernel_share. */
 static inline spsi_v spsi_kernel_slope(spsi_v v) {
     const spsi_v x = spsi_clamp(v, spsi_set(-1), spsi_set(1)), x2 = spsi_mul(x, x);
     spsi_v p = spsi_set(13 * 0.915625417f);
@@ -1682,10 +1683,10 @@ static inline spsi_v spsi_kernel_slope(spsi_v v) {
     return spsi_fma(p, x2, spsi_set(1.53173222f));
 }
 
-/* The mean of exp(-x) for x between a and b (any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
-   Light that enters a sheet with optical depth a behind it and leaves with b, so summed over a sheet of depth t that
-   sends c per unit of depth, is c t spsi_mean_transmittance(a, b): exact where extinction is constant in the sheet,
-   for either compositing order. The series below d = 0.25 is good to 1e-7. */
+/* The mean of exp(-x) for x between a and b (in any order): exp(-min) (1 - exp(-d)) / d, d = |a - b|; exp(-a) at d = 0.
+   A sheet of optical depth t that emits c per unit of depth, with optical depths a and b at its two sides, contributes
+   c t spsi_mean_transmittance(a, b): exact if extinction is constant within the sheet, for either compositing order.
+   The series below d = 0.25 is accurate to 1e-7. */
 static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
     const spsi_v d = spsi_abs(spsi_sub(a, b));
     const spsi_v quotient =
@@ -1699,8 +1700,8 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
-/* The mean position, as a share of its length, of what the eye sees of a stretch of optical depth d: 1/d -
-   1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is good to 1e-7. */
+/* The mean position, as a fraction of its length, of what the eye sees of a stretch of optical depth d:
+   1/d - 1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is accurate to 1e-7. */
 static inline spsi_v spsi_mean_way(spsi_v d) {
     const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
     const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), most));
@@ -1715,40 +1716,40 @@ static inline spsi_v spsi_mean_way(spsi_v d) {
        perspective    p = origin + t (c + x a + y b)
        orthographic   p = origin + x a + y b + t c
    so one rasteriser and one splatter serve both. Ray space is (x, y, t). Depths are stored as t - depth_reference, so
-   that a distant camera loses no digits. */
+   that a distant camera loses no precision. */
 
 typedef struct spsi_rays {
     int perspective, width, height;
     double origin[3], a[3], b[3], c[3];
-    double inverse[3][3]; /* rows; (p - origin) to (x t, y t, t) or (x, y, t) */
+    double inverse[3][3]; /* rows; maps (p - origin) to (x t, y t, t) or (x, y, t) */
     double depth_reference, near_depth;
-    int is_cube_face; /* 1: of six about the origin */
+    int is_cube_face; /* 1: one of six faces around the origin */
 } spsi_rays;
 
 static size_t spsi_ray_count(const spsi_rays *rays) { return (size_t)rays->width * (size_t)rays->height; }
 
-/* Tiles that the rays fill, the last ones perhaps in part. */
+/* Columns and rows of tiles that cover the rays; the last ones may be partly filled. */
 static int spsi_tile_columns(const spsi_rays *rays) { return (rays->width + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH; }
 static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_TILE_HEIGHT - 1) / SPSI_TILE_HEIGHT; }
 
-/* Returns 0 if the rays do not span space, or a singular matrix has sent them too far away. */
+/* Returns 0 if the rays do not span space, or if a nearly singular matrix puts them too far away. */
 static int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
     return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
            !spsi_bad_coordinate(rays->b, 3);
 }
 
-/* t at which rays begin, as t - depth_reference. */
+/* The start of the rays, as t - depth_reference. */
 static float spsi_rays_begin(const spsi_rays *rays) {
     return rays->near_depth > -DBL_MAX ? (float)(rays->near_depth - rays->depth_reference) : -FLT_MAX;
 }
 
-/* World offset from the origin to ray coordinates, before any division. */
+/* Transforms a world offset from the origin to ray coordinates, before any division. */
 static void spsi_to_rays(const spsi_rays *rays, const double offset[3], double q[3]) {
     for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rays->inverse[i], offset);
 }
 
-/* Pixel coordinates and depth t of a world point; x and y mean nothing where a perspective t is not positive. */
+/* Pixel coordinates and depth t of a world point; x and y are meaningless if t is not positive in perspective. */
 static void spsi_project(const spsi_rays *rays, const double point[3], double q[3]) {
     double offset[3];
     spsi_along(point, rays->origin, -1, offset);
@@ -1756,7 +1757,7 @@ static void spsi_project(const spsi_rays *rays, const double point[3], double q[
     if (rays->perspective && q[2] > 0) q[0] /= q[2], q[1] /= q[2];
 }
 
-/* The direction of a pixel's ray: how p changes with t. */
+/* The direction of a pixel's ray: the change of p per unit of t. */
 static void spsi_ray_direction(const spsi_rays *rays, double x, double y, double direction[3]) {
     memcpy(direction, rays->c, sizeof rays->c);
     if (!rays->perspective) return;
@@ -1773,8 +1774,8 @@ static void spsi_ray_point(const spsi_rays *rays, double x, double y, double t, 
     spsi_along(point, rays->b, y, point);
 }
 
-/* Rays from a basis: centre of the image plane along `forward`, pixel steps along `right` and down, pixel size `pitch`
-   at t = 1 (perspective) or everywhere. */
+/* Rays from a basis: the centre of the image plane lies along `forward`; pixels step along `right` and `down`, by
+   `pitch` at t = 1 (perspective) or everywhere (orthographic). */
 static void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double right[3], const double down[3],
                           const double forward[3], double pitch_x, double pitch_y) {
     const double x = -0.5 * (rays->width - 1) * pitch_x, y = -0.5 * (rays->height - 1) * pitch_y;
@@ -1789,8 +1790,8 @@ static void spsi_rays_aim(spsi_rays *rays, const double eye[3], const double rig
     spsi_along(corner, down, y, corner);
 }
 
-/* Rays through the pixels of a camera that has no matrix; width and height are set. Returns 0 if it has no direction,
-   or its pixels cannot be told apart. */
+/* Rays through the pixels of a camera without a matrix; width and height are already set. Returns 0 if it has no
+   direction, or if its pixels coincide. */
 static int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     double forward[3], right[3], down[3], pitch;
     spsi_along(camera->target, camera->position, -1, forward);
@@ -1805,7 +1806,7 @@ static int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
     return spsi_rays_complete(rays);
 }
 
-/* What takes world points to texels, as a row-major matrix: (X, Y, t, W), of which the texel is (X / W, Y / W). */
+/* The row-major matrix from world points to texels: (X, Y, t, W), where the texel is (X / W, Y / W). */
 static void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
     for (int i = 0; i < 4; ++i) {
         const double *row = rays->inverse[spsi_least(i, 2)];
@@ -1817,15 +1818,15 @@ static void spsi_rays_matrix(const spsi_rays *rays, double matrix[16]) {
 
 #define SPSI_CUBE_FACES 6 /* +x -x +y -y +z -z */
 
-/* The face of a cube that a direction goes through: the axis of its largest component. */
+/* The cube face that a direction points at: the axis of its largest component. */
 static int spsi_cube_face_of(const double offset[3]) {
     const double x = fabs(offset[0]), y = fabs(offset[1]), z = fabs(offset[2]);
     const int axis = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
     return 2 * axis + (offset[axis] < 0);
 }
 
-/* Rays through one face of a cube about a point. The middles of the outermost texels lie on the cube's edges, or so
-   many texels beyond them as `border` says. */
+/* Rays through one face of a cube around a point. The centres of the outermost texels lie on the cube's edges, or
+   `border` texels beyond them. */
 static int spsi_rays_of_cube_face(const double position[3], int face, int size, int border, spsi_rays *rays) {
     static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     const double pitch = 2.0 / spsi_most(size - 1 - 2 * border, 1);
@@ -1838,15 +1839,15 @@ static int spsi_rays_of_cube_face(const double position[3], int face, int size, 
     return spsi_rays_complete(rays);
 }
 
-/* How far along the ray direction c from a point an orthographic matrix has clip depth -1; 0 where its depth row has no
-   such place within 1e12 pixels, past which positions would lose digits. Nothing tells a near plane at -1 from one at
-   0; from here distances are positive with either. */
+/* The distance, along the ray direction c from a point, at which an orthographic matrix has clip depth -1; 0 if that is
+   farther than 1e12 pixels, where positions would lose precision. A near plane at -1 cannot be told from one at 0;
+   measured from here, distances are positive with either. */
 static double spsi_clip_start(const double m[16], const double point[3], const double c[3], double pixel) {
     const double start = (-m[15] - m[11] - spsi_dot(m + 8, point)) / spsi_dot(m + 8, c);
     return fabs(start) <= 1e12 * pixel ? start : 0;
 }
 
-/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; in perspective row 2 (the depth convention) is not needed. The
+/* Rays from rows 0, 1 and 3 of a world-to-clip matrix; in perspective, row 2 (the depth convention) is not needed. The
    ray of clip position (X,Y) lies in the planes (r0 - X r3) p = 0 and (r1 - Y r3) p = 0, so its direction is linear in
    X and Y. */
 static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
@@ -1884,9 +1885,9 @@ static int spsi_rays_from_matrix(spsi_rays *rays, const double m[16]) {
     return spsi_rays_complete(rays);
 }
 
-/* --- what is linear along rays --- */
+/* ---- quantities that are linear along rays ---- */
 
-/* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), d being
+/* A quantity that is linear in depth along each of the eye's rays: (base . (1,x,y)) + d (slope . (1,x,y)), where d is
    t - depth_reference. Slab coordinates, light ray coordinates and positions are all of this kind. */
 typedef struct spsi_linear {
     float base[3], slope[3];
@@ -1917,7 +1918,7 @@ static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, floa
     return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
 }
 
-/* World length of a unit of t along the rays of a row of pixels. */
+/* World length per unit of t along the rays of a row of pixels. */
 static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) {
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 3; ++i) {
@@ -1930,14 +1931,14 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 }
 
 /* ============================================================================================= >>transfer
-   7  What a value looks like. A gas scatters albedo * extinction * value by a sum of Henyey-Greenstein lobes; a
-   transfer function is a table from value to color and extinction. */
+   7  Appearance of values. A gas scatters albedo * extinction * value by a sum of Henyey-Greenstein lobes; a transfer
+   function is a table from value to color and extinction. */
 
 #define SPSI_TABLE_SIZE 2048
 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
-    int shown[SPSI_TABLE_SIZE + 2];      /* how many of the entries before this one have extinction */
+    int shown[SPSI_TABLE_SIZE + 2];      /* number of entries before this one that have extinction */
 } spsi_table;
 
 typedef struct spsi_material {
@@ -1953,7 +1954,8 @@ typedef struct spsi_material {
     int scatters, emits, extinguishes;
 } spsi_material;
 
-/* One lobe for a vector of cosines. The denominator is at least (1 - |g|)^2 > 0. [Henyey & Greenstein 1941] */
+/* One lobe for a vector of cosines. The square in the denominator is at least (1 - |g|)^2 > 0.
+   [Henyey & Greenstein 1941] */
 static inline spsi_v spsi_lobe_phase(float g, spsi_v cosine) {
     const spsi_v square =
         spsi_max(spsi_set((1 - g) * (1 - g) < (1 + g) * (1 + g) ? (1 - g) * (1 - g) : (1 + g) * (1 + g)),
@@ -1968,7 +1970,7 @@ static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
     return sum;
 }
 
-/* The extinction alone. */
+/* Extinction only, for a vector of values. */
 static inline spsi_v spsi_classify_extinction(const spsi_material *material, spsi_v value) {
     const spsi_v zero = spsi_set(0), scaled = spsi_mul(value, spsi_set(material->table_scale));
     const spsi_v at = spsi_clamp(scaled, zero, spsi_set((float)SPSI_TABLE_SIZE));
@@ -1978,7 +1980,7 @@ static inline spsi_v spsi_classify_extinction(const spsi_material *material, sps
     return spsi_select(spsi_less(zero, value), spsi_mix(low, high, spsi_sub(at, entry)), zero);
 }
 
-/* Red, green, blue and extinction for a vector of values; straight lines between table entries. */
+/* Red, green, blue and extinction for a vector of values, linear between table entries. */
 static inline void spsi_classify(const spsi_material *material, spsi_v value, spsi_v out[4]) {
     float at[SPSI_LANES], channel[4][SPSI_LANES];
     const spsi_v scaled = spsi_mul(value, spsi_set(material->table_scale));
@@ -1992,7 +1994,7 @@ static inline void spsi_classify(const spsi_material *material, spsi_v value, sp
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
-/* Checks color and extinction at points[i], or what eval_fn gave for a value where i < 0. */
+/* Checks color and extinction of points[i], or, if i < 0, those that eval_fn wrote for a value. */
 static sps_result spsi_transfer_check_point(sps_context *context, int volume, const sps_transfer_point *point, int i,
                                             float value) {
     const float *bad = spsi_bad_color(point->color, 1);
@@ -2007,7 +2009,7 @@ static sps_result spsi_transfer_check_point(sps_context *context, int volume, co
                            bad ? "red, green and blue must be 0..1" : "it must be 0..1e18");
 }
 
-/* The transfer function at `value` by straight lines between its points. */
+/* The transfer function at `value`, linear between its points. */
 static void spsi_transfer_at_points(const sps_transfer *transfer, float value, float out[4]) {
     const sps_transfer_point *points = transfer->points;
     int high = 0;
@@ -2070,7 +2072,7 @@ static sps_result spsi_transfer_check(sps_context *context, const sps_transfer *
     return SPS_OK;
 }
 
-/* Fills a material's table and what follows from it. */
+/* Fills a material's table and the members that depend on it. */
 static sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfer *transfer, int volume,
                                          spsi_material *material) {
     float last = transfer->value_max;

@@ -27,21 +27,22 @@ INCLUDES = -I. -isystem $(STB)
 LIBRARIES = -pthread -lm
 HEADERS = splatshadow.h $(wildcard examples/*.h)
 EXAMPLES = $(patsubst examples/%.c,build/%,$(wildcard examples/*.c))
+STEPS = $(patsubst examples/tutorial/%.c,%,$(wildcard examples/tutorial/*.c))
 
 .PHONY: all demo gallery scans test test-long fuzz mutants format clean
 .DELETE_ON_ERROR:
 
-all: $(EXAMPLES)
+all: $(EXAMPLES) $(STEPS:%=build/tutorial/%)
 
 # hello.c is the quick start, and the quick start is written to be short: it has no strict prototypes to offer.
 build/hello: examples/hello.c splatshadow.h | build
 	$(CC) $(STANDARD) $(OPTIMIZE) -Wall -I. $< -o $@ $(LIBRARIES)
 
-build/%: examples/%.c $(HEADERS) | build
+build/%: examples/%.c $(HEADERS) | build build/tutorial
 	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make STB=dir"; exit 1; }
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
 
-build build/gallery build/tests:
+build build/gallery build/tests build/tutorial:
 	mkdir -p $@
 
 # ---------------------------------------------------------------------------------------------------- pictures
@@ -70,8 +71,9 @@ build/gallery/%.png: build/% | build/gallery
 # The pictures that the README and the manual show. No prerequisite tells whether they are old: they are made anew.
 DOCS_PICTURES = tree smoke_room pot
 .PHONY: pictures
-pictures: $(DOCS_PICTURES:%=build/%)
+pictures: $(DOCS_PICTURES:%=build/%) $(STEPS:%=build/tutorial/%)
 	for scene in $(DOCS_PICTURES); do build/$$scene --out docs/$$scene.png --width 480 || exit 1; done
+	for step in $(STEPS); do build/tutorial/$$step docs/tutorial_$$step.png >/dev/null || exit 1; done
 
 # Real scans. To add one: its name and its file here, and how it looks in examples/looks/NAME.txt (build/render --help
 # says more about that). A scan whose file is not in SPLATSHADOW_DATA is passed over.
@@ -222,9 +224,13 @@ $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(info skipp
 # Tests that run build/render
 $(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/render)))
 
+# The test that runs the steps of the tutorial, which are linked with the native configuration's header
+READY_STEPS = $(if $(STB_THERE),$(if $(filter native,$(READY)),$(STEPS:%=build/tests/step.%.log)))
+$(foreach c,$(READY),$(eval build/tests/$(c).test_tutorial.log: $(READY_STEPS)))
+
 .PHONY: run-tests
 run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
-	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) \
+	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
 	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log) $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log)
@@ -306,6 +312,12 @@ build/tests/example.%_hello.log: examples/hello.c splatshadow.h
 		build/tests/example.$*_hello | awk 'NR > 1 { for (i = 1; i <= NF; ++i) { ++numbers; bright += $$i > 99 } } \
 		END { exit numbers != 256 * 256 * 3 || bright < 256 }' && $(ONE_PASSED))
 
+# Steps of the tutorial, with the header that is compiled already; tests/test_tutorial.c runs them.
+build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/shaders/*) build/tests/native.code.o build/tests/faces/splatshadow.h
+	@mkdir -p build/tests/tutorial
+	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o \
+		-o build/tests/tutorial/$* $(LIBRARIES) && $(ONE_PASSED))
+
 # The implementation in one object, C as well as C++, and a plain user of it in another.
 LINK_USER = printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c
 LINK_CODE = printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\n' > link_code.c
@@ -359,7 +371,7 @@ uninstall:
 
 # hello.c is left as it stands in the header; the header's tables are set by hand.
 format:
-	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* tests/*.[ch]))
+	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* examples/tutorial/* tests/*.[ch]))
 
 clean:
 	rm -rf build

@@ -68,4 +68,12 @@ static inline int ex_write_pfm(const char *path, const float *rgba, int width, i
     return ex_output_end(&output, error);
 }
 
+/* Writes RGB of an RGBA image as PFM if the name ends in ".pfm", and as PNG otherwise. */
+static inline int ex_write_picture(const char *path, const float *rgba, int width, int height, ex_error *error) {
+    const size_t length = strlen(path);
+    if (length > 4 && strcmp(path + length - 4, ".pfm") == 0)
+        return ex_write_pfm(path, rgba, width, height, 0, 3, error);
+    return ex_write_png(path, rgba, width, height, error);
+}
+
 #endif /* EX_PICTURE_H */

@@ -101,6 +101,18 @@ static inline void check_run(const char *name, void (*test)(void)) {
 
 #define RUN(test) check_run(#test, test)
 
+/* ---------------------------------------------------------------------------------------------------- files */
+
+/* All of a file, to be freed; NULL if it cannot be read. Tests run in the project's folder. */
+static inline char *read_text(const char *path) {
+    FILE *file = fopen(path, "rb");
+    const size_t room = 1 << 20;
+    char *text = file ? (char *)malloc(room + 1) : NULL;
+    if (text) text[fread(text, 1, room, file)] = 0;
+    if (file) fclose(file);
+    return text;
+}
+
 /* ----------------------------------------------------------------------------------- numbers that look random */
 
 typedef struct check_random {

@@ -972,29 +972,6 @@ static void test_rounds_of_tasks(void) {
         }
 }
 
-/* The file's text from here or up to four folders above; NULL if it is not found. */
-static char *read_text(const char *path) {
-    char at[256];
-    for (int up = 0; up < 5; ++up) {
-        FILE *file;
-        char *text;
-        long size;
-        at[0] = 0;
-        for (int i = 0; i < up; ++i) strcat(at, "../");
-        strcat(at, path);
-        file = fopen(at, "rb");
-        if (!file) continue;
-        fseek(file, 0, SEEK_END);
-        size = ftell(file);
-        fseek(file, 0, SEEK_SET);
-        text = (char *)calloc((size_t)size + 1, 1);
-        if (text && fread(text, 1, (size_t)size, file) != (size_t)size) text[0] = 0;
-        fclose(file);
-        return text;
-    }
-    return NULL;
-}
-
 /* The quick start in the header, without its indentation, is examples/hello.c, and so is that in the README. */
 static void test_quick_start(void) {
     char *header = read_text("splatshadow.h"), *hello = read_text("examples/hello.c"), *readme = read_text("README.md");

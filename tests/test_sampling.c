@@ -601,16 +601,6 @@ static void test_half(void) {
 
 enum { SCENES = 6 };
 
-/* All of a file, to be freed; NULL if it cannot be read. */
-static char *read_text(const char *path) {
-    FILE *file = fopen(path, "rb");
-    const size_t room = 1 << 20;
-    char *text = file ? (char *)malloc(room + 1) : NULL;
-    if (text) text[fread(text, 1, room, file)] = 0;
-    if (file) fclose(file);
-    return text;
-}
-
 /* The error in the gas that maps.md has for a technique with 8 floats; -1 if it has none. */
 static double error_with_8(const char *maps, const char *scene, const char *technique) {
     char heading[32], row[64];

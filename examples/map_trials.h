@@ -1,5 +1,5 @@
 /* map_trials.h: what maps.c measures: transmittance maps of every technique, on six scenes. Include after measuring.h,
-   puff.h, shapes.h and scene.h. */
+   puff.h, shapes.h, scene.h and chart.h. */
 
 #ifndef MAP_TRIALS_H
 #define MAP_TRIALS_H

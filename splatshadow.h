@@ -10152,19 +10152,20 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 }
 
 /* ============================================================================================== >>shading
-   22 Light that leaves sheets and surfaces towards the eye. For a sheet of optical depth t, light passes A0 + x (A1 -
-   A0) before a point at share x of the eye's way through the slab, and what is scattered there passes (share) t on its
-   way out; both are linear in x, so the sheet sends c t spsi_mean_transmittance(..), front to back or back to front. A
-   polygon in the light's way ends that share; one in the eye's way cuts the slab (>>splat) and shares with it.
-   A transfer function is not linear, so a slab's mean value says too little: what is classified is shaded in SPSI_PARTS
+   22 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's way through
+   a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
+   (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
+   for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
+   the slab (>>splat), and the range of x with it.
+   A transfer function is not linear, so a slab's mean value is not enough: what is classified is shaded in SPSI_PARTS
    parts, whose means come from the parabola through the means of three slabs; x is then a share of optical depth. */
 
-/* How one light comes to the slab at hand of a vector of pixels. */
+/* One light at the current slab of a vector of pixels. */
 typedef struct spsi_arrival {
-    spsi_v light[2];        /* optical depth between the light and the two ends of the ray's way through the slab; */
-    int plane;              /* and it was looked up on this plane last, */
-    spsi_v plane_light;     /* and was this there */
-    spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave in the light */
+    spsi_v light[2];        /* optical depth from the light to where the ray's way through the slab begins and ends */
+    int plane;              /* plane of the last lookup; -1: none */
+    spsi_v plane_light;     /* optical depth found there */
+    spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
 } spsi_arrival;
 
 typedef struct spsi_shader {
@@ -10173,57 +10174,63 @@ typedef struct spsi_shader {
     const spsi_faces *faces;
     const spsi_shadow *shadows; /* of the lights that the sweep carries */
     int shadow_count;
-    const spsi_hit *hits;    /* whole image */
-    spsi_linear slab;        /* slab coordinate */
-    spsi_linear position[3]; /* relative to `position_origin` */
-    double position_origin[3];
-    int unshadowed;                        /* 1: the sweep also carries lights without shadow */
-    int first_slab;                        /* of the chunk at hand */
-    int x_origin, y_origin;                /* pixel that comes first in the buffers below */
-    int pitch;                             /* pixels from row to row there */
-    float *depth, *radiance[3], *distance; /* optical depth and radiance so far; distance: NULL unless wanted */
-    float end_depth;                       /* optical depth at which a ray ends */
+    const spsi_hit *hits;      /* of the whole image; NULL: no polygons */
+    spsi_linear slab;          /* slab coordinate */
+    spsi_linear position[3];   /* world position, relative to `position_origin` */
+    double position_origin[3]; /* in the world */
+    int unshadowed;            /* 1: the sweep also carries ambient light, emission, and lights that cast no shadows */
+    int first_slab;            /* of the current chunk */
+    int x_origin, y_origin;    /* first pixel of the buffers below */
+    int pitch;                 /* pixels per row of the buffers */
+    float *depth;              /* optical depth so far */
+    float *radiance[3];        /* radiance so far; grey: three times the same buffer */
+    float *distance;           /* distance so far, weighted by coverage; NULL: not wanted */
+    float end_depth;           /* optical depth of early ray termination */
 } spsi_shader;
 
 /* Where the rays of a vector of pixels cross the slabs, and where they end. */
 typedef struct spsi_line {
-    int x, y;
-    spsi_v at;          /* x coordinates */
-    spsi_v base, scale; /* plane k lies at d = (k - base) * scale, k counted from the chunk */
-    spsi_v slabs;       /* per d: 1 / |scale| */
-    spsi_v polygon;     /* d of the polygon, or infinity */
+    int x, y;           /* first pixel */
+    spsi_v at;          /* x of each pixel */
+    spsi_v base, scale; /* plane k of the chunk lies at depth d = (k - base) * scale */
+    spsi_v slabs;       /* number of slabs per unit of d: 1 / |scale| */
+    spsi_v polygon;     /* d of the polygon; infinity: none */
 } spsi_line;
 
-/* What a vector of pixels knows about its rays. */
+/* Rays of a vector of pixels. */
 typedef struct spsi_pixels {
     spsi_line line;
-    spsi_line around[8]; /* where there are gradients: neighbours at x - 1, x + 1, y - 1, y + 1, and at twice that */
-    spsi_v length;       /* world length per t */
-    spsi_v polygon_slab; /* slab coordinate of the polygon, from the first slab of all */
+    spsi_line around[8]; /* for gradients: neighbours at x - 1, x + 1, y - 1, y + 1, then at twice these distances */
+    spsi_v length;       /* world length per unit of t */
+    spsi_v polygon_slab; /* slab coordinate of the polygon, counted from the sweep's first slab */
     spsi_v toward[3];    /* unit direction from the eye */
 } spsi_pixels;
 
-/* What a vector of rays has gathered so far. */
+/* What a vector of rays has accumulated so far. */
 typedef struct spsi_gathered {
-    spsi_v depth, radiance[3], distance; /* distance: weighted by coverage */
+    spsi_v depth; /* optical depth */
+    spsi_v radiance[3];
+    spsi_v distance; /* weighted by coverage */
 } spsi_gathered;
 
 /* One material's part of a sheet. */
 typedef struct spsi_sample {
-    spsi_v depth, value_length; /* optical depth; integral of value over world length */
-    spsi_v color[3];            /* albedo or reflectance */
-    spsi_v surface, normal[3];  /* 0: gas .. 1: surface, with a unit normal */
+    spsi_v depth;        /* optical depth */
+    spsi_v value_length; /* integral of value over world length */
+    spsi_v color[3];     /* albedo or reflectance */
+    spsi_v surface;      /* 0: gas .. 1: surface */
+    spsi_v normal[3];    /* of unit length */
     int has_normal;
 } spsi_sample;
 
 #define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
 
-/* Bytes of `count` structs with vectors in them for each worker. */
+/* Bytes of `count` structs of vectors for each worker. */
 static size_t spsi_vectors_bytes(const sps_context *context, int count, size_t size) {
     return (size_t)spsi_worker_count(context) * (size_t)count * size + SPSI_VECTOR_ALIGNMENT;
 }
 
-/* Room for them: too much for the stacks of some job systems. NULL: failed. */
+/* Reserves them, as they are too large for the stacks of some job systems. Returns NULL after a failure. */
 static void *spsi_vectors_reserve(sps_context *context, spsi_buffer_id id, int count, size_t size) {
     char *memory = (char *)spsi_reserve(context, id, 1, spsi_vectors_bytes(context, count, size));
     const uintptr_t beyond = (uintptr_t)memory % SPSI_VECTOR_ALIGNMENT;
@@ -10261,7 +10268,7 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
     return spsi_mul(spsi_sub(spsi_set((float)k), line->base), line->scale);
 }
 
-/* The two depths between which a ray is in slab k, nearer first, cut at the polygon and the near plane. */
+/* The depths at which a ray enters and leaves slab k, nearer first, clamped to the polygon and the near plane. */
 static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
                                    spsi_v *leave) {
     const spsi_rays *eye = &shader->frame->content->eye;
@@ -10278,7 +10285,7 @@ static inline void spsi_position_at(const spsi_shader *shader, spsi_v x, float y
             spsi_fma(d, spsi_linear_slope(&shader->position[i], x, y), spsi_linear_base(&shader->position[i], x, y));
 }
 
-/* The mean value of a classified material in slab k along a line. Nothing cuts these sections. */
+/* The mean value of a classified material in slab k along a line. Its sections are not cut. */
 static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const spsi_line *line, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const size_t at =
@@ -10286,7 +10293,7 @@ static inline spsi_v spsi_mean_value(const spsi_tile *tile, int channel, const s
     return spsi_mul(spsi_sheet_sum(tile, channel, at), line->slabs);
 }
 
-/* The place of the middle of slab k on a line, relative to the shader's position origin. */
+/* World position of the middle of slab k on a line, relative to the shader's position origin. */
 static inline void spsi_place_in_slab(const spsi_shader *shader, const spsi_line *line, int k, spsi_v place[3]) {
     const spsi_v middle = spsi_fma(spsi_set(0.5f), line->scale, spsi_plane_depth(line, k));
     spsi_position_at(shader, line->at, (float)line->y, middle, place);
@@ -10303,39 +10310,42 @@ static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
     return spsi_fma(a[0], b[0], spsi_fma(a[1], b[1], spsi_mul(a[2], b[2])));
 }
 
-/* A slab on a vector of rays. Where a volume is classified it is shaded in parts, in the light's order. */
+/* A slab on a vector of rays. If any volume is classified it is shaded in parts, in the light's order. */
 typedef struct spsi_slab {
     int k, part_count, material_count;
-    spsi_sample *samples;                 /* material_count for each part */
-    spsi_v enter, leave;                  /* depths along the ray */
-    spsi_v first, last;                   /* shares of the slab, in the light's order, between which the ray is in it */
-    spsi_arrival *arrivals;               /* one for each of the shader's shadows */
-    spsi_v depth, part_depth[SPSI_PARTS]; /* optical depth of all samples */
+    spsi_sample *samples;          /* material_count per part */
+    spsi_v enter, leave;           /* depths along the ray */
+    spsi_v first, last;            /* range of the slab that the ray crosses, as shares of it in the light's order */
+    spsi_arrival *arrivals;        /* one for each of the shader's shadows */
+    spsi_v depth;                  /* optical depth of all samples */
+    spsi_v part_depth[SPSI_PARTS]; /* the same for each part */
 } spsi_slab;
 
 /* One part of a slab. */
 typedef struct spsi_part {
     const spsi_sample *samples;
-    spsi_v middle, half;  /* depth along the ray, and half of the way through the part */
+    spsi_v middle;        /* depth of its middle along the ray */
+    spsi_v half;          /* half of its extent in depth */
     spsi_v depth;         /* optical depth */
-    spsi_v first, last;   /* shares of the slab's optical depth that come before it, and with it */
-    int number;           /* from the first that light comes to */
-    spsi_v before, after; /* optical depth between the eye and its first and last end, in the light's order */
+    spsi_v first, last;   /* shares of the slab's optical depth at which it begins and ends */
+    int number;           /* in the light's order */
+    spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
 } spsi_part;
 
-/* How a classified value changes within a slab: a parabola with the means of the slab and of those before and after;
-   the differences to its neighbours likewise. The change along the ray takes five slabs: from three, a normal's share
-   along the ray would be short of what its shares aside are, and lean the surface away from the eye. */
+/* Variation of a classified value within a slab: a parabola through the means of the slab and its two neighbours, and
+   likewise for the lateral differences. The change along the ray comes from five slabs: from three, the normal's
+   component along the ray would be too small compared with the lateral ones, and lean the surface away from the eye. */
 typedef struct spsi_profile {
     spsi_parabola value;
-    spsi_parabola aside[2];             /* from x - 1 to x + 1, and from y - 1 to y + 1 */
-    spsi_parabola along;                /* from the slab before to the slab after */
-    spsi_v cofactor[3][3], determinant; /* of the three ways that belong to these, in voxels */
+    spsi_parabola aside[2]; /* differences from x - 1 to x + 1, and from y - 1 to y + 1 */
+    spsi_parabola along;    /* difference from the slab before to the slab after */
+    spsi_v cofactor[3][3];  /* of the matrix of the three difference vectors, in voxels */
+    spsi_v determinant;     /* of that matrix */
 } spsi_profile;
 
-/* Twice the derivative, per slab, of the quartic whose means over five slabs are own[0..2] and, before and after these,
-   outer[0..1]: the first is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, and the second derivative (12 (m1 + m-1) - (m2 + m-2)
-   - 22 m0) / 8 and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2, in the slab's middle. */
+/* Twice the derivative, per slab, of the quartic whose means over five slabs are outer[0], own[0..2] and outer[1]. In
+   the slab's middle its first derivative is (34 (m1 - m-1) - 5 (m2 - m-2)) / 48, the second (12 (m1 + m-1) - (m2 + m-2)
+   - 22 m0) / 8, and the third ((m2 - m-2) - 2 (m1 - m-1)) / 2. */
 static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2], spsi_parabola *along) {
     const spsi_v near_change = spsi_sub(own[2], own[0]), far_change = spsi_sub(outer[1], outer[0]);
     const spsi_v near_sum = spsi_add(own[2], own[0]), far_sum = spsi_add(outer[1], outer[0]);
@@ -10346,19 +10356,19 @@ static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2]
     along->bend = spsi_mul(spsi_set(0.5f), spsi_fma(spsi_set(-2), near_change, far_change));
 }
 
-/* How far apart neighbouring rays are in the middle of slab k, in proportion to its distance from the eye, in slabs;
-   negative behind the eye. 1 for parallel rays. */
+/* Spread of the rays in the middle of slab k: its signed distance from the eye in slabs, to which the spacing of
+   neighbouring rays is proportional. 1 for parallel rays. */
 static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     return shader->frame->content->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
 }
 
-/* Whether the eye is in a slab, where rays meet and have no neighbours. */
+/* Whether the eye is in a slab. The rays meet there, so they have no neighbours. */
 static int spsi_slab_has_eye(float spread) { return fabsf(spread) < 0.5f; }
 
-/* The difference in slab k between the neighbours to either side, divided by the rays' spread. With two on each side,
+/* The difference in slab k between the neighbours on either side, divided by the rays' spread. With two on each side,
    it is that of the quartic through all of them: (8 (f1 - f-1) - (f2 - f-2)) / 6. In the eye's slab it is the mean of
-   those in the slabs before and behind. */
+   those in the slabs before and after. */
 static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                int channel, int axis) {
     const spsi_line *near_by = &p->around[2 * axis], *beyond = &p->around[4 + 2 * axis];
@@ -10376,8 +10386,8 @@ static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile,
     return spsi_mul(spsi_set(1 / spread), change);
 }
 
-/* Twice the change per pixel of a slab's mean, by its sheets of slopes: the mean is their sum by the way through the
-   slab, which changes by -slope' / slope of itself. */
+/* Twice the derivative per pixel of a slab's mean, from its sheets of slopes. The mean is the sheet's sum divided by
+   the ray's way through the slab, 1 / |slope|, whose relative change is -slope' / slope. */
 static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
                                     const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
@@ -10391,13 +10401,14 @@ static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *
     }
 }
 
-/* The sideways changes in slabs k - 1 to k + 1, whose means are given; from sheets of slopes if there are any. */
+/* The lateral differences in slabs k - 1 to k + 1, from the sheets of slopes if there are any. `means`: those of the
+   three slabs. */
 static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                int channel, const spsi_v means[3], spsi_parabola aside[2]) {
     spsi_v change[3][2];
     for (int n = 0; n < 3; ++n) {
         const spsi_v per_spread = spsi_set(1 / spsi_slab_spread(shader, tile, k + n - 1));
-        if (shader->frame->gradients.splatted) /* no eye is near */
+        if (shader->frame->gradients.splatted) /* the eye is not near */
             spsi_mean_slopes(shader, tile, channel, &p->line, k + n - 1, means[n], change[n]);
         for (int axis = 0; axis < 2; ++axis)
             change[n][axis] = shader->frame->gradients.splatted
@@ -10408,8 +10419,8 @@ static void spsi_profile_aside(const spsi_shader *shader, const spsi_tile *tile,
         aside[axis] = spsi_parabola_through(change[0][axis], change[1][axis], change[2][axis]);
 }
 
-/* The way from the neighbour before to the one behind along x or y, divided by the rays' spread, or (axis 2) from the
-   slab before to the slab behind; in voxels. */
+/* A difference vector, in voxels: from one neighbour to the other along x or y, divided by the rays' spread, or (axis
+   2) from the slab before to the slab after. */
 static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k, int axis,
                              float per_length, spsi_v way[3]) {
     const int from = axis < 2 && spsi_slab_has_eye(spsi_slab_spread(shader, tile, k)) ? k + 1 : k;
@@ -10421,8 +10432,8 @@ static void spsi_profile_way(const spsi_shader *shader, const spsi_tile *tile, c
     for (int c = 0; c < 3; ++c) way[c] = spsi_mul(spsi_sub(place[1][c], place[0][c]), spsi_set(per_spread));
 }
 
-/* The differences to the neighbours along x and y, and the ways there and along the ray. The three are not
-   perpendicular: the gradient is solved from way . g = difference. If they span no volume there is no gradient. */
+/* The differences along x, y and the ray, and their vectors. These are not perpendicular, so the gradient g is solved
+   from vector . g = difference. If they are coplanar there is no gradient. */
 static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                                   int channel, const spsi_v means[3], spsi_profile *profile) {
     const float per_length = 1 / shader->frame->matter.materials[channel].voxel_length;
@@ -10437,10 +10448,10 @@ static void spsi_profile_gradient(const spsi_shader *shader, const spsi_tile *ti
                                        spsi_set(SPSI_INFINITY), profile->determinant);
 }
 
-/* A sample's normal and surface share. */
+/* A sample's normal, and how much of a surface it is. */
 static void spsi_sample_gradient(const spsi_material *material, const spsi_profile *profile,
                                  const spsi_portion *portion, spsi_sample *sample) {
-    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* values relative to the largest: squares have room */
+    const float unit = material->table_scale / SPSI_TABLE_SIZE; /* relative to the largest value: squares stay finite */
     const spsi_v scale = spsi_set(unit);
     const spsi_v x = spsi_mul(spsi_parabola_mean(&profile->aside[0], portion), scale);
     const spsi_v y = spsi_mul(spsi_parabola_mean(&profile->aside[1], portion), scale);
@@ -10457,7 +10468,7 @@ static void spsi_sample_gradient(const spsi_material *material, const spsi_profi
     sample->has_normal = 1;
 }
 
-/* The parts of a slab of gas, which is even throughout. */
+/* Fills the parts of a slab for a gas, which is constant within the slab. */
 static void spsi_samples_gas(const spsi_material *material, spsi_v value_length, int channel, spsi_slab *slab) {
     const spsi_v sum = spsi_mul(value_length, spsi_set(1.0f / (float)slab->part_count));
     for (int part = 0; part < slab->part_count; ++part) {
@@ -10471,8 +10482,8 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* The parts of a slab of what is classified, which follow its profile. Most slabs that hold values have no extinction
-   anywhere: these cost neither colors nor gradients. */
+/* Fills the parts of a slab for a classified volume, which follows its profile. Most slabs that hold values have no
+   extinction anywhere: they cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
     const spsi_material *material = &shader->frame->matter.materials[channel];
@@ -10482,7 +10493,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     spsi_v means[3];
     spsi_profile profile;
     int has_gradient = 0;
-    memset(&profile, 0, sizeof profile); /* compilers do not see that the gradient's fields are not read without one */
+    memset(&profile, 0, sizeof profile); /* compilers cannot tell that gradient fields are read only where set */
     for (int n = 0; n < 3; ++n) means[n] = spsi_mean_value(tile, channel, &p->line, slab->k + n - 1);
     profile.value = spsi_parabola_through(means[0], means[1], means[2]);
     for (int part = 0; part < slab->part_count; ++part) {
@@ -10504,7 +10515,8 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
     }
 }
 
-/* Blinn-Phong highlight, normalised so that it sends back at most what arrives: (n + 8) / (8 pi) (n.h)^n. */
+/* Blinn-Phong highlight (n + 8) / (8 pi) (n.h)^n, normalised to reflect about what arrives: at perpendicular incidence
+   at most 7.5 % more, if the exponent is 9. */
 static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     float lanes[SPSI_LANES];
     spsi_store(lanes, cosine);
@@ -10514,7 +10526,8 @@ static spsi_v spsi_highlight(spsi_v cosine, float exponent) {
     return spsi_load(lanes);
 }
 
-/* What a sample sends towards the eye per unit of its optical depth and of irradiance travelling along `travel`. */
+/* Radiance that a sample sends towards the eye per unit of its optical depth and of irradiance travelling along
+   `travel`. */
 static void spsi_sample_response(const spsi_material *material, const spsi_sample *sample, const spsi_v toward[3],
                                  const spsi_v travel[3], spsi_v response[3]) {
     const spsi_v cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, toward));
@@ -10553,10 +10566,10 @@ static inline spsi_v spsi_angle(spsi_v x, spsi_v y) {
     return spsi_select(spsi_less(x, spsi_set(0)), spsi_sub(spsi_set((float)SPSI_PI), p), p);
 }
 
-/* The mean of 1 / r^2 along a stretch of a ray, r being the distance to a point: the angle under which the point sees
-   the stretch, by its length 2 h and the ray's distance q from the point. With s the way from the ray's nearest point
-   to the stretch's middle, that is the angle of (q^2 + s^2 - h^2, 2 h q). Where the angle is small its series is taken,
-   which needs no q. [d(angle) = q ds / r^2] */
+/* The mean of 1 / r^2 along a segment of a ray, r being the distance from a point: the angle that the segment subtends
+   at the point, divided by its length 2 h and by the ray's distance q from the point. If s is the distance along the
+   ray from its nearest point to the segment's middle, this is the angle of the vector (q^2 + s^2 - h^2, 2 h q). Small
+   angles use their series, which does not divide by q. [d(angle) = q ds / r^2] */
 static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     const spsi_v x = spsi_fma(q, q, spsi_mul(spsi_sub(s, h), spsi_add(s, h)));
     const spsi_v y = spsi_max(spsi_mul(spsi_mul(h, q), spsi_set(2)), spsi_set(FLT_MIN * 16));
@@ -10567,12 +10580,12 @@ static spsi_v spsi_mean_inverse_square(spsi_v q, spsi_v s, spsi_v h) {
     return spsi_select(small, series, spsi_div(spsi_angle(x, y), y));
 }
 
-/* A point light's 1 / r^2 is infinite on a ray that meets it, and its mean over the part grows as 1 / q, which a
-   pixel's area makes finite: about the middle of a square pixel 1 / q has the mean 4 log(1 + sqrt 2), so that a ray
-   that passes nearer than the inverse of that, in pixels, is taken as passing there. */
+/* A point light's 1 / r^2 is infinite on a ray through the light, and its mean over a part grows as 1 / q. A pixel's
+   area makes that finite: over a square pixel around the light, 1 / q has the mean 4 log(1 + sqrt 2). So a ray that
+   passes nearer than the reciprocal of this, in pixels, is treated as passing at that distance. */
 #define SPSI_LAMP_PIXELS 0.28364f
 
-/* World length of a pixel at depth d. */
+/* World size of a pixel at depth d. */
 static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
     const spsi_v size = spsi_set((float)sqrt(spsi_length(rays->a) * spsi_length(rays->b)));
     return rays->perspective
@@ -10580,8 +10593,9 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
                : size;
 }
 
-/* The way a light travels at a part of a slab, and the share of its color that is irradiance there, in the mean over
-   the part. A point light's rays pass through equal angles with equal weight, so their middle one stands for all. */
+/* The direction in which a light travels at a part of a slab, and its mean irradiance over the part per unit of the
+   light's color. To a point light, equal angles along the part have equal weight, so the ray that halves the angle
+   stands for all. */
 static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
                          spsi_v travel[3], spsi_v *irradiance) {
     double direction[3];
@@ -10612,7 +10626,8 @@ static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const
     for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
-/* Adds to radiance what all samples answer to one light, times `carried` per unit of optical depth. */
+/* Adds one light's contribution from all samples of a part to radiance. `carried`: mean transmittance between light and
+   eye, times the lit share. */
 static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
                           spsi_v carried, spsi_v radiance[3]) {
     spsi_v travel[3], irradiance;
@@ -10631,8 +10646,8 @@ static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const
     }
 }
 
-/* The shares of the parts of a ray's way through a slab that polygons leave in the light: a shadow's edge may cross the
-   way sideways, so one look at the whole would not do. */
+/* The share of each part of a ray's way through a slab that polygons leave lit. A shadow's edge may cross that way at a
+   slant, so one lookup for all of it would not do. */
 static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
     const int backwards = shader->sweep->back_to_front;
@@ -10651,7 +10666,7 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map
     lit[0] = spsi_mul(lit[0], spsi_set(1.0f / SPSI_PARTS));
 }
 
-/* Optical depth between a light and the rays' points at depth d, on plane k. */
+/* Optical depth from a light to the rays' points at depth d, on plane k. */
 static inline spsi_v spsi_lookup_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
     spsi_v at[3];
     for (int i = 0; i < 3; ++i)
@@ -10660,7 +10675,7 @@ static inline spsi_v spsi_lookup_shadow(const spsi_shadow *shadow, const spsi_pi
     return spsi_shadow_lookup(shadow, at, k);
 }
 
-/* What a light is when it enters and leaves a slab where the ray does. */
+/* Looks up one light where the ray enters and leaves a slab. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
     const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1);
@@ -10674,8 +10689,8 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
-/* Light of one of the sweep's lights: through its planes or its map, ended by polygons. Within a slab, what is in the
-   light's way grows as what is in the eye's does: both are the same matter. */
+/* Adds one of the lights that the sweep carries, attenuated by its planes or its map and cut off by polygons. Within a
+   slab, optical depth towards the light and towards the eye grow in proportion: both come from the same matter. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                               const spsi_pixels *p, const spsi_part *part, spsi_v radiance[3]) {
     const spsi_v lit = arrival->lit[part->number], end_share = spsi_mix(part->first, part->last, lit);
@@ -10686,7 +10701,7 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     spsi_add_lamp(shader, p, part, shadow->lamp, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
 }
 
-/* Ambient light, emission, and lights without shadow. */
+/* Adds ambient light, emission, and the lights that cast no shadows. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 spsi_v radiance[3]) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
@@ -10706,10 +10721,10 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], mean, radiance);
 }
 
-/* --- polygons: one pixel at a time, in double precision --- */
+/* --- polygons: per pixel, in double precision --- */
 
-/* Irradiance per unit of a light's color on a surface, before any shadow. The shading normal alone decides which side
-   is lit; asking the facet too would draw its outline where light grazes a curved mesh. */
+/* Irradiance on a surface per unit of a light's color, before any shadow. Only the shading normal decides which side is
+   lit; testing the facet as well would draw its outline where light grazes a curved mesh. */
 static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
     double toward[3], square, cosine;
     spsi_toward_lamp(lamp, surface->point, toward);
@@ -10720,7 +10735,7 @@ static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface 
     return lamp->is_point ? cosine / square : cosine;
 }
 
-/* Reflectance where a pixel meets a face. */
+/* Reflectance of a face where a pixel meets it. */
 static void spsi_surface_color(const spsi_faces *faces, const spsi_hit *hit, double color[3]) {
     const spsi_face *face = &faces->list[hit->face];
     double w[3];
@@ -10730,26 +10745,26 @@ static void spsi_surface_color(const spsi_faces *faces, const spsi_hit *hit, dou
             w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
 }
 
-/* Whether a pixel's polygon is lit by a light. */
+/* Whether a light reaches a pixel's polygon. */
 typedef enum spsi_surface_sight {
-    SPSI_SURFACE_AWAY = 0, /* no polygon, or turned away from the light: no ray was traced */
+    SPSI_SURFACE_AWAY = 0, /* no polygon, or one that faces away from the light: no ray was traced */
     SPSI_SURFACE_LIT,
     SPSI_SURFACE_SHADED
 } spsi_surface_sight;
 
-#define SPSI_SIGHT_BLOCK 4  /* pixels on a side of a block, whose rays are a packet */
-#define SPSI_SIGHT_TILE  32 /* on a side of a task's: they meet much the same boxes and faces */
+#define SPSI_SIGHT_BLOCK 4  /* pixels along a side of a block, whose rays form a packet */
+#define SPSI_SIGHT_TILE  32 /* pixels along a side of a task's tile, whose rays meet much the same boxes and faces */
 
 typedef struct spsi_sight_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     const spsi_hit *hits;
     const spsi_lamp *lamp;
-    double toward[3]; /* a direction's way to the light */
+    double toward[3]; /* to a directional light */
     unsigned char *lit;
 } spsi_sight_job;
 
-/* Traces the rays of those pixels of a block that are in the region. */
+/* Traces the shadow rays of a block's pixels, as far as they are in the region. */
 static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
     const int width = job->frame->content->eye.width, is_direction = !job->lamp->is_point;
     const int *region = job->frame->view.region;
@@ -10780,13 +10795,13 @@ static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
                 packet.open >> at & 1 ? SPSI_SURFACE_LIT : SPSI_SURFACE_SHADED;
 }
 
-/* Tiles of the image that a region's columns or rows are in. */
+/* Number of tiles of the image that a region's columns or rows touch. */
 static int spsi_sight_tiles(int first, int pixels) {
     return (first + pixels - 1) / SPSI_SIGHT_TILE - first / SPSI_SIGHT_TILE + 1;
 }
 
-/* One tile of blocks. These are aligned to the image, not to the region: within rounding, the rays that share a packet
-   decide which faces each is tested against. */
+/* Traces a tile, block by block. Blocks are aligned to the image, not to the region, since within round-off the rays
+   that share a packet decide which faces each is tested against. */
 static void spsi_sight_task(void *data, int index, int worker) {
     const spsi_sight_job *job = (const spsi_sight_job *)data;
     const int *region = job->frame->view.region;
@@ -10798,7 +10813,7 @@ static void spsi_sight_task(void *data, int index, int worker) {
         for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK) spsi_sight_block(job, x, y);
 }
 
-/* Traces which pixels' polygons a light reaches: an exact ray for each that faces it. */
+/* Finds the pixels whose polygons a light reaches: an exact ray for each polygon that faces it. */
 static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
                        const spsi_lamp *lamp, unsigned char *lit) {
     const int *region = frame->view.region;
@@ -10820,7 +10835,7 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
-/* The sweep's shadow of a light; NULL: another sweep's, or it casts none. */
+/* The sweep's shadow of a light; NULL: it belongs to another sweep, or the light casts none. */
 static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_lamp *lamp) {
     for (int i = 0; i < shader->shadow_count; ++i)
         if (shader->shadows[i].lamp == lamp) return &shader->shadows[i];
@@ -10847,8 +10862,8 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     }
 }
 
-/* Adds the polygons of a vector of pixels whose slab lies in [low, high) to what the ray has gathered, and makes the
-   ray opaque. */
+/* Composites the polygons of a vector of pixels whose slab coordinate lies in [low, high), which makes their rays
+   opaque. */
 static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
                               spsi_gathered *sum) {
     const spsi_m here =
@@ -10877,13 +10892,13 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
 
 /* --- a tile --- */
 
-/* What a worker puts down while it shades. */
+/* A worker's scratch memory for shading. */
 typedef struct spsi_scratch {
     spsi_sample *samples;   /* one per material and part */
     spsi_arrival *arrivals; /* one per shadow */
 } spsi_scratch;
 
-/* Reads slab k of a vector of pixels; returns 0 if it holds nothing. */
+/* Reads slab k of a vector of pixels. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
                            spsi_slab *slab) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2, count = slab->material_count;
@@ -10922,8 +10937,8 @@ static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, con
     return 1;
 }
 
-/* The i-th part of a slab behind which (front to back), or in front of which, the ray has gathered `depth`. The first
-   part begins where the one before, `part` itself, has ended. */
+/* The i-th part of a slab. `depth` is the optical depth that the ray has accumulated: front to back, that in front of
+   the part. A part begins where the one before ended, which `part` still holds. */
 static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, int i, spsi_v depth, spsi_part *part) {
     const int backwards = shader->sweep->back_to_front;
     const spsi_v from = backwards ? slab->leave : slab->enter, to = backwards ? slab->enter : slab->leave;
@@ -10952,7 +10967,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
         spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sum->radiance);
     if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
-    if (shader->distance) { /* what the part covers is seen there: T (1 - exp(-depth)) */
+    if (shader->distance) { /* the part is seen there with weight T (1 - exp(-depth)) */
         const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
         const spsi_v ahead = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead, part->middle);
@@ -10962,8 +10977,8 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
 }
 
-/* A chunk of slabs, or, with a slab_count of 0, polygons only, in a tile that is being shaded. `low` and `high` bound,
-   in slabs from the very first, the polygons that belong to it. */
+/* A chunk of slabs, or polygons only (slab_count 0), in a tile that is being shaded. Its polygons are those between the
+   slab coordinates `low` and `high`, counted from the sweep's first slab. */
 typedef struct spsi_shading {
     const spsi_shader *shader;
     const spsi_tile *tile;
@@ -10972,7 +10987,7 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* Composites slab k of a vector of `width` pixels, and the polygons in it; returns 0 if it held nothing. */
+/* Composites slab k of a vector of `width` pixels, and the polygons in it. Returns 0 if it held nothing. */
 static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int width, int k, spsi_slab *slab,
                          spsi_gathered *sum) {
     const spsi_shader *shader = shading->shader;
@@ -10992,7 +11007,7 @@ static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int 
 
 static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
     sum->depth = spsi_load(shader->depth + from);
-    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all the same */
+    for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all one buffer */
     sum->distance = shader->distance ? spsi_load(shader->distance + from) : spsi_set(0);
 }
 
@@ -11002,8 +11017,9 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
     if (shader->distance) spsi_store(shader->distance + to, sum->distance);
 }
 
-/* Ends the rays that little comes through any more before plane k: what is left is taken as seen there, so that no
-   bright background shines through, and what is still added to them counts for nothing. Returns 0 if all have ended. */
+/* Early ray termination before plane k. A ray whose transmittance is below the threshold becomes opaque, so that no
+   bright background shines through and nothing added later counts; what it let through counts as seen at the plane.
+   Returns 0 if all rays have ended. */
 static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
     const int bits = spsi_bits(open);

@@ -11063,35 +11063,36 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 
 /* ================================================================================================ >>sweep
    23 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
-   light's have just written. Chunks that hold nothing cost next to nothing; pixels of patches whose rays have all ended
-   are not shaded. */
+   light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
+   shaded. */
 
 /* The tiles of the image that the region to render touches. */
 typedef struct spsi_region {
     int x0, y0, columns, rows; /* in tiles */
-    uint64_t *open;            /* per tile: its patches whose rays have not all ended */
-    float (*polygon_range)[3]; /* per tile: slab coordinates of its polygons, and their least depth */
+    uint64_t *open;            /* per tile, bits: patches whose rays have not all ended */
+    float (*polygon_range)[3]; /* per tile: minimum and maximum slab coordinate of its polygons, and minimum depth */
 } spsi_region;
 
 #define SPSI_REGION_TILE_BYTES (sizeof(uint64_t) + 3 * sizeof(float)) /* of `open` and `polygon_range` */
 
-/* What the tasks of a sweep share. Written by tasks: a tile's own pixels, planes and flags, a worker's own sheets. */
+/* Data shared by the tasks of a sweep. A task writes only its own tile's pixels, planes and flags, and its own worker's
+   sheets, scratch memory and counters. */
 typedef struct spsi_run {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_sweep *sweep;
-    spsi_contents contents;
-    spsi_target eye;
-    spsi_sliced sliced; /* of the sweep's lamp, if gas shades */
-    int has_sliced;
-    spsi_target *targets[2]; /* the eye, and that of `sliced` */
+    spsi_contents contents;  /* bricks and particles by chunk */
+    spsi_target eye;         /* the eye's sheets */
+    spsi_sliced sliced;      /* the shadow of the sweep's lamp */
+    int has_sliced;          /* 1: `sliced` is in use, since gas shades */
+    spsi_target *targets[2]; /* the eye's, and that of `sliced` */
     spsi_shader shader;
-    spsi_shadow *shadows;
+    spsi_shadow *shadows;   /* those of the shader */
     spsi_sample *samples;   /* one per material and part, per worker */
     spsi_arrival *arrivals; /* one per shadow, per worker */
     uint64_t *shaded;       /* per worker: pixels times slabs */
     int slab_count;         /* to composite in this chunk; 0: polygons only */
-    float low, high;        /* polygons between these slab coordinates belong to this chunk */
+    float low, high;        /* range of slab coordinates whose polygons belong to this chunk */
     spsi_region region;
 } spsi_run;
 
@@ -11104,7 +11105,8 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
                              spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
 }
 
-/* Cuts a tile's sections at polygons and at the near plane, where either may lie in the chunk. */
+/* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
+   there is one. */
 static void spsi_tile_limit(const spsi_run *run, int index, spsi_tile *tile) {
     const spsi_rays *eye = &run->frame->content->eye;
     const float *range = run->region.polygon_range[index];
@@ -11150,7 +11152,8 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
 }
 
-/* The slab coordinates of the polygons in a tile and its margin, and their least depth. */
+/* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
+   the tile. */
 static void spsi_polygon_range_task(void *data, int index, int worker) {
     spsi_run *run = (spsi_run *)data;
     spsi_region *region = &run->region;
@@ -11197,7 +11200,7 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
     return spsi_sliced_begin(context, run->frame, run->sweep, &run->contents, &run->sliced);
 }
 
-/* The linear quantities that shading looks up along the eye's rays. */
+/* The linear quantities that shading evaluates along the eye's rays. */
 static void spsi_run_linears(spsi_run *run) {
     const spsi_frame *frame = run->frame;
     spsi_shader *shader = &run->shader;
@@ -11225,7 +11228,7 @@ static size_t spsi_region_tiles(const spsi_region *region) { return (size_t)regi
 /* Floats per pixel while a sweep runs: optical depth, radiance, and distance if wanted. */
 static size_t spsi_pixel_floats(const spsi_frame *frame) { return (size_t)(1 + frame->channels + frame->wants_depth); }
 
-/* The region's tiles, and where their pixels are kept. */
+/* Lays out the region's tiles, and the buffers of their pixels. */
 static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     const size_t planes = spsi_pixel_floats(run->frame);
     spsi_region *region = &run->region;
@@ -11250,18 +11253,18 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     return SPS_OK;
 }
 
-/* What the workers write down while they shade. */
+/* Reserves the workers' scratch memory and clears their counters. */
 static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
     run->samples = (spsi_sample *)spsi_vectors_reserve(
         context, SPSI_BUFFER_SAMPLES, run->frame->matter.material_count * SPSI_PARTS, sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
-    run->shaded = (uint64_t *)(void *)(run + 1); /* there is room for it behind */
+    run->shaded = (uint64_t *)(void *)(run + 1); /* spsi_run_bytes includes them */
     memset(run->shaded, 0, (size_t)spsi_worker_count(context) * sizeof *run->shaded);
     return run->samples && run->arrivals ? SPS_OK : context->result;
 }
 
-/* Bytes of a run and of what follows it. */
+/* Bytes of a run and of the workers' counters behind it. */
 static size_t spsi_run_bytes(const sps_context *context) {
     return sizeof(spsi_run) + (size_t)spsi_worker_count(context) * sizeof(uint64_t);
 }
@@ -11303,7 +11306,7 @@ static int spsi_run_finished(const spsi_run *run) {
     return 1;
 }
 
-/* Composites the polygons of a stretch of slabs that holds no voxels. */
+/* Composites the polygons in a range of slabs that holds neither voxels nor particles. */
 static void spsi_run_polygons(spsi_run *run, float low, float high) {
     if (!run->shader.hits || !(low < high)) return;
     run->slab_count = 0;
@@ -11313,7 +11316,7 @@ static void spsi_run_polygons(spsi_run *run, float low, float high) {
     spsi_parallel(run->context, run->region.columns * run->region.rows, spsi_eye_task, run);
 }
 
-/* Splats and composites the chunk at hand. */
+/* Splats and composites the current chunk. */
 static void spsi_run_chunk(spsi_run *run) {
     sps_context *context = run->context;
     run->shader.first_slab = run->contents.first_slab;
@@ -11363,7 +11366,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* ================================================================================================ >>frame
-   24 The frame: sweep after sweep, and the image. */
+   24 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -11372,7 +11375,8 @@ static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + f
 
 #define SPSI_ROW_FLOATS 6 /* per pixel of a row of background: a color and a direction */
 
-/* The radiance behind one row of the region, three floats a pixel. */
+/* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel; it has room for as many
+   directions behind these. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
@@ -11398,10 +11402,10 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
     return SPS_OK;
 }
 
-/* No denormal number reaches a caller, whose arithmetic it could slow down. */
+/* Flushes denormals to 0, since they could slow down the arithmetic of the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
-/* Adds a sweep's radiance to the total; the first sweep also brings background, coverage and distance. */
+/* Adds a sweep's radiance to the total; the first sweep also contributes background, coverage and distance. */
 static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
     const spsi_frame *frame = run->frame;
     const spsi_shader *shader = &run->shader;
@@ -11438,8 +11442,8 @@ static void spsi_write_image(const spsi_frame *frame, const float *total, const 
         }
 }
 
-/* The depth about which the eye's depths are stored: that of the middle of the volumes, whose look-ups need it to be
-   near; the polygons', which may be far behind, where there are no volumes. */
+/* Sets the depth that the eye's depths are relative to: that of the middle of the gas, whose lookups need it to be
+   near, or, if there is no gas, that of the polygons, which may be far behind. */
 static void spsi_eye_reference(const spsi_frame *frame) {
     spsi_bounds all = frame->content->bounds;
     double centre[3], q[3];
@@ -11462,15 +11466,15 @@ static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* What the eye's pixels are made of, whatever the sweep. */
+/* Data for the eye's pixels that all sweeps share. */
 typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
-    spsi_hit *hits; /* whole image; NULL without polygons */
-    float *total;   /* the region's radiance, coverage and distance so far */
+    spsi_hit *hits; /* of the whole image; NULL: no polygons */
+    float *total;   /* radiance, coverage and distance of the region so far */
 } spsi_picture;
 
-/* One sweep whose shadows are ready, from set-up to total. */
+/* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total. */
 static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
                                   spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
@@ -11478,7 +11482,7 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     if (spsi_run_build(context, picture->frame, &picture->faces, picture->hits, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
-    light = context->stats.seconds_light + context->stats.seconds_bin; /* what is not the eye's */
+    light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part) || spsi_add_sweep(context, run, picture->total)) return context->result;
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);

@@ -11375,8 +11375,8 @@ static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + f
 
 #define SPSI_ROW_FLOATS 6 /* per pixel of a row of background: a color and a direction */
 
-/* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel; it has room for as many
-   directions behind these. */
+/* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
+   behind it. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
@@ -11833,38 +11833,39 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   26 The same scene by brute force, as a measure: f(p) summed from all voxels within SPSI_REFERENCE_REACH, marched at
-   the midpoints of equal steps, a shadow ray at every sample, triangles and balls met exactly through trees of boxes,
-   all in double precision. Shares with the renderer how a sample answers to light, and which triangles stop a ray
-   towards a light (>>polygons); otherwise nothing about where light goes. Second order in the step. Cost: pixels *
-   samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
+   26 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
+   of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
+   floats), and which triangles stop a ray towards a light (>>polygons), but nothing else about where light goes. Second
+   order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
 
-#define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the mass is beyond */
+#define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS  8
 
 typedef struct spsi_grid {
     const float *values;
-    unsigned char *occupied; /* per brick: it or a neighbour holds something */
-    int size[3], bricks[3];
-    double inverse[3][3]; /* world offset from the corner to voxels */
-    double corner[3];
+    unsigned char *occupied; /* per brick, 1: it or a neighbour holds something */
+    int size[3];             /* in voxels */
+    int bricks[3];           /* size in bricks */
+    double inverse[3][3];    /* rows; world offset from the corner to voxels */
+    double corner[3];        /* in the world */
 } spsi_grid;
 
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    spsi_grid grids[SPSI_VOLUMES_MAX];
-    spsi_tree particles;
-    int part_count; /* volumes, and behind them sets of particles */
-    double step;    /* world length */
-    float *total;
-    int first_row;        /* of the rows at hand */
-    spsi_sample *samples; /* one per part, per worker */
+    spsi_grid grids[SPSI_VOLUMES_MAX]; /* one for each volume */
+    spsi_tree particles;               /* of all sets */
+    int part_count;                    /* number of volumes and sets of particles; parts are in this order */
+    double step;                       /* maximum, in world length */
+    float *total;                      /* the region's pixels, spsi_total_floats each */
+    int first_row;                     /* of the current batch, in the region */
+    spsi_sample *samples;              /* one per part, per worker */
 } spsi_marcher;
 
 /* --- the field --- */
 
-/* Kernel weights, and their derivatives, of the taps about `at` along one axis; gives the first tap. */
+/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
 static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
     const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
     const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
@@ -11888,7 +11889,7 @@ static int spsi_grid_empty(const spsi_grid *grid, const double at[3]) {
     return !grid->occupied[index];
 }
 
-/* f at a world point, and its world gradient where asked for. */
+/* f at a world point, and its gradient in the world unless `gradient` is NULL. */
 static double spsi_field(const spsi_grid *grid, const double point[3], double gradient[3]) {
     double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
     int first[3], count[3];
@@ -11917,15 +11918,15 @@ static double spsi_field(const spsi_grid *grid, const double point[3], double gr
     return sum;
 }
 
-/* --- what rays meet --- */
+/* --- intersections of rays --- */
 
 typedef struct spsi_ray {
     double origin[3], direction[3];
-    double low, high;  /* the stretch of interest */
-    double weights[2]; /* of corners 1 and 2 of what was hit */
+    double low, high;  /* segment of interest, in lengths of `direction` from the origin */
+    double weights[2]; /* of corners 1 and 2 of the face hit */
 } spsi_ray;
 
-/* Where a ray meets a face, edges included. */
+/* Intersects a ray with a face, edges included. On a hit the ray ends there. */
 static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
     double a[3], b[3], c[3], u[3], v[3], n[3], ab, bc, ac, t;
     spsi_along(face->position[0], ray->origin, -1, a);
@@ -11938,7 +11939,7 @@ static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
     spsi_along(b, a, -1, u);
     spsi_along(c, a, -1, v);
     spsi_cross(u, v, n);
-    t = spsi_dot(n, a) / spsi_dot(n, ray->direction); /* not a number in the plane itself, and no hit */
+    t = spsi_dot(n, a) / spsi_dot(n, ray->direction); /* NaN, and no hit, for a ray in the plane itself */
     if (!(t > ray->low && t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
     ray->high = t;
     ray->weights[0] = -ac / (ab + bc - ac);
@@ -11964,7 +11965,8 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* Boxes are floats, rounded outwards; only the doubles that place them about the centre need room. */
+/* Boxes are floats, rounded outwards; only the sums in double precision that place them about the centre need a
+   margin. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
     double low[3], high[3], range[2];
     for (int i = 0; i < 3; ++i) {
@@ -11975,8 +11977,9 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
     return spsi_ray_meets_box(ray, low, high, range);
 }
 
-/* Optical depth along the stretch of a ray that is in a ball: of density 1, or 1 - (r / radius)^2, it is the difference
-   of s / 2, or 3 s / 4 - s^3 / 4, at its ends, s running from -1 to 1 along the chord. */
+/* Optical depth of a ball along a segment of a ray: that of the whole chord times the difference of a function of s at
+   the segment's ends, s running from -1 to 1 along the chord. It is s / 2 for density 1, and 3 s / 4 - s^3 / 4 for
+   density 1 - (r / radius)^2. */
 static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const sps_particles *set) {
     const double radius = (double)particle->radius;
     double offset[3], ends[2], middle, square, half, depth = (double)particle->optical_depth;
@@ -11993,7 +11996,7 @@ static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *pa
     return fmin(depth, (double)SPSI_DEPTH_MAX) * sqrt(square) * (set->soft ? square : 1) * (ends[1] - ends[0]);
 }
 
-/* Adds the optical depth of a stretch of a ray to each set's. */
+/* Adds the optical depth of each set of particles along a segment of a ray to `depths`. */
 static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
     const spsi_tree *tree = &marcher->particles;
     const spsi_frame *frame = marcher->frame;
@@ -12015,7 +12018,7 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
     }
 }
 
-/* The nearest face along a ray; its number, or -1. */
+/* Returns the number of the nearest face along a ray, or -1. On a hit the ray ends there. */
 static int spsi_trace(const spsi_faces *faces, spsi_ray *ray) {
     const spsi_tree *tree = &faces->tree;
     int stack[SPSI_TREE_STACK], top = 0, found = -1;
@@ -12034,7 +12037,7 @@ static int spsi_trace(const spsi_faces *faces, spsi_ray *ray) {
     return found;
 }
 
-/* Whether no face is between a point, on face `own` or on none (-1), and a light. */
+/* Whether no face lies between a light and a point on face `own` (-1: on none). */
 static int spsi_sees_lamp(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own) {
     spsi_packet packet;
     double toward[3];
@@ -12054,7 +12057,7 @@ static const spsi_material *spsi_part_material(const spsi_frame *frame, int part
                                                       : frame->particles.sets[part - frame->medium_count].channel];
 }
 
-/* The stretch of a ray (world origin) inside the gases' bounds, and how many steps it takes. */
+/* Clips a ray to the bounds of all gas. Returns the number of steps in what is left. */
 static int spsi_march_range(const spsi_marcher *marcher, const double origin[3], const double direction[3], double low,
                             double high, double range[2]) {
     spsi_ray ray;
@@ -12069,7 +12072,8 @@ static int spsi_march_range(const spsi_marcher *marcher, const double origin[3],
     return (int)fmin(fmax(ceil((range[1] - range[0]) / marcher->step), 1), 1e8);
 }
 
-/* Extinction of one volume where its value is f. */
+/* Extinction of one volume where its value is f. If it is classified and f > 0, `appearance` gets its color and
+   extinction. */
 static double spsi_extinction_at(const spsi_material *material, double f, float appearance[4]) {
     spsi_v out[4];
     float lanes[SPSI_LANES];
@@ -12083,7 +12087,7 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
     return (double)appearance[3];
 }
 
-/* Transmittance of all gases between a point and a light. */
+/* Transmittance of all gas between a point and a light. */
 static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
     double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
     int count;
@@ -12121,7 +12125,7 @@ static void spsi_set3(const double from[3], spsi_v to[3]) {
     for (int i = 0; i < 3; ++i) to[i] = spsi_set((float)from[i]);
 }
 
-/* Fills a sample for a volume's point: colors, and the normal by the field's own gradient. */
+/* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
 static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
                               spsi_sample *sample) {
     double n[3] = {-gradient[0], -gradient[1], -gradient[2]};
@@ -12135,12 +12139,17 @@ static void spsi_march_sample(const spsi_material *material, const float appeara
     sample->has_normal = 1;
 }
 
-/* What is on one step along a ray: volumes at its middle, particles' mean over all of it. */
+/* The gas on one step along a ray: volumes at its middle, particles averaged over all of it. */
 typedef struct spsi_point {
-    double position[3], direction[3]; /* direction: of the eye's ray, unit */
-    double half, pixel;               /* half of the step, and a pixel's size there */
-    double value[SPSI_MATERIALS_MAX], extinction[SPSI_MATERIALS_MAX], extinction_sum, value_sum;
-    spsi_sample *samples;
+    double position[3];                    /* middle of the step, in the world */
+    double direction[3];                   /* of the eye's ray, of unit length */
+    double half;                           /* half of the step's length */
+    double pixel;                          /* world size of a pixel there */
+    double value[SPSI_MATERIALS_MAX];      /* of each part; of particles, their extinction */
+    double extinction[SPSI_MATERIALS_MAX]; /* of each part */
+    double extinction_sum;                 /* of all parts */
+    double value_sum;                      /* of all parts; 0: there is nothing */
+    spsi_sample *samples;                  /* one per part */
 } spsi_point;
 
 static void spsi_point_take(spsi_point *point, int part, double value, double extinction) {
@@ -12150,7 +12159,7 @@ static void spsi_point_take(spsi_point *point, int part, double value, double ex
     point->extinction_sum += extinction;
 }
 
-/* The step of a ray, whose direction is of unit length, from ray->low to ray->high. */
+/* Samples the step from ray->low to ray->high of a ray whose direction has unit length. */
 static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, spsi_point *point) {
     const spsi_frame *frame = marcher->frame;
     double depths[SPSI_SETS_MAX] = {0}, depth[3];
@@ -12182,7 +12191,7 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     }
 }
 
-/* The mean of 1 / r^2 over a step, as the renderer takes it over a part of a slab, in double precision. */
+/* The mean of 1 / r^2 over a step, computed as the renderer does over a part of a slab, but in double precision. */
 static double spsi_point_inverse_square(const spsi_point *point, const double from[3]) {
     double offset[3], foot[3], s, q, x, y;
     spsi_along(point->position, from, -1, offset);
@@ -12194,7 +12203,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Adds, per unit of length, what all gases at a point answer to one light. */
+/* Adds the radiance per unit of length that all gas at a point scatters from one light. */
 static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
                                 double source[3]) {
     double travel[3], irradiance = 1;
@@ -12219,7 +12228,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
     }
 }
 
-/* Radiance per unit of length that all gases at a point send along the ray, before any of it is absorbed. */
+/* Radiance per unit of length that all gas at a point sends along the ray, before any attenuation. */
 static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
     const spsi_frame *frame = marcher->frame;
     source[0] = source[1] = source[2] = 0;
@@ -12236,7 +12245,7 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
         spsi_point_add_lamp(marcher, point, &frame->lamps.list[i], source);
 }
 
-/* Radiance from the polygon that a ray meets: all lights and the ambient light. */
+/* Radiance of the polygon that a ray meets, from all lights and ambient light. */
 static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
     const spsi_frame *frame = marcher->frame;
     double color[3];
@@ -12256,7 +12265,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     }
 }
 
-/* The whole of one pixel: radiance, transmittance, and coverage-weighted distance. */
+/* Marches one pixel: radiance, transmittance, and distance weighted by coverage. */
 static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, double radiance[3],
                              double *through, double *distance) {
     const spsi_rays *eye = &marcher->frame->content->eye;
@@ -12305,11 +12314,11 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
     }
 }
 
-#define SPSI_MARCH_SPAN 8 /* pixels */
+#define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
-/* Part of a row: of whole ones, a batch of as many rows as workers would leave some waiting for the slowest. */
+/* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
@@ -12321,7 +12330,7 @@ static void spsi_march_span_task(void *data, int index, int worker) {
         double radiance[3], through, distance;
         spsi_march_pixel(marcher, region[0] + x, region[1] + row, samples, radiance, &through, &distance);
         for (int c = 0; c < 3; ++c)
-            pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* background is there */
+            pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* which holds the background */
         pixel[3] = (float)(1 - through);
         if (marcher->frame->wants_depth) pixel[4] = through < 1 ? (float)(distance / (1 - through)) : SPSI_INFINITY;
     }
@@ -12329,7 +12338,7 @@ static void spsi_march_span_task(void *data, int index, int worker) {
 
 /* --- setting up --- */
 
-/* Reads one volume whole, and marks the bricks that hold, or neighbour, anything. */
+/* Reads a whole volume, and marks the bricks that hold anything, and their neighbours. */
 static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
                                  spsi_grid *grid) {
     const spsi_medium *m = &frame->media[medium];
@@ -12462,7 +12471,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 
 static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
-    const int rows = spsi_worker_count(context); /* between two chances to cancel: a row can take a second */
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
     const double start = spsi_clock(context);
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));

@@ -12495,10 +12495,12 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
     context->stats.seconds_total = spsi_clock(context) - start;
     return SPS_OK;
 }
-/* =============================================================================================== >>public
-   27 The public functions: they check what they are handed and make one call down. */
 
-#ifdef __GNUC__ /* if SPS_API is static, functions that a program does not call must not warn */
+/* =============================================================================================== >>public
+   27 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   callbacks for grids and meshes. */
+
+#ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
@@ -12516,7 +12518,7 @@ static void spsi_refuse_config(sps_error_info *why, sps_result result, const cha
     spsi_describe(why, SPS_OBJECT_CONFIG, -1, field, value, rest);
 }
 
-/* Describes what is wrong with a config; leaves `why` as it is where nothing is. */
+/* Describes the first error in a config. Leaves `why` as it is if there is none. */
 static void spsi_check_config(const sps_config *config, sps_error_info *why) {
     const uint32_t start = config->start_canary, end = config->end_canary;
     if (start || end) {
@@ -12534,7 +12536,7 @@ static void spsi_check_config(const sps_config *config, sps_error_info *why) {
     }
 }
 
-/* What every call begins with: a clean result, and counts from 0 (bytes held go on). */
+/* Begins a call that records errors: clears result and error, and restarts the statistics except for the bytes held. */
 static void spsi_begin(sps_context *context) {
     sps_stats_report fresh;
     memset(&fresh, 0, sizeof fresh);
@@ -12572,7 +12574,7 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
 
 SPS_API void sps_destroy(sps_context *context) {
     if (!context) return;
-    SPS_ASSERT(context->tmap_count == 0); /* maps go before their context */
+    SPS_ASSERT(context->tmap_count == 0); /* maps must be destroyed before their context */
     for (int i = 0; i < context->segment_count; ++i)
         spsi_release(context, spsi_segment_at(context, i), sizeof(spsi_segment));
     for (int i = 0; i < SPSI_BUFFER_COUNT; ++i)
@@ -12593,7 +12595,7 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
     spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
-/* Images know opaque meshes only. */
+/* Images support opaque meshes only. */
 static sps_result spsi_refuse_transparent(sps_context *context, const sps_scene *scene) {
     for (int i = 0; i < scene->mesh_count; ++i)
         if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
@@ -12606,7 +12608,7 @@ static sps_result spsi_require(sps_context *context, const void *argument, const
     return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
 }
 
-/* The frame that sps_render and sps_reference begin with; NULL after a failure, or where there is nothing to do. */
+/* Begins sps_render and sps_reference: checks their arguments, and returns the frame. NULL after a failure. */
 static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     const sps_image *image) {
     spsi_frame *frame;
@@ -12670,10 +12672,10 @@ SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, c
     return spsi_march_frame(context, frame, step, image);
 }
 
-/* A half as a float, which holds every one of them. */
+/* Converts a half to a float, which can hold every half exactly. */
 static float spsi_half(uint16_t half) {
     const uint32_t exponent = half >> 10 & 31, fraction = half & 1023;
-    const float small = (float)fraction * (1 / 16777216.0f); /* subnormal: 2^-24 each */
+    const float small = (float)fraction * (1 / 16777216.0f); /* if subnormal: in units of 2^-24 */
     uint32_t bits = (exponent == 31 ? 255 : exponent + 112) << 23 | fraction << 13;
     float value;
     if (exponent == 0) memcpy(&bits, &small, sizeof bits);
@@ -12682,7 +12684,7 @@ static float spsi_half(uint16_t half) {
     return value;
 }
 
-/* Values of a row of voxels that lie `step` bytes apart. */
+/* Converts a row of voxels that lie `step` bytes apart to values. */
 static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t step, int count, float *out) {
     const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1;
     for (int i = 0; i < count; ++i, from += step) {
@@ -12696,7 +12698,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
     for (int i = 0; i < count; ++i) out[i] = out[i] * scale + grid->offset;
 }
 
-/* What sps_grid_read and sps_grid_range return of a block. */
+/* Checks a grid and a block of it. Returns what sps_grid_read and sps_grid_range return for them. */
 static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size[3]) {
     if (!grid || !grid->voxels || grid->start_canary || grid->end_canary) return 1;
     if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32) return 1;
@@ -12751,7 +12753,7 @@ SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float
     return 0;
 }
 
-/* The number of a triangle's vertex. */
+/* The vertex of the i-th corner, counted through all triangles. */
 static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     uint16_t narrow;
     uint32_t wide;
@@ -12764,7 +12766,7 @@ static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     return wide;
 }
 
-/* Three floats of a vertex. */
+/* Copies the three floats of a vertex, if there is a list. */
 static void spsi_mesh_vector(const float *list, size_t stride, size_t vertex, float out[3]) {
     if (list) memcpy(out, (const char *)list + vertex * (stride ? stride : 3 * sizeof *out), 3 * sizeof *out);
 }
@@ -12814,7 +12816,7 @@ SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *l
     return context->result;
 }
 
-/* Maps take occluders until they are finished, or have failed to. */
+/* Maps accept occluders until they are finished, or have failed to finish. */
 static sps_result spsi_require_unfinished(const sps_tmap *map) {
     const char *rest = map->failed ? "has failed to finish; destroy it" : "is finished already";
     if (!map->failed && !map->finished) return SPS_OK;
@@ -12837,7 +12839,7 @@ SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     return map->context->result;
 }
 
-/* Answers a vector of positions, or a part of one. */
+/* Queries a map at up to SPSI_LANES positions. */
 static void spsi_tmap_answer(const sps_tmap *map, int count, const double *positions, float *optical_depths,
                              float *transmittances) {
     float depths[SPSI_LANES] = {0};
@@ -12919,7 +12921,7 @@ SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double
     return SPS_OK;
 }
 
-/* Four rows of a matrix for a shader, whose x, y and w come first. */
+/* Copies the rows of a matrix, (X, Y, distance, W), to a shader's constants. */
 static void spsi_fill_rows(const double matrix[16], sps_tmap_constants *constants) {
     for (int i = 0; i < 4; ++i) {
         constants->row_x[i] = (float)matrix[i];
@@ -12954,7 +12956,7 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     return SPS_OK;
 }
 
-/* Of a map made from lists: floats of a stretch or a node, and how many of these it has. */
+/* Number of floats in a stretch or a node, for a map made from lists. */
 static int spsi_tmap_item_floats(const sps_tmap *map) {
     return (int)((map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node)) / sizeof(float));
 }

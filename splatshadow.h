@@ -10152,7 +10152,7 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 }
 
 /* ============================================================================================== >>shading
-   22 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's way through
+   22 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -10162,7 +10162,7 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 
 /* One light at the current slab of a vector of pixels. */
 typedef struct spsi_arrival {
-    spsi_v light[2];        /* optical depth from the light to where the ray's way through the slab begins and ends */
+    spsi_v light[2];        /* optical depth from the light to the start and end of the ray's path through the slab */
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
@@ -10387,7 +10387,7 @@ static spsi_v spsi_slab_change(const spsi_shader *shader, const spsi_tile *tile,
 }
 
 /* Twice the derivative per pixel of a slab's mean, from its sheets of slopes. The mean is the sheet's sum divided by
-   the ray's way through the slab, 1 / |slope|, whose relative change is -slope' / slope. */
+   the ray's path length in the slab, 1 / |slope|, whose relative change is -slope' / slope. */
 static inline void spsi_mean_slopes(const spsi_shader *shader, const spsi_tile *tile, int channel,
                                     const spsi_line *line, int k, spsi_v mean, spsi_v slopes[2]) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
@@ -10646,8 +10646,8 @@ static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const
     }
 }
 
-/* The share of each part of a ray's way through a slab that polygons leave lit. A shadow's edge may cross that way at a
-   slant, so one lookup for all of it would not do. */
+/* The share of each part of a ray's path through a slab that polygons leave lit. A shadow's edge may cross the path at
+   a slant, so one lookup for all of it would not do. */
 static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_v lit[SPSI_PARTS]) {
     const int backwards = shader->sweep->back_to_front;

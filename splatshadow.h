@@ -6663,7 +6663,7 @@ typedef struct spsi_tile {
     float *slopes;          /* sheets of d/dx of the current channel, followed by those of d/dy; NULL: none */
     uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
     int margin;             /* pixels around the patches; they count as part of the patches at the edge */
-    float eye_slab;         /* slab coordinate of the rays' origin, for the near case */
+    float eye_slab;         /* slab coordinate of the rays' origin, for the near case and gradients */
     uint64_t visits;        /* footprints written */
     uint64_t fragments;     /* the sum of their pixels times slabs */
 } spsi_tile;
@@ -8038,11 +8038,11 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
 }
 
 /* ========================================================================================== >>lightsheets
-   19 The sheets of a light's rays as optical depth. Sheets of gases hold it already, but for the length of a ray per t.
-   A transfer function is not linear, so a slab's mean value says too little: what is classified is taken in SPSI_PARTS
-   parts, whose means come from the parabola through the means of three slabs. */
+   19 The optical depth of a light's sheets. Sheets of gases hold it already, per unit of t. A transfer function is not
+   linear, so a slab's mean value is not enough: classified slabs are divided into SPSI_PARTS parts, whose means come
+   from the parabola through the means of three slabs. */
 
-#define SPSI_PARTS 4 /* of a slab, where it is classified or shaded by polygons */
+#define SPSI_PARTS 4 /* of a slab that is classified or shaded by polygons */
 
 /* value + slope x + bend x^2, x from -1/2 to 1/2 through a slab. */
 typedef struct spsi_parabola {
@@ -8096,13 +8096,13 @@ static void spsi_light_shader_build(const spsi_frame *frame, const spsi_rays *ra
     spsi_linear_of_slabs(rays, slabs, &shader->slab);
 }
 
-/* What a sheet holds for a vector of pixels. Rounding in the kernel's share can take sums a little below 0. */
+/* A sheet's values for a vector of pixels. Round-off in the kernel's share can make sums slightly negative. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
 }
 
-/* Optical depth of one slab for a vector of texels; `at`: the slab's place in a channel. What is classified follows a
-   parabola through the slabs before and after, as it does for the eye. */
+/* Optical depth of one slab for a vector of texels; `at`: index of the slab in a channel. Classified volumes follow a
+   parabola through the slabs before and after, as they do for the eye. */
 static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
                                       spsi_v per_slab, spsi_v slabs) {
     const spsi_v part_length = spsi_mul(spsi_mul(per_slab, length), spsi_set(1.0f / SPSI_PARTS));
@@ -9832,24 +9832,24 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
 }
 
 /* ============================================================================================== >>shadows
-   21 What keeps a lamp's light from gas and surfaces. Gas shades by sheets, which are filled as the eye's are, chunk by
-   chunk, and give the optical depth towards the lamp at the planes between slabs: plane k is what light has passed
-   through when it enters slab k. Or it shades by a transmittance map. A shadow begins with a sweep; it advances by a
-   chunk: its sheets are filled, and light propagates from slab to slab, tile by tile, since hard light stays within its
-   ray; and it is looked up at any place of the chunk at hand. Polygons shade gas by a depth map and each other by rays;
-   what lies behind an opaque one is dark, whatever the planes say there. Cost: 68 bytes per texel of the planes. */
+   21 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
+   give the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
+   k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
+   and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
+   anywhere in the current chunk. Polygons shade gas by a depth map and each other by rays; a point behind an opaque one
+   is dark, whatever the planes hold there. Cost: 68 bytes per texel of the planes. */
 
 typedef struct spsi_planes {
     float *depth[SPSI_CHUNK + 1]; /* width * height each */
     int width, height, tiles_x, tiles_y;
-    int cubic;             /* 1: looked up by cubics: what is classified bends within a voxel */
-    uint64_t *open;        /* per tile: its patches that light still comes through */
-    unsigned char *uneven; /* per tile: its planes differ, so that they must be levelled before the next chunk */
+    int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
+    uint64_t *open;        /* per tile: a bit for each patch that light still passes */
+    unsigned char *uneven; /* per tile: 1: its planes differ and must be levelled before the next chunk */
 } spsi_planes;
 
 #define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
 
-/* Bilinear look-up; outside of the grid the nearest edge value is used (the border of a light's planes is 0). */
+/* Bilinear lookup, clamped to the edge (the border of a light's planes is 0). */
 static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(0), spsi_set((float)(width - 1)));
     const spsi_v cy = spsi_clamp(y, spsi_set(0), spsi_set((float)(height - 1)));
@@ -9870,10 +9870,9 @@ static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
 }
 
-/* Look-up by cubics through 4 x 4 values, within the range of the four nearest so that nothing overshoots. What is
-   classified bends within a voxel: straight lines from texel to texel would lie above the bend everywhere, and darken
-   surfaces by 3 % where there is a texel a voxel. The grid is at least 4 x 4; its border is left to the values there.
- */
+/* Bicubic lookup, clamped to the range of the four nearest values so that nothing overshoots. The optical depth of
+   classified volumes bends within a voxel: bilinear interpolation would lie above the bend everywhere, and darken
+   surfaces by 3 % with one texel per voxel. The grid is at least 4 x 4; the lookup is clamped to its inner cells. */
 static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi_v x, spsi_v y) {
     const spsi_v cx = spsi_clamp(x, spsi_set(1), spsi_set((float)(width - 2)));
     const spsi_v cy = spsi_clamp(y, spsi_set(1), spsi_set((float)(height - 2)));
@@ -9896,7 +9895,7 @@ static inline spsi_v spsi_bicubic(const float *grid, int width, int height, spsi
     return spsi_clamp(sum, low, high);
 }
 
-/* Adds a tile's sheets to the planes, slab after slab. */
+/* Accumulates a tile's sheets from plane to plane. */
 static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *shader, const spsi_tile *tile) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     for (int y = tile->y0; y <= tile->y1; ++y)
@@ -9920,7 +9919,7 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
         }
 }
 
-/* Sets all planes of a tile to the depth so far, if the last chunk touched it. */
+/* Sets all planes of a tile to the optical depth so far, if the last chunk changed it. */
 static void spsi_planes_level(spsi_planes *planes, int tile) {
     const int x0 = tile % planes->tiles_x * SPSI_TILE_WIDTH, y0 = tile / planes->tiles_x * SPSI_TILE_HEIGHT;
     const int width = spsi_least(SPSI_TILE_WIDTH, planes->width - x0);
@@ -9942,7 +9941,7 @@ typedef struct spsi_sliced {
 } spsi_sliced;
 
 typedef enum spsi_shadow_kind {
-    SPSI_SHADOW_NONE, /* there is no gas that could shade */
+    SPSI_SHADOW_NONE, /* no gas casts it */
     SPSI_SHADOW_SHEETS,
     SPSI_SHADOW_MAP
 } spsi_shadow_kind;
@@ -9952,8 +9951,8 @@ typedef struct spsi_shadow {
     spsi_shadow_kind kind;
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
-    const unsigned char *lit;  /* whole image: spsi_surface_sight */
-    spsi_linear along[3];      /* coordinates that spsi_shadow_lookup takes, along the eye's rays */
+    const unsigned char *lit;  /* per pixel of the image: spsi_surface_sight */
+    spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
 } spsi_shadow;
 
@@ -9967,7 +9966,7 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
     planes->tiles_x = spsi_tile_columns(rays);
     planes->tiles_y = spsi_tile_rows(rays);
     tiles = (size_t)planes->tiles_x * (size_t)planes->tiles_y;
-    /* a tile's number and flag take less than one more texel */
+    /* a tile's bits and flag take less than one more texel */
     planes->open = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_PLANES, texels + tiles, SPSI_PLANES_TEXEL_BYTES);
     if (!planes->open) return context->result;
     memory = (float *)(void *)(planes->open + tiles);
@@ -9991,7 +9990,7 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
                                 &sliced->target);
 }
 
-/* One tile: its sheets are filled, and light propagates through them. */
+/* Fills the sheets of one tile and propagates light through them. */
 static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_sliced *sliced = (spsi_sliced *)data;
     spsi_planes *planes = &sliced->planes;
@@ -10011,7 +10010,7 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_tile_count(&sliced->target, &tile, worker);
 }
 
-/* Goes on to the contents' chunk. */
+/* Advances to the contents' current chunk. */
 static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
     spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_sliced_task, sliced);
@@ -10023,14 +10022,14 @@ static void spsi_level_task(void *data, int index, int worker) {
     spsi_planes_level(&((spsi_sliced *)data)->planes, index);
 }
 
-/* Goes on to where there is nothing: all planes hold the depth so far. */
+/* Advances past the current chunk: all planes hold the optical depth so far. */
 static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
     spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
 }
 
-/* --- looking shadows up --- */
+/* --- lookup --- */
 
-/* Prepares looking up along the eye's rays. `origin`: what shading counts positions from. */
+/* Prepares lookups along the eye's rays. */
 static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map *map = &shadow->depth_map;
     for (int i = 0; i < 3; ++i) {
@@ -10068,7 +10067,7 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* As spsi_bilinear, for one place. */
+/* The same as spsi_bilinear for one point. */
 static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
     const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
     const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
@@ -10103,7 +10102,7 @@ static double spsi_shadow_depth(const spsi_shadow *shadow, int first_slab, const
 
 /* --- maps of a sweep's shadows --- */
 
-/* The depth maps by which polygons shade gas in a sweep's lights. Surfaces do not look them up. */
+/* Builds the depth maps by which polygons shade gas. Surfaces do not use them. */
 static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
                                         spsi_shadow *shadows, int count) {
     size_t floats = 0, more;
@@ -10112,7 +10111,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     for (int i = 0; i < count; ++i) {
         spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
         more = spsi_depth_map_floats(&shadows[i].depth_map);
-        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* which cannot be reserved */
+        floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
@@ -10121,8 +10120,8 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* Makes the maps of those of a sweep's lights that have some, and leaves the rest of the call's part to the sweep.
-   Whether or not that fails, spsi_shadow_maps_release frees them. */
+/* Builds the transmittance maps of a sweep's lamps, and leaves the rest of the call's part to the sweep. Even after a
+   failure, spsi_shadow_maps_release frees them. */
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
@@ -11563,19 +11562,20 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
 }
 
 /* ================================================================================================= >>plan
-   25 What a scene calls for. Every pass gives its reason, whether it runs or not; bytes are upper bounds, counts of
-   calls are exact. The bounds come from what is known unread: the blocks that range_fn leaves, and triangle counts. */
+   25 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
+   and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
     "gather",     "eye polygons", "light polygons", "triangle tree", "shadow rays", "eye sheets",   "light sheets",
     "light maps", "gradient",     "scattering",     "emission",      "ambient",     "surface light"};
 
-/* Whether there are volumes or particles that could be seen. */
+/* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
 
-/* Counts the blocks of all volumes that will be read, and what comes of them at most. */
+/* The blocks of all volumes that will be read, and upper bounds of what they hold. */
 typedef struct spsi_reading {
-    int held; /* 1: the voxels are here from an earlier call, nothing will be read */
+    int held; /* 1: the voxels are held from an earlier call, nothing will be read */
     uint64_t blocks, bricks, voxels_kept;
 } spsi_reading;
 
@@ -11623,8 +11623,8 @@ static size_t spsi_plan_gather_bytes(const spsi_frame *frame, const spsi_reading
     return (size_t)bytes;
 }
 
-/* Texels on the longer side of a sweep's light, at most: where particles are, which nobody has seen yet, the bounds
-   that were planned with are not those of the render. */
+/* Maximum number of texels on the longer side of a sweep's light. Particles have not been read, so the bounds that were
+   planned with are not those of the render. */
 static size_t spsi_plan_light_side(const spsi_frame *frame, const spsi_sweep *sweep) {
     const int planned = spsi_most(sweep->rays.width, sweep->rays.height);
     if (frame->particles.set_count == 0) return (size_t)planned;
@@ -11639,8 +11639,8 @@ static size_t spsi_plan_lists_bytes(const spsi_frame *frame, int width, int heig
     return spsi_lists_bytes(&rays, frame->particles.count);
 }
 
-/* Bytes of the queues. What has been read may be cut into other slabs than its bounds, but not into many more; where
-   there are particles, nobody knows. */
+/* Bytes of the queues. Once read, volumes may be cut into other slabs than their boxes, but not into many more; with
+   particles there is no bound but the maximum. */
 static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *slabs, size_t bricks) {
     const size_t most = SPSI_SLABS_MAX / SPSI_CHUNK;
     const size_t chunks = frame->particles.set_count > 0 ? most : 2 * (size_t)spsi_chunk_count(slabs) + 1;
@@ -11648,14 +11648,14 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
            (frame->particles.set_count > 0 ? spsi_queue_bytes(frame->particles.count, chunks) : 0);
 }
 
-/* Floats of a worker's sheets, whichever target it fills. */
+/* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
     const spsi_shape eye = spsi_eye_shape(frame), light = spsi_light_shape(frame);
     const size_t shadow = frame->lamps.shadow_count > 0 ? spsi_shape_floats(&light) : 0;
     return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
 }
 
-/* Bytes of the largest sweep's planes, sheets, spans and pixels. */
+/* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                   uint64_t bricks, sps_plan_report *report) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
@@ -11752,7 +11752,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    polygons ? "no light" : "no triangles");
 }
 
-/* Bytes of everything that does not belong to a sweep. */
+/* Bytes of everything outside the sweeps. */
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
@@ -11778,8 +11778,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
 }
 
-/* Bytes of a light's transmittance map, and those that filling it takes, but for lists of stretches and what is fitted
-   to them, of which nobody knows the length. */
+/* Bytes of a light's transmittance map, and those needed to fill it, except for lists of stretches, whose length is not
+   known, and what is fitted to them. */
 static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
     const size_t side = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_light_texels_most(frame));
     const size_t faces = lamp->is_point ? SPSI_CUBE_FACES : 1;
@@ -11793,7 +11793,7 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
 }
 
-/* Bytes of the lights' maps, which are there at once, and of filling them one after the other. */
+/* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
     const int some = frame->lamps.shadow_count > 0 && spsi_has_gas(frame);
     size_t most = 0;
@@ -11828,7 +11828,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
     spsi_plan_bytes(context, frame, &reading, report);
     spsi_plan_passes(context, frame, &reading, report);
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
-        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* what is left counts in the sum alone */
+        if (report->pass[i].runs == 0) report->pass[i].bytes = 0; /* the rest is part of the sum only */
     return SPS_OK;
 }
 

@@ -2102,53 +2102,53 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 }
 
 /* ======================================================================================== >>transmittance
-   8  Optical depth along one ray: what each technique of a transmittance map keeps of it, and how it is asked. A ray
-   runs from u = 0 to 1. What lies along it are stretches, even or of a particle's 1 - s^2; their sum is a curve of
-   straight lines and jumps, which no technique holds exactly but the list itself. Two kinds:
+   8  Optical depth along one ray: how each technique of a transmittance map stores and evaluates it. A ray runs from
+   u = 0 to 1. Along it lie stretches, uniform or with a particle's density of 1 - s^2. Their sum is a curve, kept as
+   straight lines and jumps, which no technique represents exactly except for the list itself. Two kinds:
 
-   Sums take stretches in any order, a vector of neighbouring texels at a time, and are finished once:
-     opacity planes, and deep ones             [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
+   Sums accept stretches in any order, a vector of neighbouring texels at a time, and are finished once:
+     opacity planes, deep opacity planes       [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
      Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
-     first, last and whole                     (Beer shadow maps)
-   Fits look at a ray's whole curve:
-     where T falls to a half, T's cosine series, nodes by least area [Salvi et al. 2010], and straight lines of T
+     first, last and total                     (Beer shadow maps)
+   Fits use the whole curve of a ray:
+     u where T falls to one half, cosine series of T, nodes by least area [Salvi et al. 2010], and straight lines of T
      within epsilon                            [Lokovic & Veach 2000]
 
-   Cost: insertion takes the planes that a stretch runs through, or all components; a fit (nodes of the curve) x
-   (components), but n log n for an adaptive or a compressed map; a query what its function says. T stands for
-   exp(-optical depth). */
+   Cost: insertion takes time for the planes that a stretch passes through, or for all components; a fit (nodes of the
+   curve) x (components), but n log n for an adaptive or a compressed map; the cost of a query stands at its function. T
+   is short for transmittance, exp(-optical depth). */
 
-#define SPSI_TMAP_COMPONENTS 65     /* most floats a texel */
-#define SPSI_SOFT_PIECES     8      /* even pieces that stand for a soft stretch in a curve: 1.2 % of its depth off; */
-#define SPSI_SOFT_MOST       256    /* at most, where an error is to be kept */
-#define SPSI_SOFT_EPSILON    0.001f /* the least that these keep */
-#define SPSI_BEER_LENGTH     1e-6f  /* least length of a Beer map's gas, so that its density stays finite */
+#define SPSI_TMAP_COMPONENTS 65     /* maximum floats per texel */
+#define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft stretch in a curve: 1.2 % of its depth off */
+#define SPSI_SOFT_MOST       256    /* maximum of such pieces, where an error is to be kept */
+#define SPSI_SOFT_EPSILON    0.001f /* minimum error that these keep */
+#define SPSI_BEER_LENGTH     1e-6f  /* minimum length of a Beer map's gas, so that its density stays finite */
 
-/* A stretch of a ray from u0 to u1, of optical depth `depth`: even (soft 0), or as 1 - s^2 with s from -1 to 1 through
-   it (soft 1), which is what a ray meets in a particle. Where the light is in a particle, s begins at 1 - 2 soft: the
-   stretch is the last `soft` of the chord. Its ends may lie outside of 0..1, so that its shape stays exact: what is
-   before 0 counts at 0, and what is behind 1 at 1. */
+/* A stretch of a ray from u0 to u1, of optical depth `depth`: uniform (soft 0), or with density 1 - s^2, where s runs
+   from -1 to 1 (soft 1), as in a particle. If the light is inside a particle, s begins at 1 - 2 soft: the stretch is
+   the last `soft` of the chord. Its ends may lie outside 0..1, so that its shape stays exact: what is before 0 counts
+   at 0, and what is behind 1 counts at 1. */
 typedef struct spsi_stretch {
     float u0, u1, depth, soft;
 } spsi_stretch;
 
-/* The same for a vector of neighbouring texels; depth 0: none there. */
+/* The same for a vector of neighbouring texels; depth 0: no stretch there. */
 typedef struct spsi_stretches {
     spsi_v u0, u1, depth;
     float soft;
 } spsi_stretches;
 
-/* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map keeps that. Straight lines
-   between nodes; before the first 0, or all light, and after the last its own value. Two nodes may share one u: a jump
-   (a sheet without thickness, an opaque surface whose depth is SPSI_DEPTH_MAX), to which that u itself belongs
-   already. */
+/* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map stores that. The curve is
+   linear between nodes; before the first it is unattenuated, after the last it keeps the last value. Two nodes may
+   share one u: a jump (a sheet without thickness, an opaque surface whose depth is SPSI_DEPTH_MAX), which is complete
+   at that u. */
 typedef struct spsi_node {
     float u;
     float value;
 } spsi_node;
 
-/* A vector of texels of a map, as many floats each: those of the one at (x, y) begin at floats + y * stride + x. */
+/* A vector of texels of a map with the same number of floats each: those at (x, y) begin at floats + y * stride + x. */
 typedef struct spsi_texels {
     const float *floats;
     int stride;
@@ -2156,43 +2156,45 @@ typedef struct spsi_texels {
 } spsi_texels;
 
 typedef struct spsi_technique {
-    const char *name;             /* as in error sentences, with its article */
-    int least, most, step, usual; /* components: range, step from least, default; all 0 for lists */
-    int lists;                    /* 1: a list per texel, of a length that its ray decides */
+    const char *name;             /* with its article, for error sentences */
+    int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default; all 0 for lists */
+    int lists;                    /* 1: a list per texel, whose length depends on its ray */
     int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
-    int points;                   /* 1: what insert adds has no closed form for a soft stretch that is cut, which comes
-                                     as points; 0: takes stretches whose ends lie outside of 0..1 */
-    int range;                    /* 1: u is counted from the texel's first occluder to its last, which are its first
-                                     two components (the functions below see neither: they get the components after
-                                     them and the remapped u). Fourier: settings->texel_range decides instead, -1 */
+    /* 1: insert has no closed form for a soft stretch that is cut, which is inserted as points. 0: accepts stretches
+       whose ends lie outside 0..1. */
+    int points;
+    /* 1: u runs from the texel's first occluder to its last, whose u are the texel's first two components. The
+       functions below see only the components after these, and the remapped u. -1: settings->texel_range decides
+       (Fourier). */
+    int range;
     /* Adds stretches to sums: component k of the vector's texels is at sums + k * stride. */
     void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_stretches *stretches);
-    /* Turns the sums of one texel (packed) into what is kept, in place. NULL: they are that already. */
+    /* Turns the sums of one texel (packed) into the stored components, in place. NULL: they are the same. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
-    /* Makes a texel of its ray's curve; of what that takes, fit_bytes says how much for a curve of `count` nodes. NULL:
-       nothing. */
+    /* Makes a texel from its ray's curve. */
     void (*fit)(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch, float *texel);
+    /* Size of the scratch memory that `fit` needs for a curve of `count` nodes. NULL: none. */
     size_t (*fit_bytes)(int count);
-    /* Writes what the sums of `count` texels are before anything is inserted, where that is not 0. NULL: 0. */
+    /* Writes the initial sums of `count` texels. NULL: these are 0. */
     void (*clear)(float *sums, size_t stride, size_t count, int components);
-    /* Optical depth before u in 0..1: of a vector of texels, or, where that takes a search or more digits than floats
-       have, of one. The other is NULL. */
+    /* Optical depth before u in 0..1 for a vector of texels. NULL: see `depth`. */
     spsi_v (*depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
+    /* The same for one texel, where that takes a search or more precision than floats have. NULL: see `depths`. */
     float (*depth)(const sps_tmap_settings *settings, const float *texel, float u);
-    /* Bounds of it that hold for certain. NULL: none known, 0 .. SPSI_DEPTH_MAX is the answer. */
+    /* Guaranteed bounds of optical depth. NULL: none known; 0 .. SPSI_DEPTH_MAX is returned. */
     void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
 } spsi_technique;
 
 /* ---- stretches ---- */
 
-/* The share of a soft stretch in its first `t`. Of a whole chord S(t) = t^2 (3 - 2 t); of the last `soft` of one
-   1 - S(soft (1 - t)) / S(soft), written without a difference of nearly equal numbers. */
+/* The share of a soft stretch that lies in its first `t`. For a whole chord S(t) = t^2 (3 - 2 t); for the last `soft`
+   of one, 1 - S(soft (1 - t)) / S(soft), written without cancellation. */
 static inline float spsi_soft_share(float soft, float t) {
     return t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft);
 }
 
-/* The share of a stretch that lies before u. One of no length lies wholly before u as soon as u >= u0, and so does any
-   that ends at u: a map's answer at an occluder's back includes it. */
+/* The share of a stretch that lies before u. A stretch without length lies before u entirely if u >= u0, and so does
+   any that ends at u: a query at an occluder's back includes it. */
 static inline float spsi_stretch_share(const spsi_stretch *stretch, float u) {
     float t;
     if (u < stretch->u0) return 0;
@@ -2201,12 +2203,12 @@ static inline float spsi_stretch_share(const spsi_stretch *stretch, float u) {
     return stretch->soft > 0 ? spsi_soft_share(stretch->soft, t) : t;
 }
 
-/* The same as maps answer: at u = 1 what lies behind counts, too. */
+/* The same for a query: at u = 1 what lies behind counts, too. */
 static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
     return u < 1 ? spsi_stretch_share(stretch, u) : 1;
 }
 
-/* Optical depth before u of a list sorted by u0: the exact answer. Cost: the stretches that begin before u. */
+/* Exact optical depth before u of a list sorted by u0. Cost: the stretches that begin before u. */
 static inline float spsi_stretches_depth(const spsi_stretch *list, uint32_t count, float u) {
     double sum = 0;
     for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
@@ -2214,7 +2216,7 @@ static inline float spsi_stretches_depth(const spsi_stretch *list, uint32_t coun
     return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
-/* By u0; all else only so that the order, and with it rounding, does not depend on that of insertion. */
+/* By u0; the rest only makes the order, and with it round-off, independent of the order of insertion. */
 static inline int spsi_stretch_less(const spsi_stretch *a, const spsi_stretch *b) {
     if (a->u0 < b->u0 || a->u0 > b->u0) return a->u0 < b->u0;
     if (a->u1 < b->u1 || a->u1 > b->u1) return a->u1 < b->u1;
@@ -2222,8 +2224,8 @@ static inline int spsi_stretch_less(const spsi_stretch *a, const spsi_stretch *b
     return a->soft < b->soft;
 }
 
-/* Merges the sorted first `half` of a list with the sorted rest. Of the first half, what comes before all of the rest
-   stays where it is, so that a list that is nearly in order costs next to nothing. */
+/* Merges the sorted first `half` of a list with the sorted rest. The part of the first half that comes before all of
+   the rest stays in place, so that a list that is nearly in order costs next to nothing. */
 static void spsi_stretches_merge(spsi_stretch *list, size_t half, size_t count, spsi_stretch *scratch) {
     size_t to = half, left = 0, right = half, moved;
     while (to > 0 && spsi_stretch_less(&list[half], &list[to - 1])) --to;
@@ -2243,10 +2245,10 @@ static void spsi_stretches_insert(spsi_stretch *list, size_t count) {
     }
 }
 
-#define SPSI_SORT_SHORT 16 /* stretches up to which insertion is quicker than merging */
+#define SPSI_SORT_SHORT 16 /* number of stretches up to which insertion is faster than merging */
 
-/* Sorts stretches by where they begin; `scratch` has room for half of them. Merge sort: n log n at worst, n where they
-   are nearly in order. */
+/* Sorts stretches by where they begin; `scratch` has room for half of them. Merge sort: n log n at worst, n if they are
+   nearly in order. */
 static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *scratch) {
     const size_t half = count / 2;
     if (count <= SPSI_SORT_SHORT) {
@@ -2258,7 +2260,7 @@ static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *
     spsi_stretches_merge(list, half, count, scratch);
 }
 
-/* The shares of a vector of stretches that lie before u, as spsi_stretch_share. */
+/* spsi_stretch_share for a vector of stretches. */
 static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi_v u) {
     const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(1e-30f));
     const float soft = stretches->soft;
@@ -2282,7 +2284,7 @@ static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
     return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
 }
 
-/* Where the first of a vector's stretches begins and the last ends, within 0..1; returns 0 if there are none. */
+/* Where the first of a vector's stretches begins and the last one ends, within 0..1. Returns 0 if there are none. */
 static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
     const spsi_m there = spsi_less(spsi_set(0), stretches->depth);
@@ -2297,20 +2299,19 @@ static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, 
 
 /* ---- curves ---- */
 
-/* Nodes that a curve of `count` stretches may have, a soft one bending it at both ends of its pieces, and a jump at
-   either end for those that are cut; and stretches that building it takes: two for each piece, one for what lies before
-   or behind, and half as many to sort these. */
+/* Maximum number of nodes of a curve of `count` stretches: a soft one bends it at both ends of its pieces, and there is
+   a jump at either end for those that are cut. Stretches needed to build it: two per piece, one for what lies before or
+   behind, and half as many again for sorting. */
 #define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count) + 2)
 #define SPSI_CURVE_SCRATCH(count, pieces) (3 * ((pieces) + 1) * (count))
 
-/* Optical depth of a soft stretch behind which what is left of it is no longer cut finely; and halves by which that
-   place is found in one that is cut: to a millionth of its length. */
-#define SPSI_SOFT_DEPTH  8
-#define SPSI_SOFT_HALVES 20
+#define SPSI_SOFT_DEPTH  8  /* optical depth into a soft stretch behind which the rest of it is not cut finely */
+#define SPSI_SOFT_HALVES 20 /* bisection steps that find this depth in a cut stretch, to a millionth of its length */
 
-/* Even pieces of soft stretches with which transmittance is off by a quarter of epsilon at most: a piece of length h is
-   h^2 / 8 times the change of density off, 6 d at either end of a stretch of depth d; those that overlap add up. Behind
-   SPSI_SOFT_DEPTH light is as good as gone, so that no more of each counts, nor more than twice that of all. */
+/* Number of even pieces of soft stretches with which transmittance is off by at most a quarter of epsilon: the error of
+   a piece of length h is h^2 / 8 times the slope of density, which is 6 d at either end of a stretch of depth d; those
+   that overlap add up. Behind SPSI_SOFT_DEPTH light is practically gone, so no more of each stretch counts, nor more
+   than twice that of all. */
 static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) {
     double sum = 0;
     for (int i = 0; i < count; ++i)
@@ -2318,9 +2319,9 @@ static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) 
     return (int)fmin(2 + ceil(sqrt(3 * fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
-/* Where in a soft stretch, between two places, light is as good as gone: where s^2 = SPSI_SOFT_DEPTH / depth in a whole
-   chord, before which lies more than that depth, as its share is above s^2; in one that is cut, where twice that depth
-   does, which halves find. */
+/* The place in a soft stretch, between `from` and `to`, where light is practically gone: where t^2 = SPSI_SOFT_DEPTH /
+   depth in a whole chord, before which lies more than that depth, as S(t) > t^2; in one that is cut, where twice that
+   depth lies before it, which bisection finds. */
 static float spsi_soft_end(const spsi_stretch *stretch, float from, float to) {
     const float want = spsi_stretch_share(stretch, from) + 2 * SPSI_SOFT_DEPTH / stretch->depth;
     if (!(stretch->depth > SPSI_SOFT_DEPTH) || !(spsi_stretch_share(stretch, to) > want)) return to;
@@ -2336,17 +2337,17 @@ static float spsi_soft_end(const spsi_stretch *stretch, float from, float to) {
     return to;
 }
 
-/* The bends of a stretch's curve while it is taken piece by piece: where the last piece ended, and the share of the
-   stretch that lay before that. */
+/* The bends of a stretch's curve, built piece by piece: the end of the last piece, and the share of the stretch before
+   it. */
 typedef struct spsi_bends {
     spsi_stretch *list;
     int count;
     float depth, u, share;
 } spsi_bends;
 
-/* An even piece from where the last one ended, as two bends: one where it begins, which looks ahead to its end, and one
-   where it ends, which looks back, so that depth / (u1 - u0) is how much steeper the curve becomes at either. A piece
-   without length is one bend, a jump. */
+/* Appends an even piece as two bends: one where the last piece ended, which points ahead to its end, and one at its
+   end, which points back, so that depth / (u1 - u0) is the change of slope at either. A piece without length is a
+   single bend, a jump. */
 static void spsi_bends_add(spsi_bends *bends, float u, float share) {
     const spsi_stretch ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
     const spsi_stretch back = {u, bends->u, ahead.depth, 0};
@@ -2356,8 +2357,9 @@ static void spsi_bends_add(spsi_bends *bends, float u, float share) {
     bends->u = u, bends->share = share;
 }
 
-/* The bends of what of a stretch lies within 0..1, in several pieces of a soft one; what lies before or behind is a
-   jump. A deep stretch's pieces lie where its light goes, but the last. Returns how many there are. */
+/* The bends of the part of a stretch within 0..1, which is cut into several pieces if soft; the parts before and behind
+   become jumps. All pieces of a deep stretch except for the last lie where light still gets to. Returns the number of
+   bends. */
 static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *list) {
     const float first = spsi_higher(spsi_lower(stretch->u0, 1), 0), last = spsi_higher(spsi_lower(stretch->u1, 1), 0);
     const int pieces = stretch->soft > 0 && last > first ? soft_pieces : 1;
@@ -2375,8 +2377,8 @@ static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_s
     return bends.count;
 }
 
-/* A sum of numbers as far apart as the slopes of thin dense and thick faint gas, of which some are taken away again:
-   what is lost in rounding is kept beside it. [Neumaier 1974] */
+/* A compensated sum, for numbers as far apart as the slopes of thin dense and thick faint gas, some of which are
+   subtracted again. [Neumaier 1974] */
 typedef struct spsi_sum {
     double high, low;
 } spsi_sum;
@@ -2387,7 +2389,7 @@ static inline void spsi_sum_add(spsi_sum *sum, double x) {
     sum->high = high;
 }
 
-/* Appends a node, if it says something new: of more than two at one u only the outer ones do. */
+/* Appends a node unless it is redundant: of more than two at one u, only the outer ones matter. */
 static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth) {
     const float capped = spsi_lower((float)depth, SPSI_DEPTH_MAX);
     const int same = count > 0 && !(nodes[count - 1].u < u);
@@ -2398,9 +2400,9 @@ static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth)
     return count + 1;
 }
 
-/* The sum of stretches sorted by u0 as a curve, its ends and bends exact to rounding. `pieces`, 2 at least, is into how
-   many soft stretches are cut. `scratch` has room for SPSI_CURVE_SCRATCH(count, pieces) stretches, `nodes` for
-   SPSI_CURVE_NODES(count, pieces); gives how many nodes there are, of which the first has depth 0. Cost: n log n. */
+/* The sum of stretches sorted by u0 as a curve, its ends and bends exact except for round-off. Soft stretches are cut
+   into `pieces`, at least 2. `scratch` has room for SPSI_CURVE_SCRATCH(count, pieces) stretches, `nodes` for
+   SPSI_CURVE_NODES(count, pieces) nodes. Returns the number of nodes, the first of which has depth 0. Cost: n log n. */
 static int spsi_curve_build(const spsi_stretch *sorted, int count, int pieces, spsi_stretch *scratch,
                             spsi_node *nodes) {
     int bends = 0, nodes_made = 0, open = 0;
@@ -2424,9 +2426,9 @@ static int spsi_curve_build(const spsi_stretch *sorted, int count, int pieces, s
 
 /* ---- turning angles ---- */
 
-/* Cosine and sine of 2 pi u to 2e-7, for |u| < 2^20; the sine of a small angle to 2e-7 of itself. u - n / 2 lies within
-   a quarter turn of 0 and is exact; the polynomials pass through cosine and sine / u at the zeros of a Chebyshev
-   polynomial in u^2. */
+/* Cosine and sine of 2 pi u with an error of 2e-7, for |u| < 2^20; for small angles that is the relative error of the
+   sine. u - n / 2 lies within a quarter turn of 0 and is exact; the polynomials interpolate cosine and sine / u at the
+   zeros of a Chebyshev polynomial in u^2. */
 static inline void spsi_turn(spsi_v u, spsi_v *cosine, spsi_v *sine) {
     const spsi_v n = spsi_round(spsi_add(u, u)), half = spsi_mul(n, spsi_set(0.5f));
     const spsi_v r = spsi_sub(u, half), x = spsi_mul(r, r);
@@ -2444,7 +2446,7 @@ static inline void spsi_turn(spsi_v u, spsi_v *cosine, spsi_v *sine) {
     *sine = spsi_mul(sign, spsi_mul(s, r));
 }
 
-/* The next multiple of an angle: (c, s) turned by (c1, s1). */
+/* The next multiple of an angle: (c, s) rotated by (c1, s1). */
 static inline void spsi_turn_by(spsi_v *c, spsi_v *s, spsi_v c1, spsi_v s1) {
     const spsi_v turned = spsi_sub(spsi_mul(*c, c1), spsi_mul(*s, s1));
     *s = spsi_fma(*s, c1, spsi_mul(*c, s1));
@@ -2458,7 +2460,7 @@ static inline void spsi_turn_double(double z[2], const double by[2]) {
     z[0] = cosine;
 }
 
-/* What harmonic k of n counts for. */
+/* The weight of harmonic k of n. */
 static double spsi_window(sps_tmap_window window, int k, int n) {
     const double share = (double)k / (n + 1);
     if (window == SPS_TMAP_WINDOW_FEJER) return 1 - share;
@@ -2471,11 +2473,11 @@ static inline float spsi_plane(const sps_tmap_settings *settings, int i) {
     return settings->planes ? settings->planes[i] : (float)(i + 1) / (float)settings->components;
 }
 
-/* The first plane that does not lie before u; the last if all do. */
+/* The first plane that is not before u; the last if all are. */
 static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     const int last = settings->components - 1;
     int low = 0, high = last;
-    if (!settings->planes) { /* one early, so that rounding does no harm */
+    if (!settings->planes) { /* start one plane early, to be safe from round-off */
         low = spsi_most((int)(u * (float)settings->components) - 1, 0);
         while (low < last && spsi_plane(settings, low) < u) ++low;
         return spsi_least(low, last);
@@ -2490,7 +2492,7 @@ static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     return low;
 }
 
-/* Adds to each plane what it has more than the one before it, so that those behind a stretch need no visit. */
+/* Adds to each plane its increment over the plane before, so that planes behind a stretch need not be visited. */
 static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                 const spsi_stretches *stretches) {
     const spsi_v depth = spsi_stretches_capped(stretches);
@@ -2502,7 +2504,7 @@ static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, 
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
         spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
         if (i < settings->components - 1) share = spsi_stretches_before(stretches, spsi_set(spsi_plane(settings, i)));
-        share = spsi_max(share, before); /* rounding must not lower it */
+        share = spsi_max(share, before); /* round-off must not lower it */
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
         before = share;
     }
@@ -2516,7 +2518,7 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
     }
 }
 
-/* The points that curves through planes take, u and optical depth; plane -1 is 0 at u = 0. */
+/* The points of curves through planes, u and optical depth; plane -1 is 0 at u = 0. */
 typedef struct spsi_knots {
     spsi_v u, depth;
 } spsi_knots;
@@ -2533,7 +2535,7 @@ static inline spsi_knots spsi_opacity_knots(const sps_tmap_settings *settings, c
     return knots;
 }
 
-/* The same as spsi_plane_from, of even planes but for rounding. */
+/* spsi_plane_from for a vector; for even planes, the same except for round-off. */
 static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v u) {
     const int last = settings->components - 1;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
@@ -2547,7 +2549,7 @@ static inline spsi_v spsi_planes_from(const sps_tmap_settings *settings, spsi_v 
     return plane;
 }
 
-/* a / b, or 0 where b is 0: between what comes before the first plane, or behind the last, and itself. */
+/* a / b, or 0 where b is 0, as between a knot and its own copy beyond the first or the last plane. */
 static inline spsi_v spsi_ratio(spsi_v a, spsi_v b) {
     const spsi_m some = spsi_less(spsi_set(0), spsi_abs(b));
     return spsi_select(some, spsi_div(a, spsi_select(some, b, spsi_set(1))), spsi_set(0));
@@ -2557,7 +2559,7 @@ static inline spsi_v spsi_secant(const spsi_knots *a, const spsi_knots *b) {
     return spsi_ratio(spsi_sub(b->depth, a->depth), spsi_sub(b->u, a->u));
 }
 
-/* The slope at b of the cubic through rising points a, b, c: that of their parabola, but so low that nothing
+/* The slope at b of the cubic through increasing points a, b, c: that of their parabola, limited so that nothing
    overshoots. [Steffen 1990] */
 static inline spsi_v spsi_steffen_inner(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
     const spsi_v before = spsi_secant(a, b), after = spsi_secant(b, c);
@@ -2566,15 +2568,15 @@ static inline spsi_v spsi_steffen_inner(const spsi_knots *a, const spsi_knots *b
     return spsi_mul(spsi_set(2), spsi_min(spsi_min(before, after), spsi_mul(spsi_set(0.5f), parabola)));
 }
 
-/* The slope at the end a of a curve whose next points are b and c. [Steffen 1990] */
+/* The slope at the endpoint a of a curve whose next points are b and c. [Steffen 1990] */
 static inline spsi_v spsi_steffen_end(const spsi_knots *a, const spsi_knots *b, const spsi_knots *c) {
     const spsi_v secant = spsi_secant(a, b), part = spsi_ratio(spsi_sub(b->u, a->u), spsi_sub(c->u, a->u));
     const spsi_v slope = spsi_fma(part, spsi_sub(secant, spsi_secant(b, c)), secant);
     return spsi_clamp(slope, spsi_set(0), spsi_add(secant, secant));
 }
 
-/* A monotone cubic between planes i - 1 and i, which are b and c: Hermite's form about the straight line, exact for
-   one, and at both ends. */
+/* The monotone cubic between planes i - 1 and i, which are b and c: Hermite form relative to the straight line, so that
+   it is exact for straight lines and at both ends. */
 static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v i,
                                         const spsi_knots *b, const spsi_knots *c, spsi_v t) {
     const spsi_v one = spsi_set(1), even = spsi_secant(b, c), rest = spsi_sub(one, t),
@@ -2592,7 +2594,7 @@ static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const
     return spsi_clamp(spsi_add(spsi_fma(t, rise, b->depth), bend), b->depth, c->depth);
 }
 
-/* Cost: two look-ups, or four if cubic; a look at every plane if they are given. */
+/* Cost: two lookups, or four if cubic; a comparison with every plane if settings->planes is set. */
 static spsi_v spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v zero = spsi_set(0), i = spsi_planes_from(settings, u);
     const spsi_knots before = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(1)));
@@ -2604,7 +2606,7 @@ static spsi_v spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_
     return spsi_select(spsi_less(zero, u), spsi_select(spsi_less(u, after.u), depth, after.depth), zero);
 }
 
-/* Optical depth never falls, so the planes about u bound it. */
+/* Optical depth never decreases, so the planes around u bound it. */
 static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
     const int i = spsi_plane_from(settings, u);
     bracket[0] = i > 0 ? texel[i - 1] : 0;
@@ -2613,9 +2615,9 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float 
 
 /* ---- Fourier series ---- */
 
-/* The mean of cos(2 pi k (u - m)) over a stretch of middle m and half its length h, x = 2 pi k h of sine s and
-   cosine c: sin x / x for an even one, 3 (sin x - x cos x) / x^3 for a soft one, whose difference loses its digits
-   for small x; its series, cut after x^10, is as good up to 2. */
+/* The mean of cos(2 pi k (u - m)) over a stretch with middle m and half length h, where x = 2 pi k h has cosine c and
+   sine s: sin x / x for a uniform one, 3 (sin x - x cos x) / x^3 for a soft one, which cancels for small x; its series,
+   cut after x^10, is as accurate up to 2. */
 static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
     const spsi_v one = spsi_set(1), safe = spsi_max(x, spsi_set(1e-6f)), square = spsi_mul(x, x);
     spsi_v series, closed;
@@ -2651,25 +2653,25 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     }
 }
 
-/* The window is baked in, so that whoever samples a map need not know of it. */
+/* The window is baked in, so that shaders need not know it. */
 static void spsi_fourier_finish(const sps_tmap_settings *settings, float *texel) {
     const int n = (settings->components - 1) / 2;
     for (int i = 1; i < settings->components; ++i)
         texel[i] = (float)((double)texel[i] * spsi_window(settings->window, (i + 1) / 2, n));
 }
 
-/* What harmonic k adds to a0 u / 2 for the optical depth before u: (a_k sin(2 pi k u) + b_k (1 - cos(2 pi k u))) /
-   (2 pi k). [Jansen & Bavoil 2010] */
+/* The contribution of harmonic k to the optical depth before u, on top of a0 u / 2: (a_k sin(2 pi k u) +
+   b_k (1 - cos(2 pi k u))) / (2 pi k). [Jansen & Bavoil 2010] */
 static inline spsi_v spsi_fourier_harmonic(spsi_v a, spsi_v b, int k, spsi_v cosine, spsi_v sine) {
     const spsi_v both = spsi_fma(a, sine, spsi_mul(b, spsi_sub(spsi_set(1), cosine)));
     return spsi_mul(both, spsi_set((float)(1 / (2 * SPSI_PI * k))));
 }
 
 #define SPSI_FOURIER_SAMPLES (2 * (SPSI_TMAP_COMPONENTS - 1))
-#define SPSI_FOURIER_GROUP   8 /* samples that share look-ups, and that a task's stack has room for */
+#define SPSI_FOURIER_GROUP   8 /* samples that share lookups, and that fit on a task's stack */
 
-/* The most of the series at `most` and at what lies before u of 4 n even samples, n harmonics: the highest is then seen
-   four times in each of its periods. All multiples of the samples' angles are among these. */
+/* The maximum of `most` and of the series at those of 4 n even samples that lie before u, where n is the number of
+   harmonics: the highest has four samples per period. All multiples of the samples' angles are angles of samples. */
 static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, spsi_v u, spsi_v most) {
     const int samples = 2 * (components - 1);
     const double by[2] = {cos(2 * SPSI_PI / samples), sin(2 * SPSI_PI / samples)};
@@ -2702,7 +2704,7 @@ static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, sp
     return most;
 }
 
-/* Never more than all there is, nor less than nothing. */
+/* Clamped to 0 .. the total. */
 static spsi_v spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
@@ -2718,14 +2720,14 @@ static spsi_v spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_
     return spsi_clamp(sum, spsi_set(0), spsi_min(half, spsi_set(SPSI_DEPTH_MAX)));
 }
 
-/* ---- fits: what a curve gives to those who take it piece by piece ---- */
+/* ---- curves for fits, piece by piece ---- */
 
 /* A straight piece of a curve, of optical depths t0 to t1; u0 = u1 is a jump. */
 typedef struct spsi_piece {
     double u0, u1, t0, t1;
 } spsi_piece;
 
-/* The piece that ends at node i; what comes before the first begins there, at nothing. */
+/* The piece that ends at node i; the first one is a jump from 0. */
 static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
     spsi_piece piece;
     piece.u1 = (double)curve[i].u;
@@ -2735,14 +2737,14 @@ static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
     return piece;
 }
 
-/* -log T, 0 for what is more than all light and SPSI_DEPTH_MAX for none. */
+/* -log T: 0 for T above 1, SPSI_DEPTH_MAX for T = 0 or less. */
 static inline float spsi_depth_of(double transmittance) {
     if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
     return (float)(transmittance < 1 ? 0 - log(transmittance) : 0);
 }
 
-/* Transmittance between nodes (u, T) of straight lines: 1 before the first, the last's after it, the later one's where
-   two share one u. Cost: a binary search. */
+/* Transmittance of a polyline with nodes (u, T): 1 before the first, the last T after the last, the later one if two
+   share one u. Cost: a binary search. */
 static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, float u) {
     uint32_t low = 0, high = count; /* the first node behind u */
     double t;
@@ -2761,7 +2763,7 @@ static double spsi_nodes_transmittance(const spsi_node *nodes, uint32_t count, f
 
 /* ---- depth maps ---- */
 
-/* u where T falls to a half; 2 where it never does. */
+/* u where T falls to one half; 2 if it never does. */
 static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
                            float *texel) {
     const double half = 0.69314718055994531;
@@ -2783,7 +2785,7 @@ static spsi_v spsi_depth_depths(const sps_tmap_settings *settings, const spsi_te
 
 /* ---- cosine series ---- */
 
-/* A place on a curve: what the integrals of the pieces at either side of it have in common. */
+/* A point of a curve: terms shared by the integrals of the pieces on either side of it. */
 typedef struct spsi_cosine_end {
     double u, depth, through, turn[2]; /* turn: cosine and sine of pi u */
 } spsi_cosine_end;
@@ -2793,9 +2795,9 @@ static spsi_cosine_end spsi_cosine_end_at(double u, double depth) {
     return end;
 }
 
-/* sums[k] += integral of T cos(pi k u) over a piece from a to b. T = e^-t0 e^-s(u - u0), so that the integral of T
-   e^(i w u) is that function divided by i w - s, at both ends: no limit is needed but for k = 0 and s = 0. Since w is
-   pi or more, neither is there more rounding than that of T itself. */
+/* sums[k] += integral of T cos(pi k u) over a piece from a to b. T = e^-t0 e^-s(u - u0), so the antiderivative of
+   T e^(i w u) is that function divided by i w - s: only k = 0 with s = 0 needs a limit. Since w is pi or more,
+   round-off is no larger than that of T itself. */
 static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end *a, const spsi_cosine_end *b) {
     const double length = b->u - a->u, more = b->depth - a->depth;
     double z0[2] = {a->turn[0], a->turn[1]}, z1[2] = {b->turn[0], b->turn[1]}, slope;
@@ -2811,8 +2813,8 @@ static void spsi_cosine_add(double *sums, int components, const spsi_cosine_end 
     }
 }
 
-/* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), windows baked in. Mirrored at both ends T has no
-   jump there, as extinction repeated would. */
+/* T = c_0 + sum of c_k cos(pi k u), c_k = 2 integral of T cos(pi k u), with the window baked in. Mirrored at both ends,
+   T has no jump there, unlike extinction repeated periodically. */
 static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
                             float *texel) {
     const int n = settings->components;
@@ -2820,7 +2822,7 @@ static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *
     double sums[SPSI_TMAP_COMPONENTS];
     (void)scratch;
     memset(sums, 0, sizeof sums);
-    for (int i = -1; i < count && count > 0; ++i, from = to) { /* first to where the curve begins, at nothing */
+    for (int i = -1; i < count && count > 0; ++i, from = to) { /* first the part before the curve, with depth 0 */
         const spsi_piece piece = spsi_curve_piece(curve, spsi_most(i, 0));
         to = spsi_cosine_end_at(piece.u1, i < 0 ? 0 : piece.t1);
         spsi_cosine_add(sums, n, &from, &to);
@@ -2831,8 +2833,8 @@ static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *
     for (int k = 1; k < n; ++k) texel[k] = (float)(2 * sums[k] * spsi_window(settings->window, k, n - 1));
 }
 
-/* T is taken as no less than e^-SPSI_LIGHT_END, 1e-7: that is what rounding leaves of coefficients up to 1, and a
-   series that rings below 0 would be opaque otherwise. */
+/* T is clamped to at least e^-SPSI_LIGHT_END, 1e-7: that is the round-off of coefficients up to 1, and otherwise a
+   series that rings below 0 would be opaque. */
 static spsi_v spsi_cosine_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const float least = expf(-SPSI_LIGHT_END);
     float lanes[SPSI_LANES];
@@ -2848,21 +2850,21 @@ static spsi_v spsi_cosine_depths(const sps_tmap_settings *settings, const spsi_t
     return spsi_load(lanes);
 }
 
-/* ---- transmittance in straight lines ---- */
+/* ---- transmittance as a polyline ---- */
 
-/* A piece as it is cut, so that straight lines of T between the cuts stay within step^2 of the exponential: in even
-   steps of the root of T. Over a fall of T from a^2 to b^2 the line is at most (a - b)^2 above it, half of that for
-   small steps and all of it where b is 0. */
+/* Cuts a piece so that straight lines of T between the cuts stay within step^2 of the exponential: in even steps of
+   sqrt(T). Where T falls from a^2 to b^2, the line is at most (a - b)^2 above the exponential: half of that for small
+   steps, all of it if b is 0. */
 typedef struct spsi_cuts {
     spsi_piece piece;
-    float u;             /* of the last cut, */
-    double through, end; /* T there, and at the piece's end */
+    float u;             /* of the last cut */
+    double through, end; /* T at the last cut, and at the end of the piece */
 } spsi_cuts;
 
 /* Before the first piece of a curve. */
 static void spsi_cuts_begin(spsi_cuts *cuts) { cuts->end = 1; }
 
-/* The piece that ends at node i of a curve, after that before it: T goes on from where it was. */
+/* Goes on to the piece that ends at node i of a curve; T continues from the end of the piece before. */
 static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->piece = spsi_curve_piece(curve, i);
     cuts->u = (float)cuts->piece.u0;
@@ -2870,8 +2872,8 @@ static void spsi_cuts_piece(spsi_cuts *cuts, const spsi_node *curve, int i) {
     cuts->end = exp(-cuts->piece.t1);
 }
 
-/* Goes to the next cut; returns 0 at the last, which is the piece's end. Cuts are floats, no later than asked for;
-   where floats lie too far apart there is nothing between them to be wrong. */
+/* Goes on to the next cut; returns 0 at the last, which is the end of the piece. Cuts are rounded down to floats, but
+   advance by at least one: between neighbouring floats there is no u to query. */
 static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     const spsi_piece *piece = &cuts->piece;
     const double length = piece->u1 - piece->u0, more = piece->t1 - piece->t0, root = sqrt(cuts->through) - step;
@@ -2888,14 +2890,14 @@ static int spsi_cuts_next(spsi_cuts *cuts, double step) {
     return cut < end;
 }
 
-/* A deep shadow map while it is made: the last node, the slopes of a line from there that have stayed within the error
-   so far, and where they were last looked at. */
+/* A deep shadow map under construction: its nodes, and the range of slopes of a line from the last node that has stayed
+   within the error so far. */
 typedef struct spsi_compressor {
     spsi_node *out;
     int count;
-    double low, high;            /* slopes */
-    double below, above;         /* how far a line may be from a cut of the curve */
-    double last_u, last_through; /* the last cut that the slopes allow for */
+    double low, high;            /* range of slopes */
+    double below, above;         /* maximum distance of a line from a cut of the curve */
+    double last_u, last_through; /* the last cut that the slopes satisfy */
 } spsi_compressor;
 
 static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
@@ -2906,7 +2908,7 @@ static void spsi_compressor_node(spsi_compressor *c, double u, double through) {
     c->high = 0; /* T never rises */
 }
 
-/* Ends the line at the last cut, as near to the truth as its slopes allow. */
+/* Ends the line at the last cut, as close to the curve as its slopes allow. */
 static void spsi_compressor_end(spsi_compressor *c) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = c->last_u - (double)from->u, start = (double)from->value;
@@ -2916,7 +2918,7 @@ static void spsi_compressor_end(spsi_compressor *c) {
     spsi_compressor_node(c, c->last_u, fmax(start + slope * length, 0));
 }
 
-/* Narrows the slopes to those that pass a cut; gives 0, and leaves them, if there are none. */
+/* Narrows the slopes to those that satisfy a cut. Returns 0, and leaves them unchanged, if there are none. */
 static int spsi_compressor_allows(spsi_compressor *c, double u, double through) {
     const spsi_node *from = &c->out[c->count - 1];
     const double length = u - (double)from->u, start = (double)from->value;
@@ -2938,21 +2940,21 @@ static void spsi_compressor_take(spsi_compressor *c, double u, double through) {
     c->last_through = through;
 }
 
-#define SPSI_EPSILON_MIN 1e-6f /* least error asked for: nodes are floats, good to 6e-8 */
+#define SPSI_EPSILON_MIN 1e-6f /* minimum error: nodes are floats, accurate to 6e-8 */
 
 static double spsi_compress_step(float epsilon) { return sqrt(0.25 * (double)spsi_higher(epsilon, SPSI_EPSILON_MIN)); }
 
-/* Nodes that a curve of `count` may be compressed to: two for each cut. There are fewer steps of the root of T than
-   1 / step, of which rounding may make two cuts each. */
+/* Maximum number of nodes that a curve of `count` nodes is compressed to: two for each cut. There are fewer than
+   1 / step steps of sqrt(T), each of which rounding may turn into two cuts. */
 static int spsi_compressed_most(int count, float epsilon) {
     return 2 + 2 * count + (int)(4 / spsi_compress_step(epsilon));
 }
 
-/* Deep shadow map: straight lines of T, in out[i].value, from T = 1 at the curve's first node to its last; nowhere,
-   also not between nodes, more than epsilon (1e-6 or more) off; never rising. Lines are as long as they can be without
-   turning back [Lokovic & Veach 2000]. A quarter of epsilon is what cuts of the curve may be off between,
-   always upwards, as lines lie above exponentials; 1.2e-7 is for rounding. `out` has room for
-   spsi_compressed_most(count, epsilon); gives how many there are. Cost: one look at each cut. */
+/* Deep shadow map: straight lines of T, in out[i].value, from T = 1 at the curve's first node to its last. They never
+   rise, and are nowhere, including between nodes, more than epsilon (at least 1e-6) off. Lines are as long as a greedy
+   search without backtracking makes them [Lokovic & Veach 2000]. A quarter of epsilon is for the error between cuts of
+   the curve, which is always upwards, as lines lie above exponentials; 1.2e-7 is for round-off. `out` has room for
+   spsi_compressed_most(count, epsilon) nodes. Returns the number of nodes. Cost: linear in the number of cuts. */
 static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon, spsi_node *out) {
     const double error = (double)spsi_higher(epsilon, SPSI_EPSILON_MIN), step = spsi_compress_step(epsilon);
     spsi_compressor c = {out, 0, 0, 0, error - 1.2e-7, error - step * step - 1.2e-7, 0, 1};
@@ -2972,24 +2974,24 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
     return c.count;
 }
 
-/* What compressed nodes say: -log T. */
+/* Optical depth of compressed nodes: -log T. */
 static float spsi_compressed_depth(const spsi_node *nodes, uint32_t count, float u) {
     return spsi_depth_of(spsi_nodes_transmittance(nodes, count, u));
 }
 
 /* ---- adaptive maps ---- */
 
-#define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* what lines that nodes are chosen from may be off */
+#define SPSI_ADAPTIVE_EPSILON (1.0f / 1024) /* error of the polyline whose nodes are chosen from */
 
-/* Nodes (u, T) that an adaptive map is made from: neighbours that are left; how much removing a node changes the area
-   below the curve, and its place in the heap. */
+/* A node (u, T) that an adaptive map is made from. */
 typedef struct spsi_adaptive_node {
     spsi_node node;
-    double cost;
-    int before, after, place;
+    double cost;       /* change of the area below the curve if this node is removed */
+    int before, after; /* remaining neighbours */
+    int place;         /* in the heap */
 } spsi_adaptive_node;
 
-/* The heap holds inner nodes, the one that costs least at its top. */
+/* The heap holds inner nodes, with the cheapest to remove at its top. */
 typedef struct spsi_adaptive {
     spsi_adaptive_node *nodes;
     int *heap;
@@ -3001,7 +3003,7 @@ static size_t spsi_adaptive_bytes(int count) {
     return most * (sizeof(spsi_adaptive_node) + sizeof(spsi_node) + sizeof(int));
 }
 
-/* Ends stay. */
+/* Only inner nodes may be removed. */
 static int spsi_adaptive_is_inner(const spsi_adaptive *map, int i) { return i > 0 && i < map->count - 1; }
 
 static void spsi_adaptive_price(spsi_adaptive *map, int i) {
@@ -3021,7 +3023,7 @@ static void spsi_adaptive_place(spsi_adaptive *map, int place, int i) {
     map->nodes[i].place = place;
 }
 
-/* Puts node i, whose cost may have changed, from a place in the heap to where it belongs. */
+/* Moves node i, whose cost may have changed, up or down in the heap from `place`. */
 static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
     int child;
     for (; place > 0 && spsi_adaptive_less(map, i, map->heap[(place - 1) / 2]); place = (place - 1) / 2)
@@ -3034,7 +3036,7 @@ static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
     spsi_adaptive_place(map, place, i);
 }
 
-/* Takes out the node that costs least. */
+/* Removes the cheapest node. */
 static void spsi_adaptive_remove(spsi_adaptive *map) {
     const spsi_adaptive_node *gone = &map->nodes[map->heap[0]];
     const int sides[2] = {gone->before, gone->after};
@@ -3049,7 +3051,7 @@ static void spsi_adaptive_remove(spsi_adaptive *map) {
     }
 }
 
-/* A compressed curve, whose last node is made exact again: all light that gets through. */
+/* A compressed curve, whose last node is made exact again: the total transmittance. */
 static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nodes) {
     const int made = spsi_curve_compress(curve, count, SPSI_ADAPTIVE_EPSILON, nodes);
     const float last = made > 0 ? (float)exp(-(double)spsi_lower(curve[count - 1].value, SPSI_DEPTH_MAX)) : 1;
@@ -3057,9 +3059,9 @@ static int spsi_adaptive_begin(const spsi_node *curve, int count, spsi_node *nod
     return made;
 }
 
-/* Few lines that are as good as the curve first; then, of all nodes left, the one whose removal changes the area least
-   goes, until there are few enough. [Salvi et al. 2010 do so as nodes come, where few are seen at a time: with 4 nodes
-   that errs twice as much.] */
+/* Compresses the curve to few lines first; then the node whose removal changes the area least is removed until there
+   are few enough. [Salvi et al. 2010 do so during insertion, with few nodes known at a time: with 4 nodes the error is
+   twice as large.] */
 static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node *curve, int count, void *scratch,
                               float *texel) {
     const int most = settings->components / 2, room = spsi_compressed_most(count, SPSI_ADAPTIVE_EPSILON);
@@ -3097,14 +3099,14 @@ static float spsi_adaptive_depth(const sps_tmap_settings *settings, const float 
 
 #define SPSI_MOMENTS_MAX 8
 
-/* Ways to choose 2 j of k. */
+/* Binomial coefficients, 2 j of k. */
 static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2 + 1] = {
     {1, 0, 0, 0, 0},  {1, 0, 0, 0, 0},   {1, 1, 0, 0, 0},   {1, 3, 0, 0, 0},    {1, 6, 1, 0, 0},
     {1, 10, 5, 0, 0}, {1, 15, 15, 1, 0}, {1, 21, 35, 7, 0}, {1, 28, 70, 28, 1},
 };
 
-/* Sums of t E z^k, z = 2 u - 1: z = m + h s about the stretch's middle, where odd powers of s have no mean and even
-   ones that of an even stretch, 1 / (2 j + 1), or of a soft one, 3 / ((2 j + 1) (2 j + 3)). */
+/* Sums of t E z^k, z = 2 u - 1: z = m + h s around the stretch's middle, where odd powers of s have mean 0, and even
+   powers 1 / (2 j + 1) in a uniform stretch, 3 / ((2 j + 1) (2 j + 3)) in a soft one. */
 static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                                const spsi_stretches *stretches) {
     const spsi_v m = spsi_sub(spsi_add(stretches->u0, stretches->u1), spsi_set(1));
@@ -3133,13 +3135,13 @@ static void spsi_moment_finish(const sps_tmap_settings *settings, float *texel) 
     texel[0] = spsi_lower(texel[0], SPSI_DEPTH_MAX);
 }
 
-/* The moments of a distribution as the factor of its Hankel matrix, H_ij = b_(i+j), i, j = 0 .. size - 1. */
+/* The moments of a distribution as the Cholesky factor of its Hankel matrix, H_ij = b_(i+j), i, j = 0 .. size - 1. */
 typedef struct spsi_hankel {
     int size;
     double factor[SPSI_MOMENTS_MAX / 2 + 1][SPSI_MOMENTS_MAX / 2 + 1]; /* lower left; H = factor * its transpose */
 } spsi_hankel;
 
-/* Cholesky factor; returns 0 if b are not the moments of at least `size` points. */
+/* Cholesky factorisation. Returns 0 if b are not the moments of at least `size` points. */
 static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     for (int i = 0; i < hankel->size; ++i)
         for (int j = 0; j <= i; ++j) {
@@ -3151,9 +3153,9 @@ static int spsi_hankel_factor(spsi_hankel *hankel, const double *b) {
     return 1;
 }
 
-/* A texel's moments, mixed with a share of those of a wide distribution, so that rounding cannot make them those of
-   none, or of too few points to be told apart; more where that is not enough. The distributions are those of
-   [Muenstermann et al. 2018], for the same reason: their matrices are far from singular. Returns the share. */
+/* A texel's moments, biased by a share of those of a wide distribution, so that round-off cannot make them invalid, or
+   those of too few points; by a larger share if that is not enough. The distributions are those of [Muenstermann et al.
+   2018], for the same reason: their matrices are far from singular. Returns the share. */
 static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int components, double share) {
     static const double wide[3][SPSI_MOMENTS_MAX / 2] = {
         {0.375, 0.375}, {0.48, 0.451, 0.45}, {0.75, 0.67666666666666667, 0.63, 0.60030303030303030}};
@@ -3169,8 +3171,8 @@ static double spsi_hankel_build(spsi_hankel *hankel, const float *texel, int com
     }
 }
 
-/* The orthonormal polynomials at x: factor^-1 (1, x, x^2 ..). Gives the sum of their squares, of which 1 over it is the
-   most that can lie at x. */
+/* The orthonormal polynomials at x: factor^-1 (1, x, x^2 ..). Returns the sum of their squares, whose reciprocal is the
+   maximum mass at x. */
 static double spsi_hankel_solve(const spsi_hankel *hankel, double x, double *values) {
     double power = 1, squares = 0;
     for (int i = 0; i < hankel->size; ++i, power *= x) {
@@ -3199,11 +3201,11 @@ static int spsi_polynomial_positive(const double *c, int degree, double x) {
     return at[0] > 0;
 }
 
-#define SPSI_ROOT_STEPS    100   /* more than halves alone take from 2000 down to what a double tells */
-#define SPSI_ROOT_NEARNESS 1e-13 /* relative; the next step would be to its cube */
+#define SPSI_ROOT_STEPS    100   /* more than bisection alone needs from 2000 down to a double's precision */
+#define SPSI_ROOT_NEARNESS 1e-13 /* relative step below which x is close enough; convergence is cubic */
 
-/* The root between a and b, at which the values' signs differ: Laguerre's steps, which where all roots are real lead to
-   the next one on the side that is asked for, in three or four; or halves where rounding leads them astray. */
+/* The root between a and b, at which the values have different signs: Laguerre's method, which, if all roots are real,
+   finds the nearest one on the side given by `rising` in three or four steps; bisection where round-off misleads it. */
 static double spsi_polynomial_root(const double *c, int degree, double a, double b, int rising) {
     const double n = degree;
     double x = 0.5 * (a + b);
@@ -3224,8 +3226,8 @@ static double spsi_polynomial_root(const double *c, int degree, double a, double
     return x;
 }
 
-/* The roots within -reach .. reach of a parabola, in order, without a difference of nearly equal numbers: the larger
-   one first, the other from their product. A double root has no odd order, and counts for none. */
+/* The roots of a parabola within -reach .. reach, in order, without cancellation: the larger one first, the other from
+   their product. A double root has even order and does not count. */
 static int spsi_parabola_roots(double a, double b, double c, double reach, double *roots) {
     const double square = b * b - 4 * a * c, q = -0.5 * (b + (b < 0 ? -1 : 1) * sqrt(fmax(square, 0)));
     const double one = fabs(a) > 0 ? q / a : HUGE_VAL, other = fabs(q) > 0 ? c / q : HUGE_VAL;
@@ -3236,18 +3238,19 @@ static int spsi_parabola_roots(double a, double b, double c, double reach, doubl
     return count;
 }
 
-/* Where all roots lie, if they are real: as far from their mean as their mean square allows [Samuelson 1968]. */
+/* Bounds of all roots, if they are real: their distance from the mean is limited by their mean square
+   [Samuelson 1968]. */
 static void spsi_polynomial_within(const double *c, int degree, double reach, double within[2]) {
     const double n = degree, a1 = c[degree - 1] / c[degree], a2 = c[degree - 2] / c[degree];
     const double square = a1 * a1 - 2 * n / (n - 1) * a2, middle = -a1 / n;
     const double radius = (n - 1) / n * sqrt(fmax(square, 0)), room = 1e-6 * (fabs(middle) + radius); /* rounding */
-    const int known = fabs(middle) + radius < reach; /* neither infinite nor no number */
+    const int known = fabs(middle) + radius < reach; /* neither infinite nor NaN */
     within[0] = known ? fmax(middle - radius - room, -reach) : -reach;
     within[1] = known ? fmin(middle + radius + room, reach) : reach;
 }
 
 /* The roots of odd order within two bounds, in order: they lie between those of the derivative. `roots` holds `count`
-   of these; gives how many of the polynomial itself take their place. */
+   roots of the derivative, which are replaced by those of the polynomial. Returns their number. */
 static int spsi_polynomial_between(const double *c, int degree, const double within[2], double *roots, int count) {
     double a = within[0];
     int low = spsi_polynomial_positive(c, degree, a), found = 0;
@@ -3261,7 +3264,7 @@ static int spsi_polynomial_between(const double *c, int degree, const double wit
     return found;
 }
 
-/* The roots of odd order within -reach .. reach, in order: from those of the derivative of second degree upwards. */
+/* The roots of odd order within -reach .. reach, in order, by way of all derivatives from the parabola upwards. */
 static int spsi_polynomial_roots(const double *c, int degree, double reach, double *roots) {
     double derivatives[SPSI_MOMENTS_MAX / 2 - 1][SPSI_MOMENTS_MAX / 2 + 1], within[2];
     const double *parabola = derivatives[degree - 2];
@@ -3277,10 +3280,10 @@ static int spsi_polynomial_roots(const double *c, int degree, double reach, doub
     return count;
 }
 
-/* What share lies before z at least, and at most, of all distributions with these moments: that of the only one of so
-   few points of which one is z. Where p_k are the orthonormal polynomials, the others are the roots of sum p_k(z)
-   p_k(x), and at each of them lies 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. Points beyond
-   1000 hold less than 1e-12, as the moments are no more than 1. */
+/* The minimum and maximum share before z of all distributions with these moments: those of the only one that consists
+   of `size` points, of which z is one. With the orthonormal polynomials p_k, the others are the roots of sum p_k(z)
+   p_k(x), and the mass at each is 1 / sum p_k^2 [Akhiezer 1965; Peters & Klein 2015]. Points beyond 1000 hold less
+   than 1e-12, as the moments are at most 1. */
 static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bounds[2]) {
     double at[SPSI_MOMENTS_MAX / 2 + 1], c[SPSI_MOMENTS_MAX / 2 + 1], roots[SPSI_MOMENTS_MAX / 2 + 1], before = 0;
     const double here = 1 / spsi_hankel_solve(hankel, z, at);
@@ -3302,7 +3305,7 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
 }
 
 /* Biases for 4, 6 and 8 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 to 5 rows, and the roots of a
-   polynomial of degree 2 to 4. At u = 1 all of it lies before. */
+   polynomial of degree 2 to 4. At u = 1 the result is exactly the total. */
 static float spsi_moment_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     static const double biases[3] = {5e-7, 5e-6, 5e-5};
     spsi_hankel hankel;
@@ -3315,10 +3318,10 @@ static float spsi_moment_depth(const sps_tmap_settings *settings, const float *t
 }
 
 /* A mixture of (1 - a) F and a G that has the biased moments is within their bounds, and since G is 0 .. 1, F is
-   within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that rounding has put off by d of the
-   whole, as long as what it takes for G to make up for it, d / a, leaves G's matrix positive: d (matrix size) < a
-   (least eigenvalue: 0.199, 0.0137, 0.0049). These biases allow for 2e-6, the rounding of a thousand sums and more. The
-   answer itself, less biased, is included. */
+   within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that round-off has changed by d of the
+   total, as long as the correction of G that makes up for it, d / a, leaves G's matrix positive: d (matrix size) < a
+   (smallest eigenvalue: 0.199, 0.0137, 0.0049). These biases allow for 2e-6, the round-off of a thousand sums and more.
+   The result of spsi_moment_depth, which is less biased, is included. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
     static const double biases[3] = {3e-5, 6e-4, 2e-3};
     const double whole = (double)texel[0], answer = (double)spsi_moment_depth(settings, texel, u);
@@ -3339,7 +3342,7 @@ static void spsi_beer_clear(float *sums, size_t stride, size_t count, int compon
         for (size_t i = 0; i < count; ++i) sums[(size_t)k * stride + i] = k == 0; /* nothing begins before the end */
 }
 
-/* Until the map is finished: where gas begins, where it ends, and all of it. */
+/* Until the map is finished: where gas begins, where it ends, and the total. */
 static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
                              const spsi_stretches *stretches) {
     const spsi_v depth = spsi_stretches_capped(stretches), first = spsi_load(sums), last = spsi_load(sums + stride);
@@ -3350,8 +3353,8 @@ static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, siz
     spsi_accumulate(sums + 2 * stride, depth);
 }
 
-/* Where it ends becomes how dense it is between. Gas of no length gets some before where it is, so that all of it
-   counts there, and at u = 1. */
+/* Replaces the end of gas by its density. Gas without length is extended towards the light, so that all of it counts
+   where it is, and at u = 1. */
 static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
     const float last = spsi_higher(spsi_lower(texel[1], 1), 0);
     (void)settings;
@@ -3368,7 +3371,7 @@ static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_tex
     return spsi_min(spsi_mul(behind, spsi_texels_at(texels, spsi_set(1))), spsi_texels_at(texels, spsi_set(2)));
 }
 
-/* By sps_tmap_technique; the default one's is that of another. */
+/* By sps_tmap_technique; the default is resolved before (spsi_settings_resolve). */
 static const spsi_technique spsi_techniques[] = {
     {"no map", 0, 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
     {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
@@ -3389,7 +3392,7 @@ static const spsi_technique spsi_techniques[] = {
      spsi_beer_depths, NULL, NULL},
 };
 
-/* Optical depth before u in one texel, by whichever function a technique has. */
+/* Optical depth before u in one texel, by the function that the technique has. */
 static float spsi_texel_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const spsi_texels texels = {texel, 0, spsi_set(0), spsi_set(0)};
@@ -3399,7 +3402,7 @@ static float spsi_texel_depth(const sps_tmap_settings *settings, const float *te
     return lanes[0];
 }
 
-/* Settings with the technique that the default one stands for. */
+/* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for. */
 static sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings) {
     sps_tmap_settings resolved = *settings;
     if (settings->technique != SPS_TMAP_DEFAULT) return resolved;
@@ -3414,13 +3417,13 @@ static int spsi_settings_have_range(const sps_tmap_settings *settings) {
     return range > 0 || (range < 0 && settings->texel_range);
 }
 
-/* The fewest components that settings allow, range included. */
+/* The minimum number of components that settings allow, including the range. */
 static int spsi_components_least(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
 }
 
-/* Components as settings say, or the technique if they do not. */
+/* The number of components: that of the settings, or the technique's default. */
 static int spsi_components_of(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     if (settings->components > 0) return settings->components;

@@ -747,10 +747,10 @@ SPS_API const char *sps_pass_name(sps_pass pass);
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
-/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Normals and colors that it does not have are zeros.
-   Threads: see sps_grid. Returns 0, or, so that the call fails with CALLBACK: 1: indexed or its positions are NULL, a
-   canary is not 0, vertex_count is 0, or both kinds of indices are set; 2: it has fewer triangles than the mesh; 3: an
-   index is not below vertex_count. */
+/* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Leaves normals and colors that it does not have as they
+   are in `out`. Threads: see sps_grid. Returns 0, or, so that the call fails with CALLBACK: 1: indexed or its
+   positions are NULL, a canary is not 0, vertex_count is 0, or both kinds of indices are set; 2: it has fewer
+   triangles than the mesh; 3: an index is not below vertex_count. */
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
 /* Creates a transmittance map, in which an engine looks up shadows: add occluders, finish, query. The caller must free

@@ -7,7 +7,7 @@
 #include <pthread.h>
 #include <time.h>
 
-enum { WIDTH = 320, HEIGHT = 240, PAGE = 16, NX = 96, NY = 160, NZ = 96, WORKERS = 2 };
+enum { WIDTH = 320, HEIGHT = 240, PAGE = 16, NX = 128, NY = 160, NZ = 128, WORKERS = 2 };
 
 /* The engine keeps smoke in pages of 16^3 voxels, and only those that hold any. */
 typedef struct page {
@@ -30,11 +30,11 @@ static void set_voxel(engine *e, int x, int y, int z, float value) {
     ++e->revision;
 }
 
-/* Two columns that wind around each other and grow wider as they rise; x and z -0.6..0.6, y 0..2. */
+/* Two columns that wind around each other and grow wider as they rise; x and z -0.8..0.8, y 0..2. */
 static void fill_smoke(engine *e) {
     for (int i = 0; i < NX * NY * NZ; ++i) {
         const int ix = i % NX, iy = i / NX % NY, iz = i / (NX * NY);
-        const double x = (ix + 0.5) * 1.2 / NX - 0.6, y = (iy + 0.5) * 2.0 / NY, z = (iz + 0.5) * 1.2 / NZ - 0.6;
+        const double x = (ix + 0.5) * 1.6 / NX - 0.8, y = (iy + 0.5) * 2.0 / NY, z = (iz + 0.5) * 1.6 / NZ - 0.8;
         const double c = 0.22 * cos(5 * y), s = 0.22 * sin(5 * y), width = 0.1 + 0.06 * y;
         const double away = fmin(hypot(x - c, z - s), hypot(x + c, z + s)) / width;
         const double ripple = 1 + 0.5 * sin(19 * y + 9 * x) * sin(17 * z + 7 * y);
@@ -148,7 +148,7 @@ int main(int argc, char **argv) {
     static float rgba[WIDTH * HEIGHT * 4];
     static engine e;
     fill_smoke(&e);
-    sps_volume smoke = {.size = {NX, NY, NZ}, .placement = {{-.6, 0, -.6}, {{1.2, 0, 0}, {0, 2, 0}, {0, 0, 1.2}}}};
+    sps_volume smoke = {.size = {NX, NY, NZ}, .placement = {{-.8, 0, -.8}, {{1.6, 0, 0}, {0, 2, 0}, {0, 0, 1.6}}}};
     smoke.read_fn = read_pages, smoke.range_fn = range_of_pages, smoke.user = &e, smoke.revision = e.revision;
     smoke.extinction = 15;
     smoke.albedo[0] = smoke.albedo[1] = smoke.albedo[2] = 0.9f;
@@ -169,8 +169,8 @@ int main(int argc, char **argv) {
     sps_context *context = sps_create(&config, &why);
     if (!context) return puts(why.sentence), 1;
     render_frame(&e, context, &scene, lights, &image, 0);                /* too late: cancelled */
-    if (render_frame(&e, context, &scene, lights, &image, 60)) return 1; /* mended */
-    lights[0].direction[0] = -1;                                         /* what changes no voxel */
+    if (render_frame(&e, context, &scene, lights, &image, 60)) return 1; /* the light is mended */
+    lights[0].direction[0] = -1;                                         /* changes no voxel */
     if (render_frame(&e, context, &scene, lights, &image, 60)) return 1; /* reads none */
     sps_destroy(context);
 

@@ -68,7 +68,7 @@ gallery: $(PICTURES)
 build/gallery/%.png: build/% | build/gallery
 	build/$* --out $@
 
-# The pictures that the README and the manual show. No prerequisite tells whether they are old: they are made anew.
+# The pictures that the README, the manual and the tutorial show. No prerequisite tells whether they are old: they are made anew.
 DOCS_PICTURES = tree smoke_room pot
 .PHONY: pictures
 pictures: $(DOCS_PICTURES:%=build/%) $(STEPS:%=build/tutorial/%)

@@ -99,13 +99,15 @@ typedef struct loop {
 static void *run_loop(void *user) {
     loop *l = (loop *)user;
     pthread_mutex_lock(&l->mutex);
-    for (const int worker = l->workers++; l->next < l->count;) {
+    const int worker = l->workers++;
+    while (l->next < l->count) {
         const int index = l->next++;
         pthread_mutex_unlock(&l->mutex);
         l->task(l->data, index, worker);
         pthread_mutex_lock(&l->mutex);
     }
-    return pthread_mutex_unlock(&l->mutex), NULL;
+    pthread_mutex_unlock(&l->mutex);
+    return NULL;
 }
 
 /* sps_config.parallel_for_fn. An engine has threads waiting (examples/threads.h); here they are made for each loop. */

@@ -271,7 +271,7 @@ typedef struct sps_volume {
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: the voxels of all volumes are kept for the next call, provided that every volume has a revision and
-       nothing about any of them has changed; otherwise all are read again. */
+       none has changed; otherwise all are read again. */
     uint64_t revision;
 
     float extinction;      /* gas: per world unit at value 1, >= 0 */
@@ -3431,10 +3431,10 @@ static int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: a scene and a view, checked, with every default filled in. No later section reads a caller's
-   zero. */
+   9  The frame: a scene and a view, checked, with every default filled in. No later section has to interpret a zero of
+   the caller's. */
 
-/* A grid of voxels in the world. Each medium has one, that of its volume; a coarser one would be another. */
+/* A grid of voxels in the world. Each medium has one, that of its volume. */
 typedef struct spsi_lattice {
     int medium;
     double corner[3];  /* world position of the box's corner at voxel (0,0,0) */
@@ -3442,115 +3442,118 @@ typedef struct spsi_lattice {
     double voxel_volume;
 } spsi_lattice;
 
-typedef struct spsi_medium { /* a volume that holds voxels */
+/* A volume that holds voxels. */
+typedef struct spsi_medium {
     const sps_volume *volume;
     int index;             /* in the scene's array, for error sentences */
-    spsi_lattice *lattice; /* of its volume */
-    int channel;           /* of the eye's sheets, and index of its material */
-    int light_channel;     /* of a light's sheets: gases share number 0 */
+    spsi_lattice *lattice; /* its volume's grid */
+    int channel;           /* channel of the eye's sheets, and index of its material */
+    int light_channel;     /* channel of a light's sheets: gases share number 0 */
 } spsi_medium;
 
-typedef struct spsi_particle_set { /* a set of particles that is not empty */
+/* A set of particles that is not empty. */
+typedef struct spsi_particle_set {
     const sps_particles *particles;
     int index;   /* in the scene's array */
-    int channel; /* of the eye's sheets, and index of its material; all share the light's number 0 */
+    int channel; /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
 } spsi_particle_set;
 
-typedef struct spsi_lamp { /* a light that is not black */
-    int index;             /* in the scene's array, for error sentences */
-    int is_point;
-    double position[3];  /* of a point */
-    double direction[3]; /* the way a directional light travels, of unit length */
-    float color[3];
-    int shadows;             /* 1: it casts some; */
-    int sliced;              /* on gas by sheets, which take slabs that suit it; maps, and polygons alone, take none */
-    int has_map;             /* on gas by a map, */
-    int map_size;            /* texels on its longer side; 0: as quality says, */
-    int map_omnidirectional; /* 1: in six faces wherever the light is, */
-    sps_tmap_settings map;   /* whose technique is resolved */
+/* A light that is not black. */
+typedef struct spsi_lamp {
+    int index;               /* in the scene's array, for error sentences */
+    int is_point;            /* 1: a point light, 0: a directional light */
+    double position[3];      /* of a point light */
+    double direction[3];     /* direction in which a directional light travels, of unit length */
+    float color[3];          /* intensity of a point light, irradiance of a directional one */
+    int shadows;             /* 1: it casts shadows */
+    int sliced;              /* 1: it shades gas by sheets, and so needs slabs that suit it */
+    int has_map;             /* 1: it shades gas by a transmittance map */
+    int map_size;            /* texels on the map's longer side; 0: from quality */
+    int map_omnidirectional; /* 1: the map has six faces wherever the light is */
+    sps_tmap_settings map;   /* the map's settings, with the technique resolved */
 } spsi_lamp;
 
 typedef struct spsi_bounds {
     double low[3], high[3]; /* low > high: empty */
 } spsi_bounds;
 
-/* What quality sets. */
+/* Parameters set by quality. */
 typedef struct spsi_accuracy {
     double threshold;     /* transmittance at which an eye ray ends */
-    double shadow_texels; /* per voxel */
+    double shadow_texels; /* shadow texels per voxel */
     int depth_map_texels; /* minimum on a side of a depth map */
-    double cut;           /* standard deviations at which kernels end */
-    double light_cut;     /* the same in a light's sheets of classified volumes; maps have `cut` */
+    double cut;           /* radius of kernels in standard deviations */
+    double light_cut;     /* the same for classified volumes in a light's sheets; maps use `cut` */
 } spsi_accuracy;
 
 /* The sets of particles that are not empty. */
 typedef struct spsi_particle_sets {
     int set_count;
     spsi_particle_set sets[SPSI_SETS_MAX];
-    size_t count; /* of particles, before any is read */
+    size_t count; /* of particles in all sets, known before any is read */
 } spsi_particle_sets;
 
 /* The appearance of volumes and particles. */
 typedef struct spsi_matter {
     int material_count;
     spsi_material materials[SPSI_MATERIALS_MAX];
-    int light_channel_count; /* of a light's sheets: one for all gases, one for each classified volume */
-    int scatters;            /* 1: some material does */
-    int emits;
-    int extinguishes;
-    int classifies; /* 1: some volume has a transfer function */
+    int light_channel_count; /* channels of a light's sheets: one for all gases, one for each classified volume */
+    int scatters;            /* 1: some material scatters */
+    int emits;               /* 1: some material emits */
+    int extinguishes;        /* 1: some material has extinction */
+    int classifies;          /* 1: some volume has a transfer function */
 } spsi_matter;
 
 typedef struct spsi_lamps {
     spsi_lamp *list;
     int count;
-    int shadow_count; /* of lamps that cast shadows */
-    int sliced_count; /* of lamps that shade gas by sheets: each takes a sweep of its own */
+    int shadow_count; /* number of lamps that cast shadows */
+    int sliced_count; /* number of lamps that shade gas by sheets: each needs a sweep of its own */
 } spsi_lamps;
 
 /* Gradients of volumes that are shaded as surfaces. */
 typedef struct spsi_gradients {
-    int exist;
-    int reach;    /* pixels to either side: 1, or 2 where voxels are up to 4 pixels wide */
-    int splatted; /* 1: they have sheets of their own, as neighbouring pixels are too far apart */
+    int exist;    /* 1: some volume has such gradients */
+    int reach;    /* pixels to either side of a difference: 1, or 2 if voxels are less than 4 pixels wide */
+    int splatted; /* 1: gradients have sheets of their own, as neighbouring pixels are too far apart */
 } spsi_gradients;
 
-/* What reading finds in a frame. Before that, bounds are those of the volumes' boxes. */
+/* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
     spsi_bounds mesh_bounds;       /* of polygons */
-    const sps_particle *particles; /* those of all sets that are something, >>gather */
-    int particle_count;            /* 0 until they are read */
-    int set_ends[SPSI_SETS_MAX];   /* in that list, where each set begins where the last one ends */
-    double particle_radius;        /* the geometric mean */
-    double particle_spread;        /* root of the mean square of their distance from their mean */
-    spsi_rays eye;                 /* the frame's, with depths that are counted from the middle of what there is */
+    const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
+    int particle_count;            /* length of `particles`; 0 until they are read */
+    int set_ends[SPSI_SETS_MAX];   /* the end of each set in `particles`; the next one begins there */
+    double particle_radius;        /* geometric mean of the radii */
+    double particle_spread;        /* root mean square distance of the particles from their mean */
+    spsi_rays eye;                 /* the frame's, with depths relative to the middle of the content */
 } spsi_content;
 
 /* The checked and resolved scene, complete before anything is read, and never written again. */
 typedef struct spsi_frame {
     const sps_scene *scene;
     spsi_content *content;
-    sps_view view;     /* all fields resolved; region filled in */
-    sps_object viewer; /* the struct that errors of the view name: a view, or a map's light */
+    sps_view view;     /* all fields resolved, including the region */
+    sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
     spsi_accuracy accuracy;
     spsi_rays eye;
     int medium_count;
     spsi_medium media[SPSI_VOLUMES_MAX];
-    spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one of each medium */
-    spsi_bounds volume_bounds;               /* of the volumes' boxes, and as far as their kernels reach */
+    spsi_lattice lattices[SPSI_VOLUMES_MAX]; /* one per medium */
+    spsi_bounds volume_bounds;               /* of the volumes' boxes, extended by the reach of their kernels */
     spsi_particle_sets particles;
     spsi_matter matter;
     size_t triangle_count;
     spsi_lamps lamps;
-    float ambient[3];
-    int has_ambient;
+    float ambient[3]; /* the scene's ambient radiance */
+    int has_ambient;  /* 1: ambient is not black */
     spsi_gradients gradients;
-    int channels;    /* of radiance: 1 if every color is grey, otherwise 3 */
+    int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
 } spsi_frame;
 
-#define SPSI_BEHIND       3  /* slabs behind the eye that are splatted: profiles of the first visible slab ask 2 */
+#define SPSI_BEHIND       3  /* slabs splatted behind the eye: profiles of the first visible slab need 2 */
 #define SPSI_NEAR_REACHES 16 /* kernel radii; nearer to the eye, a kernel is integrated along each pixel's own ray */
 
 static const spsi_bounds spsi_nowhere = {{DBL_MAX, DBL_MAX, DBL_MAX}, {-DBL_MAX, -DBL_MAX, -DBL_MAX}};
@@ -3572,22 +3575,22 @@ static void spsi_bounds_centre(const spsi_bounds *bounds, double point[3]) {
     for (int i = 0; i < 3; ++i) point[i] = bounds->low[i] + 0.5 * (bounds->high[i] - bounds->low[i]);
 }
 
-/* The position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
+/* The world position of fractional voxel coordinates; (0.5, 0.5, 0.5) is the first voxel's centre. */
 static void spsi_voxel_position(const spsi_lattice *lattice, const double at[3], double point[3]) {
     spsi_along(lattice->corner, lattice->step[0], at[0], point);
     spsi_along(point, lattice->step[1], at[1], point);
     spsi_along(point, lattice->step[2], at[2], point);
 }
 
-/* The length of a voxel's kernel along a unit direction, as the root of s' V V' s: a cube's edge for cubes. */
+/* The extent of a voxel's kernel along a unit direction, sqrt(s' V V' s): the edge length for cubes. */
 static double spsi_voxel_extent(const spsi_lattice *lattice, const double s[3]) {
     double sum = 0;
     for (int i = 0; i < 3; ++i) sum += spsi_dot(lattice->step[i], s) * spsi_dot(lattice->step[i], s);
     return sqrt(sum);
 }
 
-/* The length of what a ray of unit direction d through a voxel's middle crosses of it, as 1 / root of d' (V V')^-1 d: a
-   cube's edge for cubes. Where voxels are flat and slanted, a ray crosses much less of one than its kernel extends. */
+/* The chord of a ray of unit direction d through a voxel's centre, 1 / sqrt(d' (V V')^-1 d): the edge length for cubes.
+   In flat and slanted voxels the chord is much shorter than the kernel's extent. */
 static double spsi_voxel_chord(const spsi_lattice *lattice, const double d[3]) {
     double rows[3][3], sum = 0;
     if (!spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows)) return spsi_voxel_extent(lattice, d);
@@ -3595,8 +3598,8 @@ static double spsi_voxel_chord(const spsi_lattice *lattice, const double d[3]) {
     return 1 / sqrt(sum);
 }
 
-/* The least length of a voxel's kernel along any direction in the plane of two unit vectors that are perpendicular to
-   each other: the root of the lesser eigenvalue of (x, y)' V V' (x, y). */
+/* The minimum extent of a voxel's kernel along any direction in the plane of two perpendicular unit vectors: the root
+   of the smaller eigenvalue of (x, y)' V V' (x, y). */
 static double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3], const double y[3]) {
     double xx = 0, xy = 0, yy = 0;
     for (int i = 0; i < 3; ++i) {
@@ -3605,11 +3608,11 @@ static double spsi_voxel_breadth(const spsi_lattice *lattice, const double x[3],
         xy += along_x * along_y;
         yy += along_y * along_y;
     }
-    /* the product of both by the greater: a difference of the two would lose a needle's breadth to rounding */
+    /* the product of both divided by the greater: their difference would lose a needle's breadth to round-off */
     return sqrt(fmax(xx * yy - xy * xy, 0) / (0.5 * (xx + yy) + sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy)));
 }
 
-/* Copies a placement with the identity for all-zero axes. */
+/* Copies a placement, with the identity in place of all-zero axes. */
 static void spsi_placement_resolve(const sps_placement *from, sps_placement *to) {
     const double *axes = &from->axis[0][0];
     int zero = 1;
@@ -3618,7 +3621,7 @@ static void spsi_placement_resolve(const sps_placement *from, sps_placement *to)
     for (int i = 0; i < 3 && zero; ++i) to->axis[i][i] = 1;
 }
 
-/* Checks a resolved placement: whether it is finite, and not flat. */
+/* Checks that a resolved placement is finite, and not flat. */
 static sps_result spsi_check_placement(sps_context *context, const sps_placement *placement, sps_object object,
                                        int index) {
     const double *bad = spsi_bad_coordinate(placement->origin, 3);
@@ -3635,7 +3638,7 @@ static sps_result spsi_check_placement(sps_context *context, const sps_placement
         SPS_SNPRINTF(field, sizeof field, "placement.axis[%d][%d]", i / 3, i % 3);
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, *bad, "it must be within 1e15");
     }
-    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* what rounding leaves of a flat one */
+    for (int i = 0; i < 3; ++i) room *= spsi_length(placement->axis[i]); /* the round-off of a flat one */
     if (!(fabs(determinant) > room) || !(fabs(determinant) <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "placement's determinant", determinant,
                                "its axes must not lie in a plane");
@@ -3749,7 +3752,7 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
     return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
 }
 
-/* As spsi_fail_field, for the settings of a light's shadow_map, or, where `light` is below 0, of a map of its own. */
+/* As spsi_fail_field, for the settings of a light's shadow_map, or, if `light` is below 0, of a map by itself. */
 static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
                                     const char *rule) {
     char member[64];
@@ -3758,7 +3761,7 @@ static sps_result spsi_fail_setting(sps_context *context, sps_result result, int
                            value, rule);
 }
 
-/* Checks a technique's number of components, range included, where it is not left to the technique. */
+/* Checks the number of components, including the range, unless it is left to the technique. */
 static sps_result spsi_check_components(sps_context *context, int light, const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const int least = spsi_components_least(settings), n = settings->components;
@@ -3778,7 +3781,7 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
     return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", n, rule);
 }
 
-/* Checks all settings of a map but the range of its depths. */
+/* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
     sps_tmap_settings resolved;
     if (settings->start_canary || settings->end_canary)
@@ -3801,7 +3804,8 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
     return spsi_check_components(context, light, &resolved);
 }
 
-/* Checks the map that a light shades gas by. Its range is the gas's own, and surfaces have a map of their own. */
+/* Checks the map by which a light shades gas. Its depth range is that of the gas, and surfaces have a depth map of
+   their own. */
 static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
     const sps_tmap_settings *settings = light->shadow_map;
     if (light->shadow_map_size < 0 || light->shadow_map_size > SPSI_SIZE_MAX)
@@ -3835,7 +3839,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
                                "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
     if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction)) {
-        int k = 0; /* the component that is not finite, or any: all are 0 then */
+        int k = 0; /* the component that is not finite, or the last: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "direction", direction[k],
                                "it must be finite and have a length");
@@ -3881,7 +3885,7 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     return SPS_OK;
 }
 
-/* Checks that exactly one field says what a camera sees. */
+/* Checks that a camera has exactly one kind of projection. */
 static sps_result spsi_check_projection(sps_context *context, sps_object object, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
     const int set[3] = {!(fabs(camera->field_of_view) <= 0), !(fabs(camera->ortho_height) <= 0),
@@ -3926,7 +3930,7 @@ static sps_result spsi_check_camera(sps_context *context, sps_object object, con
     return SPS_OK;
 }
 
-/* Checks what a view and a map's light have in common beside their cameras. */
+/* Checks the fields common to a view and a map's light, apart from their cameras. */
 static sps_result spsi_check_sampling(sps_context *context, sps_object object, const int size[2], sps_quality quality,
                                       double slab) {
     for (int i = 0; i < 2; ++i)
@@ -3979,7 +3983,7 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     frame->accuracy.depth_map_texels = depth_map_texels[frame->view.quality];
 }
 
-/* The rays of a checked camera; their width and height are set. */
+/* The rays of a checked camera; their width and height are already set. */
 static sps_result spsi_rays_build(sps_context *context, sps_object object, const sps_camera *camera, spsi_rays *rays) {
     double forward[3];
     if (camera->world_to_clip) {
@@ -4036,14 +4040,14 @@ static void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material 
     }
 }
 
-/* Gases that look the same share one channel of the sheets. */
+/* The channel of an equal gas, -1 if there is none: gases of equal appearance share one channel of the sheets. */
 static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
     for (int i = 0; i < frame->matter.material_count; ++i)
         if (!material->table && memcmp(material, &frame->matter.materials[i], sizeof *material) == 0) return i;
     return -1;
 }
 
-/* The channel of a material, which is a new one if no other looks the same. */
+/* The channel of a material, a new one unless an equal gas has one. */
 static int spsi_take_material(spsi_frame *frame, const spsi_material *material) {
     int channel = spsi_find_material(frame, material);
     frame->matter.scatters |= material->scatters;
@@ -4111,7 +4115,7 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
         if (spsi_medium_place(context, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
-        frame->matter.light_channel_count |= !volume->transfer; /* number 0 is for gases, where there are any */
+        frame->matter.light_channel_count |= !volume->transfer; /* number 0 is for gases, if there are any */
     }
     table = (spsi_table *)spsi_reserve(context, SPSI_BUFFER_TABLES, (size_t)classified, sizeof(spsi_table));
     if (!table) return context->result;
@@ -4140,7 +4144,7 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         if (frame->particles.set_count == SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                    frame->scene->particle_set_count, "at most 64 sets may hold particles");
-        /* both are at most SPSI_PARTICLES_MAX, so that the sum fits where a size_t has 32 bits */
+        /* both are at most SPSI_PARTICLES_MAX, so that the sum fits a size_t of 32 bits */
         frame->particles.count += particles->count;
         if (frame->particles.count > SPSI_PARTICLES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count, with those before it,",
@@ -4162,7 +4166,7 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
         sps_placement placement;
         spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement);
         if (spsi_check_placement(context, &placement, SPS_OBJECT_MESH, i)) return context->result;
-        /* both are at most SPSI_FACES_MAX, so that the sum fits where a size_t has 32 bits */
+        /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
         frame->triangle_count += frame->scene->meshes[i].triangle_count;
         if (frame->triangle_count > SPSI_FACES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
@@ -4190,7 +4194,7 @@ static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp)
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
 
-/* Lists the lights that are not black; none where nothing could answer to them. */
+/* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame) {
     const int count = frame->matter.scatters || frame->triangle_count > 0 ? frame->scene->light_count : 0;
     for (int i = 0; i < frame->matter.material_count; ++i) {
@@ -4212,8 +4216,8 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
-/* The breadth of a voxel's kernel in pixels in the middle of the volumes' depths; `near_by`: whether the eye is so near
-   to them that kernels may be taken along each pixel's own ray. */
+/* The breadth of a voxel's kernel in pixels, at the middle of the volumes' depth range. Sets *near_by if the eye is so
+   close that kernels may be integrated along each pixel's own ray. */
 static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medium, int *near_by) {
     const spsi_rays *eye = &frame->eye;
     double across[2][3], forward[3], low = HUGE_VAL, high = 0, q[3];
@@ -4237,9 +4241,10 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
            (pixel * fmax(0.5 * (fmax(low, 0) + high), DBL_MIN));
 }
 
-/* What gradients are made of. Over two pixels, differences fall short of a sharp edge by up to a sixth of (pixels /
-   0.65 voxels)^2, and normals lean with the slabs; over four, which cost a tenth of a frame's time, they are right to 1
-   % down to a pixel a voxel. Below that they take sheets of their own, which splat three times as much. */
+/* Chooses how gradients are computed. Differences over two pixels fall short of a sharp edge by up to a sixth of
+   (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a tenth of a
+   frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own, with three
+   times as much splatting. */
 static void spsi_resolve_gradients(spsi_frame *frame) {
     double pixels = HUGE_VAL;
     int near_by = 0;
@@ -4254,7 +4259,7 @@ static void spsi_resolve_gradients(spsi_frame *frame) {
     frame->gradients.splatted = pixels < 0.9 && !near_by;
 }
 
-/* 1 where every color in the frame is grey, so that one channel of radiance serves for three; 3 otherwise. */
+/* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
     const sps_scene *scene = frame->scene;
     int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
@@ -4269,8 +4274,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
-/* Checks everything and fills a frame; no voxel or triangle is read. view may be NULL: nobody looks yet. NULL: failed.
- */
+/* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
+   none yet. Returns NULL on failure. */
 static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
                                     int wants_depth) {
     spsi_frame *frame = (spsi_frame *)spsi_reserve(context, SPSI_BUFFER_FRAME, 1, sizeof(spsi_frame));
@@ -4301,30 +4306,30 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
 }
 
 /* =============================================================================================== >>gather
-   10 Relevant voxels. Providers are read block by block; voxels that matter go into bricks of 8^3, 16 bytes each, in
-   segments that never move. For a gas a voxel matters if it is not 0. For a transfer function, it matters within two
-   voxels of a place where some value up to the largest of 3^3 neighbours has extinction: two voxels hold 99.6 % of a
-   kernel's weight, so that what shows is made of all that adds to it. Cost: a visit of each voxel that is read. */
+   10 Relevant voxels. Volumes are read block by block; relevant voxels go into bricks of 8^3, 16 bytes each, in
+   segments that never move. A gas's voxel is relevant if it is not 0. A classified volume's voxel is relevant within
+   two voxels of a place where any value up to the largest of 3^3 neighbours has extinction: two voxels hold 99.6 % of a
+   kernel's weight, so that visible voxels are complete. Cost: linear in the number of voxels read. */
 
 #define SPSI_SEGMENT 16384 /* voxels; a brick lies in one segment */
 
 typedef struct spsi_segment {
     float x[SPSI_SEGMENT + 16], y[SPSI_SEGMENT + 16], z[SPSI_SEGMENT + 16]; /* voxel steps from the brick's base */
-    float value[SPSI_SEGMENT + 16]; /* 16 more, so that a vector may be loaded at the last voxel */
-    int used;
+    float value[SPSI_SEGMENT + 16]; /* padded by 16, so that a vector may be loaded at the last voxel */
+    int used;                       /* number of voxels */
 } spsi_segment;
 
 typedef struct spsi_brick {
-    int lattice, base[3];          /* base: its first voxel */
-    unsigned char low[3], high[3]; /* its voxels' least and largest steps */
-    int segment, first, count;
+    int lattice, base[3];          /* index of its lattice; its first voxel */
+    unsigned char low[3], high[3]; /* minimum and maximum of its voxels' steps */
+    int segment, first, count;     /* index of the segment; range of voxels in it */
 } spsi_brick;
 
 typedef struct spsi_block {
     const spsi_medium *medium;
     const spsi_material *material;
-    int low[3], size[3];           /* what is read: the core and its margin, cut at the volume's faces */
-    int core_low[3], core_high[3]; /* what is gathered from it */
+    int low[3], size[3];           /* the voxels that are read: the core and its margin, clipped to the volume */
+    int core_low[3], core_high[3]; /* the core, whose voxels are gathered */
     float *values, *flags;         /* SPSI_BLOCK_VOXELS each */
     double *positions;             /* of one layer, for eval_fn */
 } spsi_block;
@@ -4361,7 +4366,7 @@ static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
                ((size_t)(y - block->low[1]) + (size_t)block->size[1] * (size_t)(z - block->low[2]));
 }
 
-/* Sets *empty where range_fn says that nothing in the block can matter. */
+/* Sets *empty if range_fn shows that nothing in the block can be relevant. */
 static sps_result spsi_block_range(sps_context *context, const spsi_block *block, int *empty) {
     const sps_volume *volume = block->medium->volume;
     float range[2] = {0, 0};
@@ -4373,7 +4378,7 @@ static sps_result spsi_block_range(sps_context *context, const spsi_block *block
     if (returned)
         return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "range_fn",
                                returned, NULL);
-    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading will tell */
+    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading reports the error */
     if (block->material->table)
         *empty = !spsi_transfer_shows(block->material, 0, range[1]);
     else
@@ -4401,7 +4406,7 @@ static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *bl
     return SPS_OK;
 }
 
-/* Fails on, or replaces, the values that are no densities. */
+/* Fails on invalid values, or replaces them by 0. */
 static sps_result spsi_block_validate(sps_context *context, const spsi_block *block, int replace) {
     size_t i = 0;
     for (int z = 0; z < block->size[2]; ++z)
@@ -4440,7 +4445,7 @@ static sps_result spsi_block_read(sps_context *context, const spsi_block *block,
     return spsi_block_validate(context, block, replace);
 }
 
-/* Replaces each value by the largest of itself and its two neighbours along x. */
+/* Replaces each value by the maximum of itself and its two neighbours along x. */
 static void spsi_block_spread_x(const spsi_block *block, float *data) {
     const size_t length = (size_t)block->size[0], rows = (size_t)block->size[1] * (size_t)block->size[2];
     float line[SPSI_BLOCK_EDGE + 2];
@@ -4473,15 +4478,15 @@ static void spsi_block_spread_rows(const spsi_block *block, float *data, int axi
     }
 }
 
-/* Replaces each value by the largest of its 3^3 neighbours. */
+/* Replaces each value by the maximum of its 3^3 neighbourhood. */
 static void spsi_block_spread(const spsi_block *block, float *data) {
     spsi_block_spread_x(block, data);
     spsi_block_spread_rows(block, data, 1);
     spsi_block_spread_rows(block, data, 2);
 }
 
-/* Flags (1 or 0) the voxels of a block that add to something a transfer function shows. That is so where it shows any
-   value up to the largest about them: without them the field would fall to 0 and pass through what is shown. */
+/* Flags (1 or 0) the voxels of a block that contribute to anything that the transfer function shows. A voxel is shown
+   if any value up to the maximum around it is: without it the field would fall to 0, through the values shown. */
 static void spsi_block_flag_shown(const spsi_block *block) {
     const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
     memcpy(block->flags, block->values, count * sizeof(float));
@@ -4491,7 +4496,7 @@ static void spsi_block_flag_shown(const spsi_block *block) {
     for (int twice = 0; twice < 2; ++twice) spsi_block_spread(block, block->flags);
 }
 
-/* Whether anything in a block that was read can matter: a quick look that spares most blocks the flags. */
+/* Whether anything in a block that has been read can be relevant: a quick test that saves most blocks the flags. */
 static int spsi_block_matters(const spsi_block *block) {
     const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
     float most = block->values[0];
@@ -4505,7 +4510,7 @@ static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
     return ((spsi_segment **)context->buffers[SPSI_BUFFER_SEGMENTS].data)[index];
 }
 
-/* The segment with room for a whole brick; `current` is its number, and moves on. NULL: failed. */
+/* The segment with room for a whole brick; `current`, its index, advances when it is full. Returns NULL on failure. */
 static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) {
     const int whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     spsi_segment *segment = *current < 0 ? NULL : spsi_segment_at(context, *current);
@@ -4605,7 +4610,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* A number that changes with whatever decides which voxels are held; 0 where a volume has no revision. */
+/* A hash of everything that decides which voxels are held; 0 if a volume has no revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->scene->replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
@@ -4627,7 +4632,7 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
-/* The world bounds of the relevant voxels and their kernels; empty where there are none. */
+/* The world bounds of the relevant voxels and their kernels; empty if there are none. */
 static void spsi_tighten_bounds(const sps_context *context, const spsi_frame *frame) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     frame->content->bounds = spsi_nowhere;
@@ -4642,7 +4647,7 @@ static void spsi_tighten_bounds(const sps_context *context, const spsi_frame *fr
         }
 }
 
-/* Tells the caller of values that were no densities. */
+/* Tells the caller of values that were replaced. */
 static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
@@ -4651,7 +4656,7 @@ static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
     context->config.message_fn(context->config.message_user, text);
 }
 
-/* Holds the relevant voxels of all volumes, reading them unless they are still held from the last call. */
+/* Reads the relevant voxels of all volumes, unless they are still held from the last call. */
 static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     const uint64_t fingerprint = spsi_volumes_fingerprint(frame), replaced = context->stats.values_replaced;
     if (fingerprint == 0 || fingerprint != context->gathered) {
@@ -4670,11 +4675,12 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     return SPS_OK;
 }
 
-/* --- particles --- */
+/* ---- particles ---- */
 
-#define SPSI_PARTICLE_BATCH 4096 /* read at a time */
+#define SPSI_PARTICLE_BATCH 4096 /* particles read at a time */
 
-/* What is wrong with a particle: its field and the rule, and the value; NULL: nothing. */
+/* Returns the name of an invalid field of a particle, with the rule that it breaks and its value; NULL if all are
+   valid. */
 static const char *spsi_particle_wrong(const sps_particle *particle, const char **rule, double *value) {
     for (int i = 0; i < 3; ++i) {
         *value = (double)particle->position[i];
@@ -4689,7 +4695,7 @@ static const char *spsi_particle_wrong(const sps_particle *particle, const char 
     return *value >= 0 && particle->optical_depth <= SPSI_VALUE_MAX ? NULL : "optical_depth";
 }
 
-/* Fails on particles that are no balls of gas, or makes them nothing. */
+/* Fails on invalid particles, or replaces them by empty ones. */
 static sps_result spsi_particles_validate(sps_context *context, const spsi_particle_set *set, sps_particle *list,
                                           size_t first, size_t count, int replace) {
     for (size_t i = 0; i < count; ++i) {
@@ -4709,7 +4715,7 @@ static sps_result spsi_particles_validate(sps_context *context, const spsi_parti
     return SPS_OK;
 }
 
-/* Moves those of a batch that are something to its beginning; gives how many they are. */
+/* Moves the particles of a batch that are not empty to its beginning. Returns their number. */
 static int spsi_particles_keep(sps_particle *batch, size_t count) {
     int kept = 0;
     for (size_t i = 0; i < count; ++i)
@@ -4722,8 +4728,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
     const sps_particles *particles = set->particles;
     for (size_t first = 0; first < particles->count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = particles->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
-        sps_particle *batch =
-            list + frame->content->particle_count; /* there is room: what was asked before is at least that */
+        sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
         int returned;
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles.count))
             return context->result;
@@ -4742,7 +4747,8 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
-/* Where the particles are, how large and how far apart: means that one stray particle among many does not move. */
+/* Bounds, mean radius and spread of the particles. The latter two are means, so that a stray particle among many hardly
+   changes them. */
 static void spsi_measure_particles(const spsi_frame *frame) {
     double logs = 0, sum[3] = {0, 0, 0}, squares = 0, origin[3];
     if (frame->content->particle_count == 0) return;
@@ -4752,8 +4758,7 @@ static void spsi_measure_particles(const spsi_frame *frame) {
         double low[3], high[3];
         for (int i = 0; i < 3; ++i) {
             const double at = (double)particle->position[i], apart = at - origin[i];
-            const double reach =
-                fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that a double tells both ends */
+            const double reach = fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
             low[i] = at - reach;
             high[i] = at + reach;
             sum[i] += apart;
@@ -4768,7 +4773,7 @@ static void spsi_measure_particles(const spsi_frame *frame) {
     frame->content->particle_spread = sqrt(fmax(squares / frame->content->particle_count, 0));
 }
 
-/* Reads every set of particles, once, and keeps 20 bytes of each particle. */
+/* Reads every set of particles once, and keeps 20 bytes per particle. */
 static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
     size_t asked = 0;
@@ -4790,7 +4795,7 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     return SPS_OK;
 }
 
-/* The set that a kept particle belongs to. */
+/* The set that a particle of the content belongs to. Cost: a binary search. */
 static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particle) {
     int low = 0, high = frame->particles.set_count - 1;
     while (low < high) {

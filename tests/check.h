@@ -1,5 +1,5 @@
-/* Checks that count, and the small scenes that several tests build on. Includes the library's implementation, so that
-   tests can call what is private. A test is a program: CHECK things in main, end with `return check_report();`. */
+/* Counted checks, and small scenes for several tests. Includes the library's implementation, so that tests can call
+   private functions. A test is a program: CHECK things in main, and end with `return check_report();`. */
 
 #ifndef CHECK_H
 #define CHECK_H
@@ -24,13 +24,13 @@ static inline int check_count(int good) {
     return good;
 }
 
-/* The last line of a test program, and its exit status. */
+/* Prints the last line of a test program, and returns its exit status. */
 static inline int check_report(void) {
     printf("%d passed, %d failed\n", check_passed, check_failed);
     return check_failed != 0;
 }
 
-/* After a failed check: where the environment has CHECK_STOP, it is the last. */
+/* After a failed check: exits if the environment has CHECK_STOP. */
 static inline int check_failure(void) {
     if (getenv("CHECK_STOP")) exit(check_report());
     return 0;
@@ -42,7 +42,7 @@ static inline int check_true(int good, const char *text, const char *file, int l
     return check_failure();
 }
 
-/* NaN is never near. Infinity is near itself. */
+/* NaN is near nothing. Infinity is near itself. */
 static inline int check_near(double value, double exact, double tolerance, const char *text, const char *file,
                              int line) {
     const int good = value == exact || fabs(value - exact) <= tolerance;
@@ -52,10 +52,10 @@ static inline int check_near(double value, double exact, double tolerance, const
     return check_failure();
 }
 
-/* Each gives whether it held, so that a loop can name its case: if (!CHECK(x)) printf("    at angle %d\n", i); */
+/* Each returns whether it held, so that a loop can name its case: if (!CHECK(x)) printf("    at angle %d\n", i); */
 #define CHECK(condition)                    check_true((condition) ? 1 : 0, #condition, __FILE__, __LINE__)
 #define CHECK_NEAR(value, exact, tolerance) check_near((value), (exact), (tolerance), #value, __FILE__, __LINE__)
-/* The call gives SPS_OK; prints the context's sentence otherwise. */
+/* The call returns SPS_OK; otherwise prints the context's sentence. */
 #define CHECK_OK(context, call) check_result((context), (call), #call, __FILE__, __LINE__)
 
 static inline int check_result(const sps_context *context, sps_result result, const char *text, const char *file,
@@ -65,8 +65,8 @@ static inline int check_result(const sps_context *context, sps_result result, co
     return check_failure();
 }
 
-/* Whether what sps_get_error has of the last call agrees with its sentence: "OBJECT[index].FIELD", with the value in
-   it, if it is a number. */
+/* Whether the data of sps_get_error agree with the last call's sentence: "OBJECT[index].FIELD", and the value, if it is
+   numeric. */
 static inline int check_error_info(const sps_context *context, sps_result result) {
     static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
                                         "mesh", "light", "particles", "tmap",  "light", "settings"};
@@ -83,9 +83,9 @@ static inline int check_error_info(const sps_context *context, sps_result result
            (info.value == 0 || strstr(info.sentence + strlen(start), number));
 }
 
-/* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, to be told how long each takes;
-   CHECK_ONLY, the name of the one that runs; and CHECK_STOP, where each is named as it begins, so that a crash has a
-   name, too. */
+/* Runs one test, and names it if it failed. The environment may have CHECK_TIMES, which prints the time of each;
+   CHECK_ONLY, the name of the only one to run; and CHECK_STOP, which prints each name as it begins, so that a crash can
+   be attributed. */
 static inline void check_run(const char *name, void (*test)(void)) {
     const int failed = check_failed;
     const char *only = getenv("CHECK_ONLY");
@@ -103,7 +103,8 @@ static inline void check_run(const char *name, void (*test)(void)) {
 
 /* ---------------------------------------------------------------------------------------------------- files */
 
-/* All of a file, to be freed; NULL if it cannot be read. Tests run in the project's folder. */
+/* Returns the contents of a file, which the caller frees; NULL if it cannot be read. Tests run in the project's
+   folder. */
 static inline char *read_text(const char *path) {
     FILE *file = fopen(path, "rb");
     const size_t room = 1 << 20;
@@ -113,7 +114,7 @@ static inline char *read_text(const char *path) {
     return text;
 }
 
-/* ----------------------------------------------------------------------------------- numbers that look random */
+/* ------------------------------------------------------------------------------------------ random numbers */
 
 typedef struct check_random {
     uint64_t state;
@@ -127,13 +128,13 @@ static inline double check_next(check_random *random) {
 
 /* ------------------------------------------------------------------------------------------- context and hooks */
 
-/* An allocator that counts, and that can refuse; a loop that runs its indices out of order on worker ids in turn. */
+/* An allocator that counts, and that can fail; a loop that runs its indices out of order with changing worker ids. */
 typedef struct check_hooks {
     int worker_count;    /* 0: no parallel_for_fn */
     uint64_t order;      /* changes the order in which indices run */
-    size_t memory_limit; /* 0: none */
-    long fail_at;        /* the allocation, counted from 1, that is refused; 0: none */
-    long allocations;    /* asked for so far */
+    size_t memory_limit; /* 0: no limit */
+    long fail_at;        /* the allocation, counted from 1, that fails; 0: none */
+    long allocations;    /* requested so far */
     size_t live, peak;   /* bytes */
     long live_blocks;
     long loops; /* calls of parallel_for */
@@ -145,7 +146,7 @@ static inline void *check_alloc(void *user, size_t size) {
     if (++hooks->allocations == hooks->fail_at || size == 0) return NULL; /* as some allocators do */
     pointer = malloc(size);
     if (!pointer) return NULL;
-    memset(pointer, 0xcd, size); /* whoever reads what it has not written gets odd numbers, the same ones each time */
+    memset(pointer, 0xcd, size); /* reading uninitialised memory yields odd numbers, the same ones each time */
     hooks->live += size;
     hooks->live_blocks += 1;
     if (hooks->live > hooks->peak) hooks->peak = hooks->live;
@@ -159,7 +160,7 @@ static inline void check_free(void *user, void *pointer, size_t size) {
     free(pointer);
 }
 
-/* Runs 0..count-1 in a shuffled order; the worker ids follow another sequence, so that who does what changes too. */
+/* Runs 0..count-1 in a shuffled order; the worker ids follow another sequence, so that these are shuffled too. */
 static inline void check_parallel_for(void *user, int count, sps_task_fn task, void *task_data) {
     check_hooks *hooks = (check_hooks *)user;
     check_random random;
@@ -193,7 +194,7 @@ static inline sps_config check_config(check_hooks *hooks) {
     return config;
 }
 
-/* hooks may be NULL: a context with all defaults. NULL if sps_create gave NULL. */
+/* hooks may be NULL: a context with all defaults. Returns NULL if sps_create does. */
 static inline sps_context *check_context(check_hooks *hooks) {
     sps_config config;
     if (!hooks) return sps_create(NULL, NULL);
@@ -201,7 +202,7 @@ static inline sps_context *check_context(check_hooks *hooks) {
     return sps_create(&config, NULL);
 }
 
-/* ------------------------------------------------------------------------------------------ where voxels come from */
+/* ------------------------------------------------------------------------------------------------ sources of voxels */
 
 /* read_fn: every voxel has the value *(float *)user. */
 static inline int check_read_constant(void *user, const int lo[3], const int size[3], float *out) {
@@ -218,7 +219,7 @@ static inline int check_eval_constant(void *user, size_t count, const double *po
     return 0;
 }
 
-/* A formula; serves as read_fn (through the placement it holds, which must be the volume's) and as eval_fn. */
+/* A formula, for use as read_fn (through its placement, which must be the volume's) or as eval_fn. */
 typedef struct check_field {
     double (*value_fn)(const void *user, const double position[3]);
     const void *user;
@@ -249,7 +250,7 @@ static inline int check_read_field(void *user, const int lo[3], const int size[3
     return 0;
 }
 
-/* read_fn over an array, x fastest. `limit_calls` > 0: that call and the later ones fail. */
+/* read_fn of an array, x fastest. `limit_calls` > 0: this call and later ones fail. */
 typedef struct check_array {
     const float *values;
     int size[3];
@@ -286,7 +287,7 @@ static inline int check_read_triangles(void *user, size_t first, size_t count, s
     return 0;
 }
 
-/* Appends an all-zero triangle and gives it. */
+/* Appends an all-zero triangle and returns it. */
 static inline sps_triangle *check_add_triangle(check_triangles *triangles) {
     if (triangles->count == triangles->room) {
         triangles->room = triangles->room ? 2 * triangles->room : 16;
@@ -327,7 +328,7 @@ static inline void check_free_triangles(check_triangles *triangles) {
 
 /* ------------------------------------------------------------------------------------------------------- scenes */
 
-/* A scene with room for what a test adds. The pointers inside refer to the struct itself: fill it where it stays. */
+/* A scene with room for a test's objects. Its pointers refer to the struct itself: fill it in its final place. */
 typedef struct check_scene {
     sps_volume volume[4];
     sps_mesh mesh[4];
@@ -361,28 +362,28 @@ static inline void check_color(float out[3], double r, double g, double b) {
     out[2] = (float)b;
 }
 
-/* The camera sees in perspective from now on; 0: it stays as it is. */
+/* Makes the camera perspective; 0: leaves it unchanged. */
 static inline void check_perspective(sps_camera *camera, double angle) {
     if (angle == 0) return;
     camera->field_of_view = angle;
     camera->ortho_height = 0;
 }
 
-/* The camera is orthographic from now on; 0: it stays as it is. */
+/* Makes the camera orthographic; 0: leaves it unchanged. */
 static inline void check_orthographic(sps_camera *camera, double height) {
     if (height == 0) return;
     camera->ortho_height = height;
     camera->field_of_view = 0;
 }
 
-/* The camera is a matrix from now on; NULL: it stays as it is. */
+/* Makes the camera a matrix; NULL: leaves it unchanged. */
 static inline void check_matrix(sps_camera *camera, const double matrix[16]) {
     if (!matrix) return;
     camera->world_to_clip = matrix;
     camera->field_of_view = camera->ortho_height = 0;
 }
 
-/* A map's settings as they were resolved; zeros where there is no map. */
+/* A map's resolved settings; zeros if there is no map. */
 static inline sps_tmap_settings check_settings_of(const sps_tmap *map) {
     sps_tmap_info info;
     memset(&info, 0, sizeof info);
@@ -390,13 +391,13 @@ static inline sps_tmap_settings check_settings_of(const sps_tmap *map) {
     return info.settings;
 }
 
-/* The bytes that a map holds, or 0. */
+/* The size of a map in bytes, or 0. */
 static inline size_t check_bytes_of(const sps_tmap *map) {
     sps_tmap_info info;
     return sps_tmap_get_info(map, &info) == SPS_OK ? info.bytes : 0;
 }
 
-/* The light of a map that sees what a view does. */
+/* The light of a map with the camera of a view. */
 static inline sps_tmap_light check_light_of(const sps_view *view) {
     sps_tmap_light light;
     memset(&light, 0, sizeof light);
@@ -419,7 +420,7 @@ static inline sps_placement check_box(double x0, double y0, double z0, double x1
     return placement;
 }
 
-/* The next volume of the scene, without a provider: set read_fn or eval_fn, user and the looks. */
+/* Appends a volume to the scene: set read_fn or eval_fn, user and its appearance. */
 static inline sps_volume *check_add_volume(check_scene *s, int nx, int ny, int nz, sps_placement placement) {
     sps_volume *volume = &s->volume[s->scene.volume_count++];
     volume->size[0] = nx;
@@ -429,7 +430,7 @@ static inline sps_volume *check_add_volume(check_scene *s, int nx, int ny, int n
     return volume;
 }
 
-/* The next light of the scene, white: set its direction or position. */
+/* Appends a white light to the scene: set its direction or position. */
 static inline sps_light *check_add_light(check_scene *s, sps_light_kind kind, double strength) {
     sps_light *light = &s->light[s->scene.light_count++];
     light->kind = kind;
@@ -461,7 +462,7 @@ static inline sps_mesh *check_add_mesh(check_scene *s, check_triangles *triangle
 
 /* ------------------------------------------------------------------------------------------------------- images */
 
-/* Renders into rgba (4 floats a pixel of the view's region) and depth (or NULL); a failure is counted and printed. */
+/* Renders into rgba (4 floats per pixel of the view's region) and depth (or NULL). A failure is counted and printed. */
 static inline int check_render_depth(sps_context *context, const check_scene *s, float *rgba, float *depth) {
     sps_image image;
     memset(&image, 0, sizeof image);
@@ -482,7 +483,7 @@ static inline int check_march(sps_context *context, const check_scene *s, double
     return CHECK_OK(context, sps_reference(context, &s->scene, &s->view, step, &image));
 }
 
-/* Root of the mean square of a - b. */
+/* Root mean square of a - b. */
 static inline double check_rms(const float *a, const float *b, size_t count) {
     double sum = 0;
     for (size_t i = 0; i < count; ++i) {

@@ -1,5 +1,4 @@
-/* What tests of build/render share: a folder of files of its own, and what it says when it is run there. Include after
-   check.h. */
+/* Shared by tests of build/render: a folder for their files, and its output when run there. Include after check.h. */
 
 #ifndef COMMAND_LINE_H
 #define COMMAND_LINE_H
@@ -13,9 +12,9 @@
 /* Where these tests read and write files, and where they run build/render. */
 static char folder[] = "build/command_line.XXXXXX";
 
-/* Makes the folder; 0 if that cannot be done here. */
+/* Makes the folder. Returns 0 if that is not possible here. */
 static inline int folder_begin(void) {
-    mkdir("build", 0777); /* may be there */
+    mkdir("build", 0777); /* may exist already */
     return mkdtemp(folder) != NULL;
 }
 
@@ -31,7 +30,7 @@ static inline int render_is_built(void) {
     return program != NULL;
 }
 
-/* Returns how many bytes were read. */
+/* Returns the number of bytes read. */
 static inline int read_file(const char *name, char *text, size_t size) {
     char path[200];
     FILE *file;
@@ -55,7 +54,7 @@ static inline void write_file(const char *name, const void *data, size_t size) {
 
 typedef struct outcome {
     int status;
-    char said[2000]; /* on standard error */
+    char said[2000]; /* standard error */
 } outcome;
 
 static inline outcome run_render(const char *options) {
@@ -69,7 +68,7 @@ static inline outcome run_render(const char *options) {
     return result;
 }
 
-/* Nothing that a terminal would take for a command, and no second line. */
+/* No control characters, and no second line. */
 static inline int is_printable(const char *text, size_t length) {
     for (size_t i = 0; i < length; ++i)
         if ((unsigned char)text[i] < 32 || (unsigned char)text[i] == 127) return 0;
@@ -85,7 +84,7 @@ static inline int is_one_line(const char *said) {
 typedef struct complaint {
     const char *options;
     int status;
-    const char *words; /* what the line has to hold; NULL: nothing may be said */
+    const char *words; /* text that the line must contain; NULL: there must be no line */
 } complaint;
 
 static inline void check_complaints(const complaint *list, size_t count) {

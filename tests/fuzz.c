@@ -1,7 +1,7 @@
-/* Random scenes: fuzz SEED COUNT renders COUNT of them, the same ones for the same SEED on every machine. Whatever the
-   scene, SPS_OK means an image of finite numbers, not negative, coverage 0..1, in memory within the plan and the same
-   bits whatever the workers; any other result means an image left alone and a sentence. Under sanitizers, also no
-   access out of bounds and no undefined arithmetic. Prints the scene's number and result where something is wrong. */
+/* Random scenes: fuzz SEED COUNT renders COUNT of them, the same ones for the same SEED on every machine. For every
+   scene, SPS_OK means an image of finite numbers, not negative, coverage 0..1, in memory within the plan, and the same
+   bits for any workers; any other result means an untouched image and a sentence. Under sanitizers, also no access out
+   of bounds and no undefined arithmetic. Prints the scene's number and result if something is wrong. */
 
 #include "check.h"
 
@@ -12,7 +12,7 @@ static double between(double low, double high) { return low + (high - low) * uni
 static int below(int count) { return (int)(unit() * count); }
 static int one_in(int count) { return below(count) == 0; }
 
-/* Mostly a moderate number, now and then one of the ends of what a double or a float can be. */
+/* Mostly a moderate number, sometimes one near the limits of a double or a float. */
 static double strange(double low, double high) {
     static const double ends[] = {0, -0.0, 1e-300, 1e-40, 1e-20, 1e20, 1e30, 1e300, -1, -1e20};
     if (!one_in(60)) return between(low, high);
@@ -24,10 +24,10 @@ static double strange(double low, double high) {
 /* --------------------------------------------------------------------------------------------------- providers */
 
 typedef struct provider {
-    int kind, fails; /* fails: 1 in so many calls; 0: none */
+    int kind, fails; /* 1 in `fails` calls fails; 0: none */
     double scale;
     uint64_t seed;
-    check_random coin; /* for failures, apart from the scene's own numbers */
+    check_random coin; /* for failures, separate from the scene's own numbers */
 } provider;
 
 static int fails_now(provider *p) { return p->fails > 0 && check_next(&p->coin) * p->fails < 1; }
@@ -62,7 +62,7 @@ static int eval_voxels(void *user, size_t count, const double *xyz, float *out) 
     return fails_now(p);
 }
 
-/* As wide as may be, or empty where the field is empty throughout. */
+/* The widest bounds, or empty if the field is empty throughout. */
 static int range_voxels(void *user, const int lo[3], const int size[3], float out[2]) {
     provider *p = (provider *)user;
     (void)lo;
@@ -87,7 +87,7 @@ static int background_sky(void *user, size_t count, const float *directions, flo
     return fails_now((provider *)user);
 }
 
-/* Every particle has numbers of its own, whatever block it is asked for in. */
+/* Every particle has its own random numbers, whichever block it is read in. */
 static int read_particles(void *user, size_t first, size_t count, sps_particle *out) {
     provider *p = (provider *)user;
     for (size_t i = 0; i < count; ++i) {
@@ -108,7 +108,7 @@ static int read_particles(void *user, size_t first, size_t count, sps_particle *
 
 /* ------------------------------------------------------------------------------------------------------ scenes */
 
-/* Gives an enumeration any number, also one that it does not have. */
+/* Sets an enumeration to any number, even one that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
 
 enum { VOLUMES = 3, MESHES = 2, LIGHTS = 3, SETS = 2, PIXELS_MAX = 90 * 90 };
@@ -234,10 +234,10 @@ static void random_set(scenery *x, int n) {
     set->is_extinction = one_in(3);
     random_color(set->albedo, 1);
     if (one_in(3)) random_color(set->emission, 2);
-    if (one_in(3) && x->lobes[n][0].weight > 0) set->lobes = x->lobes[n], set->lobe_count = 1; /* a volume's */
+    if (one_in(3) && x->lobes[n][0].weight > 0) set->lobes = x->lobes[n], set->lobe_count = 1; /* of a volume */
 }
 
-/* Settings that are good, but for one in twelve. */
+/* Valid settings, except for one in twelve. */
 static void random_map(sps_tmap_settings *map) {
     static const int components[] = {0, 0, 0, 1, 7, 8, 9, 6, 7, 10, 3};
     memset(map, 0, sizeof *map);
@@ -267,7 +267,7 @@ static void random_light(scenery *x, int n) {
     light->shadow_map_size = 1 + below(one_in(4) ? 100 : 20);
 }
 
-/* A perspective matrix that is as often as not of no use. */
+/* A perspective matrix that is unusable half of the time. */
 static void random_matrix(scenery *x) {
     for (int i = 0; i < 16; ++i) x->matrix[i] = one_in(3) ? 0 : strange(-2, 2);
     if (one_in(2)) {
@@ -305,7 +305,7 @@ static void random_view(scenery *x) {
     view->no_shadows = one_in(8);
 }
 
-/* Something a caller might get wrong. */
+/* Spoils something that a caller might get wrong. */
 static void spoil(scenery *x) {
     sps_scene *scene = &x->s.scene;
     switch (below(17)) {
@@ -404,7 +404,7 @@ static void report(long number, const char *what, sps_result result, const sps_c
     printf("    scene %ld, %s: %d: %s\n", number, what, (int)result, sps_error(context));
 }
 
-/* What holds after any call. */
+/* Checks that hold after any call. */
 static void check_outcome(const scenery *x, long number, const char *what, sps_result result,
                           const sps_context *context) {
     const int good =
@@ -412,7 +412,7 @@ static void check_outcome(const scenery *x, long number, const char *what, sps_r
     if (!CHECK(good)) report(number, what, result, context);
 }
 
-/* Whether every call gives the same, so that two of them may be compared. */
+/* Whether every call has the same result, so that two of them may be compared. */
 static int steady(const scenery *x) {
     int fails = x->sky.fails;
     for (int i = 0; i < VOLUMES; ++i) fails |= x->providers[i].fails;
@@ -435,11 +435,12 @@ static int small_enough_to_march(const scenery *x) {
     for (int i = 0; i < x->s.scene.volume_count; ++i)
         for (int k = 0; k < 9; ++k) extent = fmax(extent, fabs(x->s.volume[i].placement.axis[k / 3][k % 3]));
     for (int i = 0; i < x->s.scene.particle_set_count; ++i)
-        if (x->sets[i].count > 300 || x->crowds[i].kind != 0) return 0; /* radii set the step, strays the way */
+        if (x->sets[i].count > 300 || x->crowds[i].kind != 0)
+            return 0; /* radii set the step, stray particles the length of rays */
     return view->width * view->height < 200 && extent < 3;
 }
 
-/* Whether no light has a map that keeps lists, or is fitted to them: nobody can plan how long these get. */
+/* Whether no light has a map that keeps lists, or is fitted to them: their length cannot be planned. */
 static int sums_only(const scenery *x) {
     for (int i = 0; i < x->s.scene.light_count; ++i) {
         const sps_tmap_technique technique = x->maps[i].technique;
@@ -450,7 +451,7 @@ static int sums_only(const scenery *x) {
     return 1;
 }
 
-/* What holds of any map at any place. */
+/* Checks that hold for any map at any position. */
 static int map_sane(const sps_tmap *map) {
     double points[3 * 40];
     float depths[40], passes[40], least[40], most[40];
@@ -467,7 +468,7 @@ static int map_sane(const sps_tmap *map) {
     return 1;
 }
 
-/* A map of the scene, seen by the scene's camera as a light. */
+/* A map of the scene, with the scene's camera as its light. */
 static void fuzz_map(scenery *x, long number) {
     check_hooks hooks;
     sps_tmap_light light;
@@ -494,7 +495,7 @@ static void fuzz_map(scenery *x, long number) {
     if (!CHECK(hooks.live == 0 && hooks.live_blocks == 0)) printf("    scene %ld leaks by its map\n", number);
 }
 
-/* One scene, through plan, render in a fresh context, render in the used one, and march. */
+/* One scene: plan, render in a fresh context, render in the used one, and march. */
 static void fuzz(long number, sps_context *used) {
     check_hooks hooks;
     sps_plan_report plan;
@@ -509,7 +510,7 @@ static void fuzz(long number, sps_context *used) {
     snprintf(sentence, sizeof sentence, "%s", sps_error(context));
     result = render(context, &x, 0);
     check_outcome(&x, number, "render", result, context);
-    /* the plan knows the volumes' boxes only, and those may take more slabs than the voxels in them */
+    /* the plan knows only the volumes' boxes, which may need more slabs than the voxels in them */
     if (planned == SPS_ERROR_ARGUMENT && !strstr(sentence, "view.slab") && !CHECK(result != SPS_OK))
         printf("    scene %ld renders, but its plan fails: %s\n", number, sentence);
     if (planned == SPS_OK && result == SPS_OK && sums_only(&x) && !CHECK(hooks.peak <= plan.bytes)) {
@@ -517,7 +518,7 @@ static void fuzz(long number, sps_context *used) {
         printf("    peak %.0f, planned %.0f\n", (double)hooks.peak, (double)plan.bytes);
     }
     if (result == SPS_OK && steady(&x) && x.s.view.width > 0 && x.s.view.height > 0) {
-        for (int i = 0; i < VOLUMES; ++i) x.s.volume[i].revision = 0; /* the used context knows other voxels */
+        for (int i = 0; i < VOLUMES; ++i) x.s.volume[i].revision = 0; /* the used context holds other voxels */
         check_workers(&x, number, used);
     }
     if (one_in(6) && small_enough_to_march(&x)) {
@@ -530,7 +531,7 @@ static void fuzz(long number, sps_context *used) {
     free_scenery(&x);
 }
 
-/* A third argument is the number of the first scene: each has numbers of its own, so that one can be had alone. */
+/* A third argument is the number of the first scene: each has its own random numbers, so that one can be run alone. */
 int main(int count, char **arguments) {
     const uint64_t seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;
     const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : 300;

@@ -1,8 +1,7 @@
-/* Scenes put together from features, each of which has a few levels: what kind of volume there is, which light, which
-   source of shadows, which camera and so on. A scene is wholly determined by its levels, a seed, and its size in voxels
-   and pixels. All are sane: nothing in them is stranger than what a user means to render. soak draws the levels at
-   random, test_pairs goes through all pairs of them, and both compare what sps_render makes of a scene with what
-   sps_reference does. */
+/* Scenes composed of features, each of which has a few levels: the kind of volume, the light, the source of shadows,
+   the camera and so on. A scene is fully determined by its levels, a seed, and its size in voxels and pixels. All are
+   sane: nothing in them is stranger than what a user would want to render. soak draws the levels at random, test_pairs
+   goes through all pairs of them, and both compare sps_render with sps_reference. */
 
 #ifndef RANDOM_SCENE_H
 #define RANDOM_SCENE_H
@@ -80,7 +79,7 @@ static inline int level_count(int f) {
     return count;
 }
 
-/* Two levels that do not go together, and why. */
+/* Two incompatible levels, and the reason. */
 typedef struct scene_exclusion {
     int feature_a, level_a, feature_b, level_b;
     const char *reason;
@@ -94,7 +93,7 @@ static const scene_exclusion scene_exclusions[] = {
     {WORLD, WORLD_FAR, PARTICLES, PARTICLES_TWO, "particles' positions are floats"},
 };
 
-/* Why two levels do not go together, or NULL. */
+/* The reason why two levels are incompatible, or NULL. */
 static inline const char *scene_excluded(int feature_a, int level_a, int feature_b, int level_b) {
     for (size_t i = 0; i < sizeof scene_exclusions / sizeof *scene_exclusions; ++i) {
         const scene_exclusion *e = &scene_exclusions[i];
@@ -112,14 +111,14 @@ static inline void print_levels(const int levels[FEATURES]) {
     printf("\n");
 }
 
-/* --------------------------------------------------------------------------------------- numbers that are drawn */
+/* ---------------------------------------------------------------------------------------------- random numbers */
 
 static inline double draw(check_random *random, double low, double high) {
     return low + (high - low) * check_next(random);
 }
 static inline int draw_below(check_random *random, int count) { return (int)(check_next(random) * count); }
 static inline int one_in(check_random *random, int count) { return draw_below(random, count) == 0; }
-/* Evenly spread logarithms. */
+/* Log-uniform. */
 static inline double draw_log(check_random *random, double low, double high) {
     return low * pow(high / low, check_next(random));
 }
@@ -141,7 +140,7 @@ static inline void draw_color(check_random *random, double low, double high, flo
 
 enum { SCENE_VOLUMES = 3, SCENE_LIGHTS = 4, SCENE_SETS = 2, SCENE_PARTICLES = 128, SCENE_PIXELS = 64 * 64 };
 
-/* What a volume holds, as a formula of the place in the world; half a world unit wide at scale 1. */
+/* The values of a volume, as a formula of the world position; half a world unit wide at scale 1. */
 typedef struct scene_formula {
     int shape; /* FIELD_* */
     double centre[3], scale;
@@ -152,13 +151,13 @@ typedef struct scene_crowd {
     sps_particle list[SCENE_PARTICLES];
 } scene_crowd;
 
-/* The pointers inside refer to the struct itself: it stays where it was built. */
+/* Its pointers refer to the struct itself, which must not be moved. */
 typedef struct random_scene {
     int levels[FEATURES];
-    int voxels; /* along a volume's edge */
+    int voxels; /* voxels along a volume's edge */
     check_random random;
     double scale, offset[3];
-    double eye[3]; /* unit vector from the scene's middle to the camera */
+    double eye[3]; /* unit vector from the scene's centre to the camera */
     check_scene s;
     scene_formula formulas[SCENE_VOLUMES];
     check_field fields[SCENE_VOLUMES];
@@ -172,7 +171,7 @@ typedef struct random_scene {
     double matrix[16];
 } random_scene;
 
-/* From the scene's own coordinates, in which it lies about the origin and is 1 wide, to the world. */
+/* From the scene's own coordinates, in which it is centred on the origin and 1 wide, to the world. */
 static inline void scene_to_world(const random_scene *x, const double local[3], double world[3]) {
     for (int i = 0; i < 3; ++i) world[i] = x->offset[i] + x->scale * local[i];
 }
@@ -186,7 +185,7 @@ static inline double lattice_number(uint64_t seed, int x, int y, int z) {
     return check_next(&random);
 }
 
-/* Random numbers on a lattice, with straight lines between them. */
+/* Random numbers on a lattice, linearly interpolated. */
 static inline double lattice_noise(uint64_t seed, const double p[3]) {
     const double x = floor(p[0]), y = floor(p[1]), z = floor(p[2]);
     double sum = 0;
@@ -248,8 +247,8 @@ static inline void draw_rotation(check_random *random, double rows[3][3]) {
     }
 }
 
-/* A box about a middle, cut into voxels that are `voxels` to a scene's width: cubes, but for long ones. A plate is
-   thin; long voxels are 4 to 10 times as long as wide, half of them under a gantry's tilt. */
+/* A box around a centre, cut into cubic voxels, `voxels` of which span the scene, except for long ones. A plate is
+   thin; long voxels are 4 to 10 times as long as wide, half of them sheared by a gantry's tilt. */
 static inline void place_volume(random_scene *x, int placement, double voxels, const double middle[3],
                                 sps_volume *volume) {
     check_random *random = &x->random;
@@ -293,7 +292,7 @@ static inline void fill_volume(random_scene *x, int n, int shape, int source, co
     if (source == SOURCE_RANGE) volume->range_fn = formula_range;
 }
 
-/* Length of a voxel's longest edge. */
+/* Length of the longest edge of a voxel. */
 static inline double voxel_edge(const sps_volume *volume) {
     double longest = 0;
     for (int a = 0; a < 3; ++a) longest = fmax(longest, spsi_length(volume->placement.axis[a]) / volume->size[a]);
@@ -306,12 +305,12 @@ static inline void draw_lobes(check_random *random, sps_lobe lobes[2]) {
     for (int i = 0; i < 2; ++i) lobes[i].weight = (float)draw(random, 0.2, 1);
 }
 
-/* Steps that lie where a field has its slopes, and colors that differ; the first is empty. */
+/* Steps at values where a field has slopes, with different colors; the first is empty. */
 static inline void draw_transfer(random_scene *x, int n, int kind, double extinction) {
     sps_volume *volume = &x->s.volume[n];
     sps_transfer *transfer = &x->transfers[n];
     volume->transfer = transfer;
-    volume->extinction = (float)extinction; /* does not count; the curve reads it */
+    volume->extinction = (float)extinction; /* not used by the library, but read by the curve */
     volume->shading = kind == VOLUME_SURFACE ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (one_in(&x->random, 2)) volume->specular = (float)draw(&x->random, 0, 0.6);
     if (kind == VOLUME_CURVE) {
@@ -328,7 +327,7 @@ static inline void draw_transfer(random_scene *x, int n, int kind, double extinc
     }
 }
 
-/* Optical depths of 0.02 to 0.4 a voxel: above that, a silhouette's fraction of a voxel is the documented limit. */
+/* Optical depths of 0.02 to 0.4 per voxel: above that, silhouettes shrink, which is a documented limit. */
 static inline void draw_looks(random_scene *x, int n, int kind) {
     check_random *random = &x->random;
     sps_volume *volume = &x->s.volume[n];
@@ -376,7 +375,7 @@ static inline void add_volumes(random_scene *x) {
 
 /* --- polygons, in the scene's own coordinates, which the mesh's placement takes to the world --- */
 
-/* The rectangle middle +- u +- v. */
+/* The rectangle centre +- u +- v. */
 static inline void add_rectangle(random_scene *x, double mx, double my, double mz, const double u[3],
                                  const double v[3]) {
     const double middle[3] = {mx, my, mz};
@@ -410,7 +409,7 @@ static inline void add_hall(random_scene *x) {
     add_rectangle(x, half, middle, 0, up, along_z);
 }
 
-/* A point of the unit sphere, as both position and normal. */
+/* A point on the unit sphere, as both position and normal. */
 static inline void set_ball_corner(sps_triangle *t, int corner, const double middle[3], double radius, double polar,
                                    double azimuth) {
     const double n[3] = {sin(polar) * cos(azimuth), cos(polar), sin(polar) * sin(azimuth)};
@@ -438,7 +437,7 @@ static inline void add_ball(random_scene *x) {
             }
 }
 
-/* Triangles at random places; slivers are long and a hundredth as wide. */
+/* Triangles at random places; slivers are a hundredth as wide as long. */
 static inline void add_soup(random_scene *x, int count, int slivers) {
     for (int n = 0; n < count; ++n) {
         double corners[3][3], along[3], across[3];
@@ -521,8 +520,8 @@ static inline void add_particles(random_scene *x) {
 
 /* --- camera --- */
 
-/* Rows 0, 1 and 3 of a camera's matrix are its own axes, and row 2 a depth of -1 at the eye (flat) or a unit before it;
-   it comes to 1 a hundred units further. */
+/* Rows 0, 1 and 3 of a camera's matrix are its axes. Row 2 has a depth of -1 at the eye (orthographic) or one unit in
+   front of it, and of 1 a hundred units farther. */
 static inline void set_matrix(random_scene *x, double half_height, int flat) {
     const sps_view *view = &x->s.view;
     const double aspect = (double)view->width / view->height;
@@ -544,11 +543,11 @@ static inline void set_matrix(random_scene *x, double half_height, int flat) {
     }
     if (flat) x->matrix[11] -= 1, x->matrix[15] = 1;
     check_matrix(&x->s.view.camera, x->matrix);
-    memset(x->s.view.camera.target, 0, sizeof x->s.view.camera.target); /* none of these count now */
+    memset(x->s.view.camera.target, 0, sizeof x->s.view.camera.target); /* none of these is used now */
     memset(x->s.view.camera.position, 0, sizeof x->s.view.camera.position);
 }
 
-/* Above a ground, and before a hall's open side; otherwise anywhere. */
+/* Above a ground, and in front of a hall's open side; otherwise anywhere. */
 static inline void draw_eye(random_scene *x) {
     const int mesh = x->levels[MESH];
     const double elevation = draw(&x->random, 0.1, 1.1);
@@ -558,7 +557,7 @@ static inline void draw_eye(random_scene *x) {
     check_set3(x->eye, cos(elevation) * sin(azimuth), sin(elevation), cos(elevation) * cos(azimuth));
 }
 
-/* Far enough that the scene, half of which is 0.6 units, fills the picture, or within it. */
+/* Far enough away that the scene, with a half width of 0.6 units, fills the picture, or inside it. */
 static inline void set_camera(random_scene *x) {
     const int kind = x->levels[CAMERA], flat = kind == CAMERA_FLAT || kind == CAMERA_FLAT_MATRIX;
     check_random *random = &x->random;
@@ -597,8 +596,8 @@ static inline void set_output(random_scene *x, int pixels) {
 
 /* --- lights --- */
 
-/* The way a light travels: with the eye's view (from behind the camera), across it, or against it; downwards where
-   there is a ground, as far as that can be had. */
+/* A light's direction: along the view (from behind the camera), across it, or against it; downwards if there is a
+   ground, as far as possible. */
 static inline void draw_travel(random_scene *x, int side, double out[3]) {
     const int below = x->levels[MESH] == MESH_GROUND || x->levels[MESH] == MESH_PLAIN || x->levels[MESH] == MESH_HALL;
     for (int attempt = 0; attempt < 200; ++attempt) {
@@ -699,18 +698,18 @@ static inline void free_scene(random_scene *x) { check_free_triangles(&x->triang
 
 /* ------------------------------------------------------------------------------------------------ comparing */
 
-/* A picture and what it was compared with. Packed: the region's rows one after the other. */
+/* A picture, or its reference. Packed: the region's rows one after the other. */
 typedef struct scene_picture {
     float rgba[4 * SCENE_PIXELS], depth[SCENE_PIXELS];
 } scene_picture;
 
-/* Root mean squares over the pixels that are judged, and the light's mean difference. */
+/* Root mean square errors over the pixels that are judged, and the mean difference of light. */
 typedef struct scene_error {
-    double light, bias;       /* as shares of the reference's mean */
+    double light, bias;       /* relative to the reference's mean */
     double coverage;          /* 0..1 */
-    double depth;             /* as a share of the distance, weighted by coverage; 0 where no depth was rendered */
+    double depth;             /* relative to the distance, weighted by coverage; 0 if no depth was rendered */
     double mean;              /* the reference's */
-    int pixels, edges, lamps; /* judged; left out at polygons' edges, and about lamps */
+    int pixels, edges, lamps; /* pixels judged; pixels skipped at polygons' edges, and around lamps */
 } scene_error;
 
 static inline int scene_width(const random_scene *x) {
@@ -720,7 +719,7 @@ static inline int scene_height(const random_scene *x) {
     return x->s.view.region[2] ? x->s.view.region[3] : x->s.view.height;
 }
 
-/* Renders (step 0) or marches, by the scene's way of asking for an image. */
+/* Renders (step 0) or marches, with the scene's kind of image. */
 static inline sps_result scene_render(sps_context *context, const random_scene *x, double step, scene_picture *out) {
     enum { MORE = 3 };
     static float rgba[4 * (SCENE_PIXELS + 64 * MORE)], depth[SCENE_PIXELS + 64 * MORE];
@@ -742,7 +741,7 @@ static inline sps_result scene_render(sps_context *context, const random_scene *
     return result;
 }
 
-/* sps_mesh.read_fn: the triangles of another mesh, each in a color that is its number. */
+/* sps_mesh.read_fn: the triangles of another mesh, each colored with its number. */
 static inline int read_numbered(void *user, size_t first, size_t count, sps_triangle *out) {
     const sps_mesh *mesh = (const sps_mesh *)user;
     const int failed = mesh->read_fn(mesh->user, first, count, out);
@@ -752,7 +751,7 @@ static inline int read_numbered(void *user, size_t first, size_t count, sps_tria
     return failed;
 }
 
-/* The number, from 1 on, of the triangle that each pixel shows, or 0. */
+/* The number, counted from 1, of the triangle visible at each pixel, or 0. */
 static inline sps_result scene_triangles(sps_context *context, const random_scene *x, double step, int *numbers) {
     static random_scene bare;
     static scene_picture picture;
@@ -774,8 +773,8 @@ static inline sps_result scene_triangles(sps_context *context, const random_scen
     return result;
 }
 
-/* Pixels whose ray passes a lamp at less than the reference's step h. On a ray at distance b the midpoint rule takes
-   the integral of 1 / (l^2 + b^2) wrong by a share of 2 exp(-2 pi b / h): 0.4 % from here on, and anything before. */
+/* Pixels whose ray passes a lamp at less than the reference's step h. On a ray at distance b, the midpoint rule has a
+   relative error of 2 exp(-2 pi b / h) in the integral of 1 / (l^2 + b^2): 0.4 % at b = h, and any error below. */
 static inline int near_lamp(const random_scene *x, const spsi_rays *eye, int pixel_x, int pixel_y, double h) {
     double origin[3], direction[3], offset[3];
     spsi_ray_point(eye, pixel_x, pixel_y, 0, origin);
@@ -790,7 +789,7 @@ static inline int near_lamp(const random_scene *x, const spsi_rays *eye, int pix
     return 0;
 }
 
-/* The reference's step, or more: it takes `step` of the shortest voxel edge, or less where there are particles. */
+/* An upper bound of the reference's step, which is `step` times the shortest voxel edge, or less with particles. */
 static inline double step_length(const random_scene *x, double step) {
     double shortest = x->scale / x->voxels;
     for (int i = 0; i < x->s.scene.volume_count; ++i)
@@ -799,8 +798,8 @@ static inline double step_length(const random_scene *x, double step) {
     return step * shortest;
 }
 
-/* Marks the pixels that are judged. Those are left out which show another triangle than the reference's, since the
-   ray passes an edge within rounding (test_polygons looks at these), and those about lamps. */
+/* Marks the pixels that are judged. Those that show a different triangle than the reference are skipped, since their
+   ray passes an edge within round-off (test_polygons covers these), and so are those around lamps. */
 static inline sps_result judge_pixels(sps_context *context, const random_scene *x, double step, unsigned char *judged,
                                       scene_error *error) {
     static int mine[SCENE_PIXELS], exact[SCENE_PIXELS];
@@ -860,22 +859,22 @@ static inline void compare_pictures(const random_scene *x, const scene_picture *
 
 /* Medium and high quality against the reference. */
 typedef struct scene_report {
-    sps_result result; /* of rendering; what is below counts where it is SPS_OK */
+    sps_result result; /* of rendering; the fields below are valid if it is SPS_OK */
     scene_error medium, high;
-    double step, own; /* the reference's, and what its error changed by when the step was last halved; 0: it was not */
+    double step, own; /* of the reference; change of its error when the step was last halved, 0 if it was not */
 } scene_report;
 
-/* Light: 3 % of the reference's mean at medium, or what halves from medium to high and so converges. Coverage:
-   medium ends rays at a transmittance of 0.003, and what is cut from kernels ripples by 0.004, so that transmittance
-   is off by 0.004 tau exp(-tau), 0.0015 at most, and more where kernels are cut at silhouettes. Distances follow, or
-   halve: a slab tells not where in it a particle begins, which is much of the distance to one about the eye. */
+/* Light: 3 % of the reference's mean at medium, or an error that halves from medium to high and so converges. Coverage:
+   medium ends rays at a transmittance of 0.003, and cut kernels ripple by 0.004, so that transmittance is off by
+   0.004 tau exp(-tau), at most 0.0015, and more where kernels are cut at silhouettes. Distances follow, or halve: a
+   slab does not resolve where in it a particle begins, which matters for a particle around the eye. */
 #define SCENE_BOUND    0.03
 #define SCENE_COVERAGE 0.01
 
-/* The darkest grey of a display that is not black is 1 / 255 / 12.92: what is darker on average is not judged. */
+/* The darkest grey of a display is 1 / 255 / 12.92: scenes that are darker on average are not judged. */
 #define SCENE_DARK 3e-4
 
-/* Whether there is something to judge, and not most of it too near a lamp for the reference. */
+/* Whether there is something to judge, most of it not too near a lamp for the reference. */
 static inline int scene_shown(const scene_report *r) {
     return r->result == SPS_OK && r->high.mean >= SCENE_DARK && 4 * r->high.lamps <= r->high.pixels;
 }
@@ -886,8 +885,8 @@ static inline int scene_good(const scene_report *r) {
            (r->medium.depth <= SCENE_COVERAGE || r->high.depth <= 0.5 * r->medium.depth);
 }
 
-/* Compares both pictures with the reference. With `refine`, its step is halved where a scene does not come out well,
-   until that changes the reference by less than a tenth of the error at high quality: it may be the one that is off. */
+/* Compares both pictures with the reference. With `refine`, the reference's step is halved if a scene fails, until that
+   changes the reference by less than a tenth of the error at high quality: it may be the reference that is off. */
 static inline void compare_with_reference(sps_context *context, const random_scene *x, const scene_picture *medium,
                                           const scene_picture *high, int refine, scene_report *report) {
     static scene_picture exact, coarser;

@@ -1,6 +1,6 @@
-/* examples/shaders/transmittance_map.glsl, or .hlsl, compiled as C++ and run on the CPU: what these languages have and
-   C++ has not, each under its own name, so that the files are included to the letter, bindings too. This is the one
-   place of the tests that is not C. SAMPLING_HLSL chooses HLSL. */
+/* examples/shaders/transmittance_map.glsl, or .hlsl, compiled as C++ and run on the CPU: defines the types and
+   functions of these languages that C++ lacks, so that the files are included unchanged, bindings too. This is the only
+   part of the tests that is not C. SAMPLING_HLSL selects HLSL. */
 
 #ifndef SHADING_LANGUAGES_H
 #define SHADING_LANGUAGES_H
@@ -24,7 +24,7 @@ typedef vec2 float2;
 typedef vec3 float3;
 typedef vec4 float4;
 
-/* No more than these languages have: of integers nothing but clamp is in use. */
+/* No more than these languages have: for integers, only clamp is used. */
 inline float min(float a, float b) { return ::fminf(a, b); }
 inline float max(float a, float b) { return ::fmaxf(a, b); }
 inline float abs(float x) { return ::fabsf(x); }
@@ -59,7 +59,7 @@ inline void bind(const float *texels, const float *surfaces, const float *planes
 
 inline float mix(float a, float b, float t) { return a + t * (b - a); }
 
-/* A block's members have the scope of the file, an array without a size is a pointer to one. */
+/* A block's members have file scope; an unsized array is a pointer. */
 #define layout(...)
 #define readonly
 #define buffer        inline namespace
@@ -87,7 +87,7 @@ inline void bind(const float *texels, const float *surfaces, const float *planes
 
 } // namespace shading
 
-/* From here on these are C's again. */
+/* From here on these names are C's again. */
 #undef fminf
 #undef fmaxf
 #undef fabsf

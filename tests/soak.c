@@ -8,8 +8,8 @@
 
 #include "measuring.h"
 
-/* Scenes that may fail, and why: thirteen of a thousand. The mean squares of a shadow's edge fall with a texel, not
-   with its square, so that errors halve in two qualities instead of one. */
+/* Scenes that may fail, and why: thirteen of a thousand. The mean square error of a shadow's edge is proportional to
+   the texel, not to its square, so that errors halve in two qualities instead of one. */
 #define EDGES "edges of shadows in dark gas: a texel's halving takes a root of 2 off"
 #define LAMP  "a lamp's surroundings, tens of times as bright as the mean, of which 1 or 2 % are missing"
 #define EVEN  "a surface's normals where values are even: the ripple of cut kernels"
@@ -29,14 +29,14 @@ static const struct {
 
 enum { WORST = 10, CUT = 4, QUICK = 20 }; /* CUT: pixels at polygons' edges that may be left out */
 
-/* Those of seed 1 that are looked at where no COUNT is said: all kinds of things, none of which takes long. */
+/* Scenes of seed 1 that run without COUNT: a varied choice, none of which takes long. */
 static const int quick[QUICK] = {0, 2, 7, 62, 13, 19, 23, 29, 31, 37, 39, 45, 49, 52, 58, 78, 83, 91, 107, 116};
 
 typedef struct outcome {
     long number;
     int levels[FEATURES];
     scene_report report;
-    double seconds; /* of all workers */
+    double seconds; /* by all workers */
 } outcome;
 
 typedef struct soak {
@@ -56,7 +56,7 @@ static void print_outcome(const soak *s, const outcome *o) {
     fflush(stdout);
 }
 
-/* Keeps the worst, worst first. */
+/* Keeps the worst scenes, worst first. */
 static void rank(soak *s, const outcome *o) {
     int at = s->worst_count;
     while (at > 0 && s->worst[at - 1].report.medium.light < o->report.medium.light) --at;
@@ -72,7 +72,7 @@ static const char *excuse(uint64_t seed, long number) {
     return NULL;
 }
 
-/* Levels that go together, each as likely as the others; but few scenes are without a light. */
+/* Compatible levels, each as likely as the others; but few scenes are without a light. */
 static void draw_levels(check_random *random, int levels[FEATURES]) {
     int good;
     do {

@@ -1,5 +1,5 @@
-/* sps_grid and sps_indexed_mesh: what the library reads from arrays in the caller's memory is what they hold, and what
-   they cannot hold is an error. Expected values are written here anew, by doubles and by ldexp. */
+/* sps_grid and sps_indexed_mesh: the library reads the values that arrays in the caller's memory hold, and invalid
+   arrays are errors. Expected values are computed independently here, with doubles and ldexp. */
 
 #include "check.h"
 
@@ -7,7 +7,7 @@ enum { NX = 7, NY = 5, NZ = 4, VOXELS = NX * NY * NZ };
 
 /* ------------------------------------------------------------------------------------------------------------ grids */
 
-/* A half by its definition. */
+/* A half-precision number by its definition. */
 static double half_value(unsigned half) {
     const int exponent = (int)(half >> 10 & 31), fraction = (int)(half & 1023);
     const double sign = half >> 15 ? -1 : 1;
@@ -15,7 +15,7 @@ static double half_value(unsigned half) {
     return sign * (exponent ? ldexp(1024 + fraction, exponent - 25) : ldexp(fraction, -24));
 }
 
-/* What grids of each format hold at a voxel: no two alike, bytes apart. */
+/* The stored value of a voxel in each format: all different, except for bytes. */
 static double stored(sps_voxel_format format, int x, int y, int z) {
     const int n = (z * NY + y) * NX + x;
     if (format == SPS_VOXEL_U8) return n;
@@ -58,8 +58,8 @@ static void fill(sps_grid *grid, sps_voxel_format format, int layout, char *buff
     if (layout > 0) memcpy(grid->stride, stride, sizeof stride);
 }
 
-/* Blocks of any place and size, of any format and layout, scaled or not: values within a float's rounding of each of
-   two operations, and bounds that are those of the values, exactly. */
+/* Blocks of any position and size, of any format and layout, scaled or not: values within the float round-off of two
+   operations, and bounds that are exactly those of the values. */
 static void test_grids(void) {
     static char buffer[16 * VOXELS];
     check_random random = {11};
@@ -91,7 +91,7 @@ static void test_grids(void) {
     }
 }
 
-/* All 65536 halves: normal and subnormal, infinite, and none. */
+/* All 65536 half-precision numbers: normal, subnormal, infinite and NaN. */
 static void test_halves(void) {
     static uint16_t halves[65536];
     static float values[65536];
@@ -108,10 +108,10 @@ static void test_halves(void) {
     }
 }
 
-/* Blocks that hold what is no density have no bounds: then reading them will tell. */
+/* Blocks with invalid values have no bounds: reading them reports the error. */
 static void test_invalid_values(void) {
     static const float bad[4] = {NAN, INFINITY, -1, 2e18f};
-    const int lo[3] = {0, 0, 0}, size[3] = {40, 1, 1}; /* more than a part of a row that is looked at in one go */
+    const int lo[3] = {0, 0, 0}, size[3] = {40, 1, 1}; /* longer than the part of a row that is processed at a time */
     for (int n = 0; n < 5; ++n) {
         float list[40], range[2];
         sps_grid grid;
@@ -125,7 +125,7 @@ static void test_invalid_values(void) {
     }
 }
 
-/* Each field that is wrong makes both callbacks fail, with a number that says how, and leaves the block alone. */
+/* Each invalid field makes both callbacks fail with the documented number, and leaves the block untouched. */
 static void test_bad_grids(void) {
     static char buffer[16 * VOXELS];
     for (int n = 0; n < 16; ++n) {
@@ -155,7 +155,7 @@ static void test_bad_grids(void) {
     }
 }
 
-/* The same picture, bit for bit, by a grid and by a callback of one's own; empty blocks are passed over. */
+/* The same picture, bit for bit, by a grid and by a callback of the test; empty blocks are skipped. */
 static void test_volume_of_grid(void) {
     enum { SIDE = 12, EDGE = 70 };
     static float voxels[EDGE * EDGE * EDGE], images[2][4 * SIDE * SIDE];
@@ -186,7 +186,7 @@ static void test_volume_of_grid(void) {
         check_add_directional(&s, 1, -1, -1, 3);
         check_render(context, &s, images[i]);
         sps_get_stats(context, &stats[i]);
-        if (i) { /* larger than the grid: it says so */
+        if (i) { /* larger than the grid: an error */
             sps_image image;
             memset(&image, 0, sizeof image);
             image.rgba = images[1];
@@ -222,7 +222,7 @@ static int corner(int triangle, int k, int indexed) {
     return indexed ? (triangle * 5 + k * 3) % VERTICES : 3 * triangle + k;
 }
 
-/* Vertices among other things and apart, with both kinds of indices and none, at odd addresses, in any batches. */
+/* Interleaved and separate vertices, with both kinds of indices and none, unaligned, in any batches. */
 static void test_indexed(void) {
     static const size_t batches[3] = {TRIANGLES, 1, 3};
     for (int n = 0; n < 3 * 2 * 3; ++n) {
@@ -299,8 +299,8 @@ static void test_bad_meshes(void) {
     }
 }
 
-/* The library reads a mesh of these as one of its own: a quad of two triangles and four vertices, in the middle of
-   which a pixel is as bright as it should be; an index beyond them fails the call. */
+/* The library renders an indexed mesh: a quad of two triangles and four vertices, with a pixel of the right brightness
+   in its middle; an index beyond them fails the call. */
 static void test_mesh_of_arrays(void) {
     static const float corners[12] = {-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0};
     uint16_t indices[6] = {0, 1, 2, 0, 2, 3};

@@ -1,6 +1,6 @@
-/* What holds whatever the picture: failures of every hook leave nothing behind, memory stays within the plan, and the
-   same scene gives the same bits for any number of workers, any region, any context and any order of calls. And what
-   the command line, build/render, says to its user. */
+/* Properties of every picture: failures of any hook leak nothing, memory stays within the plan, and the same scene has
+   the same bits for any number of workers, any region, any context and any order of calls. Also the messages of the
+   command line, build/render. */
 
 #include "check.h"
 #include "command_line.h"
@@ -10,13 +10,14 @@
 
 /* ------------------------------------------------------------------------------------ a scene that uses everything */
 
-enum { WIDTH = 75, HEIGHT = 71, PIXELS = WIDTH * HEIGHT, FLOATS = 5 * PIXELS }; /* odd, and 2 x 2 tiles */
-enum { SMALL_WIDTH = 21, SMALL_HEIGHT = 13 }; /* where a scene is rendered hundreds of times */
+enum { WIDTH = 75, HEIGHT = 71, PIXELS = WIDTH * HEIGHT, FLOATS = 5 * PIXELS }; /* odd, with 2 x 2 tiles */
+enum { SMALL_WIDTH = 21, SMALL_HEIGHT = 13 }; /* for scenes that are rendered hundreds of times */
 
 typedef enum called { RANGE, READ, EVAL, TRIANGLES, BACKGROUND, TRANSFER, CALLED_COUNT } called;
 
 /* A gas by read_fn and range_fn, a classified volume by eval_fn and a transfer callback, a mesh, a background callback,
-   a light with the eye and one against it, so that both compositing orders run. Counts its callbacks, and fails one. */
+   a light along the view and one against it, so that both compositing orders run. Counts its callbacks, and fails one.
+ */
 typedef struct mixed {
     check_scene s;
     sps_transfer transfer;
@@ -49,7 +50,7 @@ static int mixed_read(void *user, const int lo[3], const int size[3], float *out
     return called_now((mixed *)user, READ);
 }
 
-/* A blob off the middle. */
+/* An off-centre blob. */
 static int mixed_eval(void *user, size_t count, const double *p, float *out) {
     for (size_t i = 0; i < count; ++i, p += 3)
         out[i] = (float)exp(-6 * ((p[0] - 0.2) * (p[0] - 0.2) + p[1] * p[1] + (p[2] + 0.1) * (p[2] + 0.1)));
@@ -134,7 +135,7 @@ static void mixed_build_small(mixed *m) {
 
 static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
 
-/* The calls that tests repeat. A plan has no image; its report's bytes stand for it. */
+/* The calls that tests repeat. A plan has no image; the bytes of its report take its place. */
 typedef enum kind { RENDER, REFERENCE, PLAN, KINDS } kind;
 static const char *const kind_names[KINDS] = {"render", "reference", "plan"};
 
@@ -164,7 +165,7 @@ static int untouched(const float *pixels) {
 
 static int same(const float *a, const float *b) { return memcmp(a, b, FLOATS * sizeof(float)) == 0; }
 
-/* What a fresh context with no hooks gives. */
+/* The result of a fresh context without hooks. */
 static void run_fresh(const mixed *m, kind which, float *pixels) {
     sps_context *context = check_context(NULL);
     fill(pixels);
@@ -180,8 +181,9 @@ static size_t bytes_held(const sps_context *context) {
 
 /* ---------------------------------------------------------------------------------------------- failures */
 
-/* The one case of all failure tests: the call gives `expected`, the image stays, and with the cause gone (by `mend`)
-   the next call gives the fresh bits; the hooks then hold nothing. Gives 0 where the call did not fail. */
+/* The common part of all failure tests: the call returns `expected`, the image is untouched, and once `mend` has
+   removed the cause, the next call has the fresh bits; the hooks then hold nothing. Returns 0 if the call did not fail.
+ */
 typedef struct failure {
     mixed *m;
     kind which;
@@ -234,7 +236,7 @@ static void test_every_allocation(mixed *m, kind which, long least) {
     if (!CHECK(n - 1 >= least)) printf("    %s allocates %ld times only\n", kind_names[which], n - 1);
 }
 
-/* The same once the context has rendered something smaller, so that buffers grow and the list of bricks moves. */
+/* The same after the context has rendered something smaller, so that buffers grow and the list of bricks moves. */
 static void test_growing_allocations(mixed *m) {
     long n;
     run_fresh(m, RENDER, pixels_fresh);
@@ -326,7 +328,7 @@ static void test_progress(mixed *m, kind which) {
     sps_destroy(context);
 }
 
-/* A failure of each kind, one after the other in one context, each told by one message. */
+/* A failure of each kind, one after another in one context, each with one message. */
 static void count_messages(void *user, const char *text) {
     *(long *)user += text[0] != 0 && strchr(text, '\n') == NULL;
 }
@@ -353,7 +355,7 @@ static void test_messages(mixed *m) {
 
 /* ------------------------------------------------------------------------------------------------ memory */
 
-/* Allocator's peak and planned bytes for one scene in a fresh context. */
+/* The allocator's peak and the planned bytes of one scene in a fresh context. */
 static void measure(const mixed *m, int workers, size_t *planned, size_t *peak) {
     sps_plan_report report;
     sps_stats_report stats;
@@ -398,7 +400,7 @@ static void test_memory_limit(const mixed *m) {
     }
 }
 
-/* At exactly the planned bytes, and with less than the context itself takes. */
+/* A limit of exactly the planned bytes, and one of less than the context itself needs. */
 static void test_memory_exact(const mixed *m) {
     size_t planned, peak;
     check_hooks hooks;
@@ -415,7 +417,7 @@ static void test_memory_exact(const mixed *m) {
     sps_destroy(context);
 }
 
-/* One change to the scene each; returns 0 when there are no more. */
+/* Makes change number n to the scene; returns 0 if there are no more. */
 static int vary(mixed *m, int variant) {
     sps_view *view = &m->s.view;
     switch (variant) {
@@ -459,14 +461,14 @@ static void test_planned_bytes(void) {
             if (!CHECK(peak <= planned))
                 printf("    variant %d, %d workers: peak %.0f, planned %.0f\n", variant, workers, (double)peak,
                        (double)planned);
-            if (!CHECK(planned < 6 * peak + 200000)) /* and the bound is of use */
+            if (!CHECK(planned < 6 * peak + 200000)) /* the bound is useful */
                 printf("    variant %d, %d workers: peak %.0f, planned %.0f\n", variant, workers, (double)peak,
                        (double)planned);
             mixed_free(&m);
         }
 }
 
-/* One context through all scenes in turn: each call's plan bounds what is held, and the images are the fresh ones. */
+/* One context for all scenes in turn: each call's plan bounds the memory held, and the images are the fresh ones. */
 static void test_context_reused(void) {
     sps_context *context = check_context(NULL);
     for (int variant = 0;; ++variant) {
@@ -504,7 +506,7 @@ static void *thread_main(void *user) {
     return NULL;
 }
 
-/* Threads that really run at once, made for each loop. */
+/* Threads that really run in parallel, created for each loop. */
 static void thread_parallel_for(void *user, int count, sps_task_fn task, void *task_data) {
     const int workers = *(const int *)user;
     pthread_t threads[16];
@@ -555,7 +557,7 @@ static void test_real_threads(const mixed *m) {
     }
 }
 
-/* Counts do not depend on workers either. */
+/* Statistics do not depend on workers either. */
 static void test_same_counts(const mixed *m) {
     sps_stats_report one, seven;
     for (int pass = 0; pass < 2; ++pass) {
@@ -577,8 +579,8 @@ static void test_same_counts(const mixed *m) {
     CHECK(one.tiles_finished == seven.tiles_finished);
 }
 
-/* A region, written into its place in a buffer of the whole image's width, equals the whole there and leaves the rest
-   of the buffer alone. */
+/* A region, written to its place in a buffer of the whole image's width, equals the whole image there and leaves the
+   rest of the buffer untouched. */
 static void check_region(const mixed *m, const int region[4], const float *whole, const char *what) {
     const int at = region[1] * WIDTH + region[0];
     sps_context *context = check_context(NULL);
@@ -627,7 +629,7 @@ static void test_regions(void) {
     }
 }
 
-/* Two contexts in turn, and in two threads. */
+/* Two contexts, alternating and in two threads. */
 typedef struct twin {
     mixed m;
     sps_context *context;
@@ -666,9 +668,9 @@ static void test_two_contexts(void) {
     }
 }
 
-/* ---------------------------------------------------------------------------------------- voxels that are kept */
+/* ------------------------------------------------------------------------------------------------ kept voxels */
 
-/* Renders in the shared context, and says whether voxels were read; the image must be that of a fresh context. */
+/* Renders in the shared context, and returns whether voxels were read; the image must be that of a fresh context. */
 static int renders_reading(sps_context *context, const mixed *m, int line) {
     sps_stats_report stats;
     fill(pixels_after);
@@ -682,7 +684,7 @@ static int renders_reading(sps_context *context, const mixed *m, int line) {
 
 #define RENDERS_READING(context, m) renders_reading((context), (m), __LINE__)
 
-/* The small scene with voxels that may be kept (revision 0: they may not), and the context that is to keep them. */
+/* The small scene with voxels that may be kept (revision 0: must not), and the context that should keep them. */
 static sps_context *keeping_build(mixed *m, uint64_t revision) {
     mixed_build_small(m);
     m->s.volume[0].revision = m->s.volume[1].revision = revision;
@@ -715,14 +717,14 @@ static void test_revision(void) {
     keeping_free(&m, context);
 }
 
-/* What may change without reading again, and what may not: in either case the image is the fresh one. */
+/* Changes that do not need voxels to be read again, and changes that do: in either case the image is the fresh one. */
 static void test_revision_and_looks(void) {
     mixed m;
     sps_context *context = keeping_build(&m, 1);
     CHECK(RENDERS_READING(context, &m));
     m.s.view.camera.position[0] = -0.7;
     m.s.volume[0].extinction = 0.3f;
-    m.s.volume[0].placement.origin[1] = -0.7; /* read_fn knows nothing of placement */
+    m.s.volume[0].placement.origin[1] = -0.7; /* read_fn does not depend on the placement */
     m.s.light[0].direction[0] = 0.1;
     CHECK(!RENDERS_READING(context, &m));
     m.s.volume[1].placement.origin[1] = -0.9; /* eval_fn does */
@@ -734,8 +736,8 @@ static void test_revision_and_looks(void) {
     keeping_free(&m, context);
 }
 
-/* Transfer functions given by points: the same shape stretched over twice the values shows fewer voxels or more,
-   although the share of the table that shows is the same. */
+/* Transfer functions by points: the same shape stretched over twice the range of values shows fewer or more voxels,
+   although the same entries of the table have extinction. */
 static void test_revision_and_points(void) {
     static const sps_transfer_point narrow[] = {{0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 9}};
     static const sps_transfer_point wide[] = {{0.4f, {1, 1, 1}, 0}, {0.8f, {1, 1, 1}, 9}};
@@ -772,14 +774,14 @@ static void test_revision_and_kind(void) {
     keeping_free(&m, context);
 }
 
-/* A call that fails half-way through the voxels leaves none behind that would be taken for good. */
+/* A call that fails half-way through the voxels leaves none behind that would be reused. */
 static void test_revision_and_failure(void) {
     mixed m;
     sps_context *context = keeping_build(&m, 1);
     CHECK(RENDERS_READING(context, &m));
     m.s.volume[0].revision = 2;
     m.calls = 0;
-    m.fail_at = 36; /* past the transfer function's table: among the layers of the second volume */
+    m.fail_at = 36; /* beyond the calls for the transfer function's table: among the layers of the second volume */
     CHECK(run(context, &m, RENDER, pixels_after) == SPS_ERROR_CALLBACK);
     m.fail_at = 0;
     m.s.volume[0].revision = 1;
@@ -821,18 +823,18 @@ static void test_null_arguments(const mixed *m) {
     sps_destroy(context);
 }
 
-static sps_error_info refusal; /* of the last config that was refused; SPS_OK where none was */
+static sps_error_info refusal; /* of the last config that was refused; SPS_OK if none was */
 
 static int refused(const sps_config *config) {
     sps_context *context = sps_create(config, &refusal);
-    sps_context *again = sps_create(config, NULL); /* nobody has to know why */
+    sps_context *again = sps_create(config, NULL); /* `why` is optional */
     CHECK((context == NULL) == (again == NULL) && (context == NULL) == (refusal.result != SPS_OK));
     sps_destroy(again);
     sps_destroy(context);
     return context == NULL;
 }
 
-/* Whether the last config was refused for a field of that value. */
+/* Whether the last config was refused because of this field and value. */
 static int refused_for(sps_result result, const char *field, double value) {
     char start[64];
     snprintf(start, sizeof start, "config.%s is ", field);
@@ -860,7 +862,7 @@ static void test_configs(void) {
     CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "worker_count", -1));
     config.worker_count = 1025;
     CHECK(refused(&config) && refused_for(SPS_ERROR_ARGUMENT, "worker_count", 1025));
-    config.worker_count = 1024; /* without parallel_for_fn it means nothing */
+    config.worker_count = 1024; /* unused without parallel_for_fn */
     CHECK(!refused(&config));
     config.memory_limit = sizeof(sps_context) - 1;
     CHECK(refused(&config) && refused_for(SPS_ERROR_MEMORY, "memory_limit", (double)(sizeof(sps_context) - 1)));
@@ -904,7 +906,7 @@ static void test_clock(const mixed *m) {
     sps_destroy(context);
 }
 
-/* What runs and counts tasks. Its clock goes on by `step` each time that it is asked. */
+/* Runs and counts tasks. Its clock advances by `step` each time that it is read. */
 typedef struct task_count {
     double now, step;
     int ran[3000], wrong;
@@ -929,22 +931,22 @@ static void count_task(void *data, int index, int worker) {
     t->wrong += worker != 3;
 }
 
-/* The last first, all by the worker of number 3. */
+/* In reverse order, all by worker 3. */
 static void backwards(void *user, int count, sps_task_fn task, void *data) {
     (void)user;
     while (count-- > 0) task(data, count, 3);
 }
 
-/* Every third task alone. */
+/* Every third task only. */
 static void a_third(void *user, int count, sps_task_fn task, void *data) {
     (void)user;
     for (int i = 0; i < count; i += 3) task(data, i, 3);
 }
 
-/* Each task is run once, whatever the clock does; and progress is told once 0.01 s have gone by. A clock that goes on
-   by 0.0011 s lets 9 tasks begin in between, and two rounds of any kind in a row do at least one task. Without a clock
-   there are 4 tasks per worker to a round, and without progress_fn no rounds but for each 1024 tasks. What
-   parallel_for_fn leaves out is done all the same. */
+/* Each task is run once, whatever the clock does; and progress is reported once 0.01 s have passed. A clock that
+   advances by 0.0011 s lets 9 tasks begin in between, and any two rounds in a row do at least one task. Without a clock
+   a round has 4 tasks per worker, and without progress_fn 1024 tasks. Tasks that parallel_for_fn leaves out are run all
+   the same. */
 static void test_rounds_of_tasks(void) {
     static const double steps[] = {0, 1e-9, 0.0011, 0.5, HUGE_VAL, NAN};
     for (int counts = 1; counts <= 3000; counts = counts * 3 + 7)
@@ -972,7 +974,7 @@ static void test_rounds_of_tasks(void) {
         }
 }
 
-/* The quick start in the header, without its indentation, is examples/hello.c, and so is that in the README. */
+/* The quick start in the header, without its indentation, equals examples/hello.c, and so does that in the README. */
 static void test_quick_start(void) {
     char *header = read_text("splatshadow.h"), *hello = read_text("examples/hello.c"), *readme = read_text("README.md");
     const char *line = header ? strstr(header, "QUICK START") : NULL;
@@ -994,7 +996,7 @@ static void test_quick_start(void) {
         CHECK(lines > 10 && lines <= 30);
         CHECK(strstr(readme, hello) != NULL);
         for (line = strstr(hello, "\n    sps_"); line; line = strstr(line + 1, "\n    sps_")) {
-            const char *fields = strstr(line, " = {"); /* have names there */
+            const char *fields = strstr(line, " = {"); /* by name there */
             CHECK(!fields || fields > strchr(line + 1, '\n') || fields[4] == '.');
         }
     }
@@ -1005,8 +1007,8 @@ static void test_quick_start(void) {
 
 /* -------------------------------------------------------------------------------------------- the command line */
 
-#define SMALL  "--width 5 --height 4 "                /* what most of these tests are content with */
-#define VOLUME "--volume two.raw --size 2,2,2 " SMALL /* the same with something to see */
+#define SMALL  "--width 5 --height 4 "                /* sufficient for most of these tests */
+#define VOLUME "--volume two.raw --size 2,2,2 " SMALL /* the same with something visible */
 
 static void test_full_disk(void) {
     static const complaint full[] = {{VOLUME "--out /dev/full", 2, "/dev/full: "},
@@ -1026,7 +1028,7 @@ static void test_full_disk(void) {
     CHECK_COMPLAINTS(full);
 }
 
-/* All four files at once, each of the size that it has to be. */
+/* All four files at once, each of its expected size. */
 static void test_files_written(void) {
     static const complaint all[] = {
         {VOLUME "--out a.png --pfm a.pfm --alpha-pfm b.pfm --stats a.json", 0, NULL},
@@ -1040,7 +1042,7 @@ static void test_files_written(void) {
     CHECK(read_file("a.json", text, sizeof text) > 60 && text[0] == '{' && strstr(text, "\"version\": 300\n}\n"));
 }
 
-/* Renders with the options in turn from `first` on, or backwards (step -1); tells whether that picture comes out. */
+/* Renders with the options in order from `first` on, or in reverse (step -1); returns whether this is that picture. */
 static int same_picture(const char *const *list, int count, int first, int step, const char *same) {
     char options[1000] = "", picture[400];
     outcome got;
@@ -1056,7 +1058,7 @@ static int same_picture(const char *const *list, int count, int first, int step,
     return 0;
 }
 
-/* Two lights stay in their order: a sum of floats depends on it. */
+/* Two lights keep their order: a sum of floats depends on it. */
 static void test_any_order(void) {
     static const char *const list[] = {"--volume two.raw",
                                        "--size 2,2,2",
@@ -1098,7 +1100,7 @@ static void test_any_order(void) {
     }
 }
 
-/* Options before the first volume are the first's, the others' follow theirs; the same for meshes. */
+/* Options before the first volume apply to the first, others to the volume that they follow; the same for meshes. */
 static void test_owners(void) {
     static const complaint owners[] = {
         {"--size 2,2,2 --volume two.raw --volume two.raw --size 2,2,2 --plan >plan", 0, NULL},
@@ -1111,7 +1113,7 @@ static void test_owners(void) {
     CHECK_COMPLAINTS(owners);
 }
 
-/* A look stands for its lines: the same picture, with a mesh that lies beside it; what comes later counts instead. */
+/* A look is equivalent to its lines: the same picture, with a mesh that lies beside it; later options override it. */
 static void test_looks(void) {
     static const complaint good[] = {
         {SMALL "--volume two.raw --size 2,2,2 --transfer look.txt --shading surface --mesh corner.obj "
@@ -1169,7 +1171,7 @@ static void test_looks(void) {
     CHECK(read_file("narrow.pfm", look, sizeof look) == 12 + 4 * 3 * 20);
 }
 
-/* What cannot both be meant. */
+/* Contradictory options. */
 static void test_exclusions(void) {
     static const complaint both[] = {
         {SMALL "--fov 30 --ortho 2 --out a.png", 2, "--fov (perspective) and --ortho (orthographic) exclude"},
@@ -1186,7 +1188,7 @@ static void test_exclusions(void) {
     CHECK_COMPLAINTS(both);
 }
 
-/* Each line names the option, and the number that is wrong. */
+/* Each line names the option and the invalid number. */
 static void test_bad_values(void) {
     static const complaint bad[] = {
         {"--bogus", 2, "unknown option '--bogus'"},
@@ -1232,7 +1234,7 @@ static void test_bad_values(void) {
     CHECK_COMPLAINTS(bad);
 }
 
-/* Two balls, soft and by their extinction: the picture is there, and the statistics know them. */
+/* Two balls, soft and by extinction: there is a picture, and the statistics count them. */
 static void test_particles_option(void) {
     static const complaint all[] = {
         {"--particle-soft --particles balls.f32 --particle-phase 0.5 --particle-emission 1,0,0 --particle-extinction "
@@ -1254,8 +1256,8 @@ static void test_particles_option(void) {
     CHECK(middle > 0.9f && middle <= 1); /* three times 4/3 of a unit, at least */
 }
 
-/* Every kind of shadow makes a picture, each one its own, and so does every way to read a map; what is said about a map
-   must be about the one that there is. */
+/* Every kind of shadow makes a picture of its own, and so does every way to read a map; options for a map must fit the
+   kind of map. */
 static void test_shadow_option(void) {
     enum { KINDS = 16 };
     static const char *const kinds[KINDS] = {"sheets",
@@ -1306,7 +1308,7 @@ static void test_shadow_option(void) {
     CHECK_COMPLAINTS(all);
 }
 
-/* What only the library can tell is told by the option's name. */
+/* Errors that only the library detects name the option. */
 static void test_library_errors(void) {
     static const complaint library[] = {
         {VOLUME "--slab 1e-6 --out a.png", 2, "--slab: view.slab is 1e-06; it makes more than 2^20 slabs"},
@@ -1328,7 +1330,7 @@ static void test_library_errors(void) {
     CHECK_COMPLAINTS(library);
 }
 
-/* Lines that name the file and the line in it, with nothing that a terminal would act on. */
+/* Errors name the file and the line in it, without control characters. */
 static void test_bad_files(void) {
     static const complaint bad[] = {
         {"--mesh far.obj --plan", 2, "far.obj:2: a number that is not within 1e15: 'v 1e30 0 0'"},
@@ -1378,7 +1380,7 @@ static void test_bad_files(void) {
     CHECK(strlen(run_render(VOLUME "--transfer long.txt --plan").said) < 160);
 }
 
-/* What is read is not written over, and no file is written twice. */
+/* Input files are not overwritten, and no file is written twice. */
 static void test_precious_files(void) {
     static const complaint slips[] = {
         {"--mesh corner.obj " SMALL "--out corner.obj", 2, "--out corner.obj is a file that --mesh reads"},
@@ -1396,7 +1398,7 @@ static void test_precious_files(void) {
     CHECK_COMPLAINTS(slips);
 }
 
-/* Every option is in the help, with the words of the rest of the world. */
+/* Every option is in the help, by its usual name. */
 static void test_help(void) {
     static const char *const words[] = {"--look FILE",
                                         "--volume FILE",
@@ -1528,7 +1530,7 @@ enum { STACK = 128 * 1024, UNTOUCHED = 0xa5 };
 
 typedef struct deepest {
     unsigned char *stack;
-    size_t most; /* bytes that a task's thread has touched */
+    size_t most; /* bytes touched by a task's thread */
 } deepest;
 
 static void *one_task_main(void *user) {
@@ -1537,7 +1539,8 @@ static void *one_task_main(void *user) {
     return NULL;
 }
 
-/* Each task in a thread of its own, whose stack was painted before: what is still painted was not touched. */
+/* Runs each task in a thread of its own, whose stack was painted before: bytes that are still painted were not
+   touched. */
 static void parallel_on_painted(void *user, int count, sps_task_fn task, void *task_data) {
     deepest *d = (deepest *)user;
     for (int i = 0; i < count; ++i) {
@@ -1556,8 +1559,8 @@ static void parallel_on_painted(void *user, int count, sps_task_fn task, void *t
     }
 }
 
-/* Tasks take no more stack than the header says, whatever gas shades by; what a thread takes by itself is not theirs.
- */
+/* Tasks use no more stack than the header says, for any kind of shadow of gas; a thread's own use of stack is
+   subtracted. */
 static void test_stack(mixed *m) {
     const size_t allowed = (SPSI_LANES > 8 ? 24 : 16) * 1024;
     void *memory = NULL;

@@ -1,5 +1,5 @@
-/* Hard cases, each with the outcome it must have: the error that names what is wrong, the closed form, the march by
-   brute force, or the same picture as something simpler. */
+/* Hard cases, each with its required outcome: an error that names the cause, a closed form, the reference by ray
+   marching, or the same picture as a simpler scene. */
 
 #include "check.h"
 #include <float.h>
@@ -13,7 +13,7 @@ static double not_a_number(void) { return infinite - infinite; }
 
 /* -------------------------------------------------------------------------------------------------- helpers */
 
-/* Every pixel finite, not negative, not above `most`, coverage 0..1, no denormal number; distances above 0. */
+/* Every pixel is finite, not negative, not above `most`, not denormal, with coverage 0..1; distances are above 0. */
 static int sane(const float *pixels, int count, double most) {
     for (int i = 0; i < 4 * count; ++i) {
         const double value = (double)pixels[i];
@@ -25,7 +25,7 @@ static int sane(const float *pixels, int count, double most) {
     return 1;
 }
 
-/* Renders in a fresh context, with distances; the result and the sentence are kept. */
+/* Renders in a fresh context, with distances; keeps the result and the sentence. */
 static char sentence[256];
 
 static sps_result render_fresh(const check_scene *s, float *pixels) {
@@ -49,7 +49,7 @@ static sps_result render_fresh(const check_scene *s, float *pixels) {
 static const float *middle(const float *pixels) { return pixels + 4 * (SIDE / 2 * SIDE + SIDE / 2); }
 static double optical_depth(const float *pixel) { return -log1p(-(double)pixel[3]); }
 
-/* The largest difference from the march by brute force, divided by its largest radiance. */
+/* The largest difference from the reference, divided by the reference's largest radiance. */
 static double error_of(const check_scene *s, const float *pixels) {
     sps_context *context = check_context(NULL);
     double most = 0;
@@ -62,7 +62,7 @@ static double error_of(const check_scene *s, const float *pixels) {
 static float one_value = 1;
 
 /* The cube -1..1 of n^3 voxels of value 1, seen along -z: the image covers its middle half. Constant grids are constant
-   to 0.2 % at HIGH, so that every optical depth below has that error, and for mediums' depths of 1 so has alpha. */
+   to 0.2 % at HIGH, so every optical depth below has that error, and so has alpha for optical depths around 1. */
 static sps_volume *uniform_build(check_scene *s, int n, double extinction) {
     sps_volume *volume;
     check_clear(s, SIDE, SIDE);
@@ -74,7 +74,7 @@ static sps_volume *uniform_build(check_scene *s, int n, double extinction) {
     return volume;
 }
 
-/* Values that have no symmetry. */
+/* Values without symmetry. */
 static int read_bumps(void *user, const int lo[3], const int size[3], float *out) {
     const double scale = *(const double *)user;
     for (int k = 0; k < size[2]; ++k)
@@ -127,11 +127,11 @@ static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
 
 /* ------------------------------------------------------------------------------------------ arguments out of range */
 
-/* Gives an enumeration a number that it does not have. */
+/* Sets an enumeration to a number that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
 
-/* Fields out of range, numbered from 0: each function spoils the n-th and returns what the sentence must hold, "FIELD
-   is VALUE"; or, where it has fewer, counts n down by these and returns NULL. */
+/* Fields out of range, numbered from 0: each function spoils the n-th and returns the text that the sentence must
+   contain, "FIELD is VALUE"; if it has fewer, it decreases n by their number and returns NULL. */
 #define SPOIL(statement, text)                                                                                         \
     if ((*n)-- == 0) {                                                                                                 \
         statement;                                                                                                     \
@@ -198,7 +198,7 @@ static const char *spoil_mesh_and_lights(mixed *m, int *n) {
     SPOIL(mesh->color[0] = 2, "mesh[0].color is 2;")
     SPOIL(mesh->color[2] = -1, "mesh[0].color is -1;")
     SPOIL(mesh->placement.origin[0] = infinite, "mesh[0].placement.origin[0] is inf;")
-    SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement's determinant is 0;") /* one axis alone: flat */
+    SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement's determinant is 0;") /* only one axis: flat */
     SPOIL(lamp->start_canary = 7, "light[1].start_canary is 7;")
     SPOIL(lamp->end_canary = 7, "light[1].end_canary is 7;")
     SPOIL(put_int(&lamp->kind, 2), "light[1].kind is 2;")
@@ -279,7 +279,7 @@ static const char *spoil(mixed *m, int n) {
     return text ? text : spoil_scene_and_view(m, &n);
 }
 
-/* The reference has no slabs; all else is as in sps_render. */
+/* The reference has no slabs; everything else is as in sps_render. */
 static void check_refused(mixed *m, const char *text) {
     sps_context *context = check_context(NULL);
     sps_plan_report report;
@@ -291,7 +291,7 @@ static void check_refused(mixed *m, const char *text) {
     for (int i = 0; i < 4 * PIXELS; ++i) rgba[i] = (float)-i;
     for (int call = 0; call < 3; ++call) {
         if (call == 1 && (strstr(text, "slab is 1e-09") || results[0] != SPS_ERROR_ARGUMENT))
-            continue; /* no march to NaN */
+            continue; /* no marching to NaN */
         if (call == 0) results[call] = sps_render(context, &m->s.scene, &m->s.view, &image);
         if (call == 1) results[call] = sps_reference(context, &m->s.scene, &m->s.view, 1, &image);
         if (call == 2) results[call] = sps_plan(context, &m->s.scene, &m->s.view, &report);
@@ -327,7 +327,7 @@ static int triangles_fail(void *user, size_t first, size_t count, sps_triangle *
     return 9;
 }
 
-/* How often a failure is about each of the objects: the data name the one that the sentence does. */
+/* Number of failures of each object: the data name the same object as the sentence. */
 static void test_error_objects(void) {
     static const struct {
         const char *text;
@@ -360,7 +360,7 @@ static void test_error_objects(void) {
     for (int i = 0; i < 6; ++i) CHECK(seen[i] > 2);
 }
 
-/* A failure's data, and that they are gone after a call that does not fail. */
+/* A failure's data, which are cleared by a call that succeeds. */
 static void test_error_info(void) {
     sps_context *context = check_context(NULL);
     sps_error_info info;
@@ -379,7 +379,7 @@ static void test_error_info(void) {
     memcpy(m.s.volume[0].placement.axis[1], m.s.volume[0].placement.axis[0], 3 * sizeof(double));
     CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
     sps_get_error(context, &info);
-    CHECK(strcmp(info.field, "placement") == 0); /* whose determinant it is */
+    CHECK(strcmp(info.field, "placement") == 0); /* the object of the determinant */
     mixed_free(&m);
     mixed_build(&m);
     m.s.mesh[0].read_fn = triangles_fail;
@@ -439,8 +439,8 @@ static void test_matrix_arguments(void) {
     }
 }
 
-/* Two axes that are the same make a placement flat however they lie, though rounding may leave a determinant of some
-   1e-17 where it ought to be 0; which it is must not be a matter of the compiler. */
+/* Two equal axes make a placement flat in any orientation, though round-off may leave a determinant of 1e-17 or so
+   instead of 0; the outcome must not depend on the compiler. */
 static void test_flat_placements(void) {
     check_random random = {3};
     for (int n = 0; n < 50; ++n) {
@@ -453,7 +453,7 @@ static void test_flat_placements(void) {
     }
 }
 
-/* 65 volumes are too many if they hold voxels, and fine if they do not. */
+/* 65 volumes are too many if they hold voxels, and allowed if they do not. */
 static void test_too_many_volumes(void) {
     static sps_volume volumes[65];
     check_scene s;
@@ -473,7 +473,7 @@ static int range_fails(void *user, const int lo[3], const int size[3], float out
     return 1;
 }
 
-/* The largest size there may be has 2^33 blocks: the first is asked about, and its failure is reported. */
+/* The maximum size has 2^33 blocks: the first one is read, and its failure is reported. */
 static void test_largest_volume(void) {
     check_scene s;
     sps_volume *volume = uniform_build(&s, 65536, 1);
@@ -483,7 +483,7 @@ static void test_largest_volume(void) {
 
 /* ----------------------------------------------------------------------------------------------------- bad data */
 
-/* A value of `bad` at voxels (37,5,2) and, if `twice`, (3,33,1); 0.5 elsewhere, or what is 0 there. */
+/* The value `bad` at voxels (37,5,2) and, if `twice`, (3,33,1); 0.5 elsewhere. */
 typedef struct spoilt {
     double bad;
     int twice;
@@ -528,7 +528,7 @@ static void spoilt_build(check_scene *s, spoilt *user, int procedural) {
 
 static void count_messages(void *user, const char *text) { *(long *)user += text[0] != 0; }
 
-/* Replaced: the picture of 0 in those places, and a count, and one message. */
+/* Replaced: the picture of zeros in their place, a count, and one message. */
 static void check_replaced(check_scene *s, spoilt *user) {
     sps_stats_report stats;
     sps_config config;
@@ -571,7 +571,7 @@ static void test_bad_values(void) {
         }
 }
 
-/* A range callback that gives no range leaves it to the values themselves to be found wrong. */
+/* If a range callback returns no valid range, the error is found in the values themselves. */
 static int range_of_nothing(void *user, const int lo[3], const int size[3], float out[2]) {
     (void)lo;
     (void)size;
@@ -614,13 +614,13 @@ static void test_bad_triangles(void) {
         snprintf(wanted, sizeof wanted, "mesh[0].triangle[1].%s is %s;", names[i / 3], values[i / 3][i % 3]);
         if (!CHECK(strstr(sentence, wanted) != NULL)) printf("    wanted \"%s\", got %s\n", wanted, sentence);
         CHECK(rgba[0] == -1);
-        m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 0; /* then nobody reads those */
+        m.s.mesh[0].has_normals = m.s.mesh[0].has_colors = 0; /* not read then */
         if (i / 3 > 0) RENDERS(&m.s, rgba);
         mixed_free(&m);
     }
 }
 
-/* Triangles without area are left out and counted; one that comes twice is seen once. */
+/* Triangles without area are skipped and counted; a duplicate is seen once. */
 static void test_degenerate_triangles(void) {
     const double a[3] = {0, 0, 2}, b[3] = {0.5, 0.1, 2}, c[3] = {1, 0.2, 2};
     mixed m;
@@ -630,7 +630,7 @@ static void test_degenerate_triangles(void) {
     RENDERS(&m.s, other);
     check_add_corners(&m.triangles, a, a, a);
     check_add_corners(&m.triangles, a, b, b);
-    check_add_corners(&m.triangles, a, b, c); /* a line; a float's rounding may leave it a sliver */
+    check_add_corners(&m.triangles, a, b, c); /* a line, or a sliver because of float round-off */
     *check_add_triangle(&m.triangles) = m.triangles.list[0];
     m.s.mesh[0].triangle_count = m.triangles.count;
     check_render(context, &m.s, rgba);
@@ -673,7 +673,7 @@ static void test_bad_callbacks(void) {
     }
 }
 
-/* What a callback gives for having failed is told, with its name. */
+/* The value that a failing callback returns is reported, with the callback's name. */
 static int read_fails(void *user, const int lo[3], const int size[3], float *out) {
     (void)user;
     (void)lo;
@@ -732,7 +732,7 @@ static void test_failing_callbacks(void) {
 
 /* ------------------------------------------------------------------------------------------- values and extinctions */
 
-/* Nothing is seen of values that make denormal numbers; large ones differ from small ones by nothing but a factor. */
+/* Values that would make denormal numbers are invisible; large values differ from small ones only by a factor. */
 static void test_large_and_small_values(void) {
     const double values[] = {1e-29, 1e-10, 1e10, 1e18};
     check_scene s;
@@ -745,7 +745,7 @@ static void test_large_and_small_values(void) {
     volume->emission[0] = 1;
     RENDERS(&s, rgba);
     for (int i = 0; i < 4 * PIXELS; ++i) seen += !(rgba[i] == 0);
-    CHECK(seen == 0); /* a denormal value is no value */
+    CHECK(seen == 0); /* denormal values count as 0 */
     volume->emission[0] = 0;
     for (size_t i = 0; i < sizeof values / sizeof *values; ++i) {
         value = (float)values[i];
@@ -753,12 +753,12 @@ static void test_large_and_small_values(void) {
         if (!(volume->extinction <= 1e18f)) volume->extinction = 1e18f;
         RENDERS(&s, rgba);
         if (!CHECK(sane(rgba, PIXELS, 1))) printf("    value %g\n", values[i]);
-        /* a float's rounding in value, extinction and their products: a few times 1e-7 */
+        /* float round-off in value, extinction and their products: a few times 1e-7 */
         if (volume->extinction < 1e18f) CHECK(check_largest(rgba, other, 4 * PIXELS) < 2e-6);
     }
 }
 
-/* A constant grid's ripple at each quality, as the header's table has it, for optical depths. */
+/* The ripple of a constant grid's optical depths at each quality, as in the header's table. */
 static void test_optical_depths(void) {
     static const double depths[] = {1e-8, 1e-3, 1, 20, 80, 1e3, 2e8, 1e18}, ripple[] = {0, 0.015, 0.004, 0.002, 0.002};
     for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality)
@@ -780,7 +780,7 @@ static void test_optical_depths(void) {
         }
 }
 
-/* The largest of everything that is allowed, together. */
+/* The maxima of all fields together. */
 static void test_largest_allowed(void) {
     check_scene s;
     float value = 1e18f;
@@ -799,7 +799,7 @@ static void test_largest_allowed(void) {
     CHECK(middle(rgba)[3] == 0);
 }
 
-/* Two thousand slabs of nearly nothing add up to what one slab holds. */
+/* Two thousand slabs of very thin gas add up to the same as one slab. */
 static void test_many_thin_slabs(void) {
     check_scene s;
     uniform_build(&s, 16, 0.5);
@@ -812,7 +812,7 @@ static void test_many_thin_slabs(void) {
     CHECK_NEAR(optical_depth(middle(other)), optical_depth(middle(rgba)), 0.001);
 }
 
-/* ------------------------------------------------------------------------------------------- next to nothing there */
+/* ------------------------------------------------------------------------------------------- nearly empty scenes */
 
 static int all_background(const float *pixels, float background) {
     for (int i = 0; i < 4 * PIXELS; ++i)
@@ -860,7 +860,7 @@ static void test_no_image(void) {
     }
 }
 
-/* One pixel is the middle one of nine of its size. */
+/* A single pixel equals the middle one of nine of its size. */
 static void test_one_pixel(void) {
     mixed m;
     float one[4];
@@ -871,11 +871,11 @@ static void test_one_pixel(void) {
     m.s.view.width = m.s.view.height = 1;
     check_orthographic(&m.s.view.camera, 0.3);
     RENDERS(&m.s, one);
-    CHECK(check_largest(one, rgba + 4 * 4, 4) < 1e-5); /* positions differ by a float's rounding */
+    CHECK(check_largest(one, rgba + 4 * 4, 4) < 1e-5); /* positions differ by float round-off */
     mixed_free(&m);
 }
 
-/* One voxel, as the march by brute force sees it. Kernels cut at 2.5 voxels leave 5 % of their peak's 6e-4 out. */
+/* One voxel against the reference. Kernels cut at 2.5 voxels leave 5 % of their peak's 6e-4 out. */
 static void test_one_voxel(void) {
     check_scene s;
     sps_volume *volume = uniform_build(&s, 1, 0.7);
@@ -894,7 +894,7 @@ static void test_no_lights(void) {
     m.s.scene.light_count = 0;
     RENDERS(&m.s, rgba);
     CHECK(sane(rgba, PIXELS, 1));
-    CHECK(middle(rgba)[0] > 0); /* ambience and emission */
+    CHECK(middle(rgba)[0] > 0); /* ambient light and emission */
     m.s.light[0].color[0] = m.s.light[0].color[1] = m.s.light[0].color[2] = 0;
     m.s.scene.light_count = 1;
     RENDERS(&m.s, other);
@@ -920,7 +920,7 @@ static void test_uneven_voxels(void) {
     }
 }
 
-/* The whole scene `scale` times as large and moved by `shift`, with extinction and intensities to suit. */
+/* The whole scene scaled by `scale` and moved by `shift`, with matching extinction and intensities. */
 static void mixed_transform(mixed *m, double scale, double shift) {
     sps_volume *volume = m->s.volume;
     sps_mesh *mesh = m->s.mesh;
@@ -949,7 +949,7 @@ static void test_scales_and_origins(void) {
         mixed_build(&m);
         mixed_transform(&m, cases[i][0], cases[i][1]);
         RENDERS(&m.s, rgba);
-        /* at 1e7, positions in double precision are good to 1e-9 of a voxel; then it is floats as anywhere */
+        /* at 1e7, positions in double precision are accurate to 1e-9 of a voxel; the rest is floats as usual */
         if (!CHECK(check_largest(rgba, other, 4 * PIXELS) < 1e-4))
             printf("    scale %g, origin %g: off by %g\n", cases[i][0], cases[i][1],
                    check_largest(rgba, other, 4 * PIXELS));
@@ -957,8 +957,8 @@ static void test_scales_and_origins(void) {
     }
 }
 
-/* The eye among coarse voxels, whose kernels are then integrated along each ray: lengths appear there in their sixth
-   power. Scaled by powers of 2, nothing is rounded otherwise but what is compared with constants. */
+/* The eye among coarse voxels, whose kernels are then integrated along each ray, where lengths occur to the sixth
+   power. Scaling by powers of 2 changes no rounding except for comparisons with constants. */
 static void test_scales_of_near_voxels(void) {
     static const int powers[] = {-40, -27, -13, 13, 23, 33};
     const sps_transfer_point points[2] = {{0.1f, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 2}};
@@ -987,7 +987,8 @@ static void test_scales_of_near_voxels(void) {
         }
 }
 
-/* Whether a ray (x t, t), t > 0, meets an ellipse: where its form is least along the ray, or at the eye. */
+/* Whether a ray (x t, t), t > 0, intersects an ellipse: at the minimum of its quadratic form along the ray, or at the
+   eye. */
 static int ray_meets(const double q[2], const double c[3], double cut, double x) {
     const double determinant = c[0] * c[2] - c[1] * c[1];
     const double inverse[3] = {c[2] / determinant, -c[1] / determinant, c[0] / determinant};
@@ -997,8 +998,8 @@ static int ray_meets(const double q[2], const double c[3], double cut, double x)
     return inverse[0] * u * u + 2 * inverse[1] * u * v + inverse[2] * v * v < cut * cut;
 }
 
-/* Kernels close to the eye's plane are left out where no ray meets them, and nowhere else; most that could be are, or a
-   light among voxels would take a minute. */
+/* Kernels close to the eye's plane are culled only if no ray meets them; most such kernels are, since otherwise a light
+   among voxels would take a minute. */
 static void test_near_kernels_left_out(void) {
     check_random random = {9};
     int missed = 0, left_out = 0;
@@ -1020,7 +1021,7 @@ static void test_near_kernels_left_out(void) {
     CHECK(missed > 1000 && left_out > 0.8 * missed);
 }
 
-/* exp(-20 r^2) about (0.4, 0.4, 0.4), at the scale that `user` points to. */
+/* exp(-20 r^2) around (0.4, 0.4, 0.4), at the scale that `user` points to. */
 static double ball_at(const void *user, const double position[3]) {
     const double scale = *(const double *)user;
     double square = 0;
@@ -1028,8 +1029,8 @@ static double ball_at(const void *user, const double position[3]) {
     return exp(-20 * square);
 }
 
-/* A polygon may leave next to nothing of a ray's way through a slab, and rounding something in its sheet, which grows
-   with the world: no value, nor gradient, is to be made of these two. Some pixels came out as 8e30 at 1e7 and 1e8. */
+/* A polygon may leave almost nothing of a ray's path through a slab, while its sheet holds round-off that grows with
+   the world: their quotient must not become a value or a gradient. Some pixels were 8e30 at 1e7 and 1e8. */
 static void test_scales_of_cut_surfaces(void) {
     enum { WIDTH = 48 };
     static const double scales[] = {1, 1e-6, 1e6, 1e7, 3e7, 1e8};
@@ -1070,8 +1071,8 @@ static void test_scales_of_cut_surfaces(void) {
     }
 }
 
-/* What lies far away, and is seen by nobody, changes nothing: a small triangle that comes first, or a backdrop, black
-   as the background is, behind a gas with its shadows. */
+/* Distant invisible objects change nothing: a small triangle that comes first, or a backdrop as black as the
+   background, behind a gas with its shadows. */
 static void test_far_things(void) {
     static const double far_away[] = {1e3, 1e6, 1e9};
     for (int backdrop = 0; backdrop < 2; ++backdrop)
@@ -1092,8 +1093,7 @@ static void test_far_things(void) {
                 const double floor[3] = {-4, -1.1, -4}, x[3] = {8, 0, 0}, z[3] = {0, 0, 8};
                 if (i > 0) check_add_quad(&triangles, origin, u, v);
                 check_add_quad(&triangles, floor, x, z);
-                s.light[0].no_shadow =
-                    1; /* depth maps are fitted to the meshes, and coarse where these lie far apart */
+                s.light[0].no_shadow = 1; /* depth maps are fitted to the meshes, and coarse if these lie far apart */
             }
             check_add_mesh(&s, &triangles, backdrop ? 0 : 0.5);
             RENDERS(&s, i > 0 ? rgba : other);
@@ -1105,8 +1105,8 @@ static void test_far_things(void) {
         }
 }
 
-/* The roof's shadow of a point light that goes away with its intensity growing is that of a directional light; rays
-   part by (width / distance), which moves an edge by 3 / distance of a pixel's 0.1 here: none is that close to one. */
+/* The roof's shadow from a point light that moves away with increasing intensity becomes that of a directional light.
+   Rays diverge by (width / distance), which moves an edge by 3 / distance of a pixel's 0.1: no edge is that close. */
 static void test_far_point_lights(void) {
     static const double distances[] = {1e4, 1e5, 1e6, 1e7};
     for (size_t i = 0; i <= sizeof distances / sizeof *distances; ++i) {
@@ -1134,7 +1134,7 @@ static void test_far_point_lights(void) {
     }
 }
 
-/* A picture of ever fewer nanometres: right, until footprints would leave the range of floats, and then refused. */
+/* A picture of ever smaller width: right until footprints would exceed the range of floats, and then refused. */
 static void test_zoom(void) {
     int refused = 0;
     for (int power = 0; power >= -30; power -= 3) {
@@ -1155,7 +1155,7 @@ static void test_zoom(void) {
     CHECK(refused);
 }
 
-/* A faint box is where a dense one is: its middle is 10 away. */
+/* A faint box is at the same distance as a dense one: its middle is 10 away. */
 static void test_faint_distance(void) {
     static const double extinctions[] = {1e-12, 1e-9, 1e-7, 1e-3};
     sps_context *context = sps_create(NULL, NULL);
@@ -1168,7 +1168,7 @@ static void test_faint_distance(void) {
     sps_destroy(context);
 }
 
-/* Numbers at the ends of their ranges, where products pass those of floats: capped, and never NaN or infinite. */
+/* Numbers at the limits of their ranges, where products overflow floats: capped, and never NaN or infinite. */
 static void test_caps(void) {
     for (int n = 0; n < 4; ++n) {
         mixed m;
@@ -1177,7 +1177,7 @@ static void test_caps(void) {
             m.s.volume[0].transfer = &m.transfer;
             m.s.volume[0].shading = SPS_SHADING_SURFACE;
             m.s.volume[0].gradient_full = n == 0 ? 1e-39f : 1e-30f;
-        } else { /* a light of 1e18 a hair's breadth above the floor, or in a gas that is small */
+        } else { /* a light of 1e18 just above the floor, or in a small gas */
             sps_light *light = check_add_point(&m.s, 0, n == 2 ? -1 + 1e-11 : 0, 0, 1e18);
             light->no_shadow = 1;
             if (n == 3) mixed_transform(&m, 1e-12, 0), check_color(light->color, 1e18, 1e18, 1e18);
@@ -1190,8 +1190,8 @@ static void test_caps(void) {
 
 /* ------------------------------------------------------------------------------------------------- the camera */
 
-/* Of a uniform cube of depth 2 in 16 voxels: from the middle half is seen; from a face, all but the half kernel that
-   spills over it, which holds sigma / sqrt(2 pi) voxels; along a face, half the value. */
+/* A uniform cube of optical depth 2 in 16 voxels: from the middle, half of it is seen; from a face, all of it except
+   for the half kernel that spills over it, which holds sigma / sqrt(2 pi) voxels; along a face, half the value. */
 static void test_camera_inside(void) {
     const double spill = 0.65 / sqrt(2 * 3.14159265358979) * 2 / 16;
     for (int i = 0; i < 6; ++i) {
@@ -1234,8 +1234,8 @@ static void test_wide_camera(void) {
     CHECK(strstr(sentence, "view.camera.field_of_view is 2.0944:") && strstr(sentence, "no_shadow on light[0]"));
 }
 
-/* 168 degrees from corner to corner are the most that slabs across the view can serve, and where no light is in the way
-   the sentence does not blame one. */
+/* 168 degrees from corner to corner is the limit for slabs across the view, and if no light is the cause, the sentence
+   does not name one. */
 static void test_widest_camera(void) {
     for (int n = 0; n < 4; ++n) {
         const int lit = n & 1, matrix = n >> 1;
@@ -1269,7 +1269,7 @@ static void test_widest_camera(void) {
     }
 }
 
-/* Up along the view, or zero: some axis is chosen, the same for both; the middle pixel's ray is what it was. */
+/* Up along the view, or zero: an axis is chosen, the same for both; the middle pixel's ray does not change. */
 static void test_up(void) {
     mixed m;
     float kept[4];
@@ -1282,7 +1282,7 @@ static void test_up(void) {
     RENDERS(&m.s, other);
     CHECK(memcmp(rgba, other, sizeof rgba) == 0);
     CHECK(sane(rgba, PIXELS, 20));
-    CHECK(check_largest(kept, middle(rgba), 4) < 0.01); /* slabs and texels lie otherwise, the footprints too */
+    CHECK(check_largest(kept, middle(rgba), 4) < 0.01); /* slabs, texels and footprints differ */
     mixed_free(&m);
 }
 
@@ -1312,7 +1312,7 @@ static void test_light_inside(void) {
     mixed_free(&m);
 }
 
-/* The light where the eye is, behind the cube right opposite, and both at a slant, against brute force. */
+/* The light at the eye, directly opposite behind the cube, and both at an angle, against the reference. */
 static void test_light_and_eye(void) {
     static const double places[][3] = {{0, 0, 10}, {0, 0, -10}, {3, 4, 10}, {-10, 0, -1}};
     for (int i = 0; i < 8; ++i) {
@@ -1337,8 +1337,8 @@ static void test_light_and_eye(void) {
     }
 }
 
-/* A light square to the view: with its cosine +0 or -0 the same bits, 1e-7 to either side the two compositing orders.
-   Each is within 1 % of brute force at ULTRA, so they agree to 2 %. */
+/* A light perpendicular to the view: the same bits for a cosine of +0 and -0, and the two compositing orders at 1e-7 to
+   either side. Each is within 1 % of the reference at ULTRA, so they agree to 2 %. */
 static void test_square_light(void) {
     static const double cosines[] = {0.0, -0.0, 1e-7, -1e-7};
     static float images[4][4 * PIXELS];
@@ -1357,13 +1357,13 @@ static void test_square_light(void) {
     CHECK(memcmp(images[0], images[1], sizeof images[0]) == 0);
     CHECK(check_largest(images[0], images[2], 4 * PIXELS) < 1e-5);
     CHECK(check_largest(images[2], images[3], 4 * PIXELS) < 0.02);
-    CHECK(check_largest(images[2], images[3], 4 * PIXELS) > 0); /* two orders indeed */
+    CHECK(check_largest(images[2], images[3], 4 * PIXELS) > 0); /* the orders do differ */
 }
 
 /* ----------------------------------------------------------------------------------------------------- slabs */
 
-/* 1e5 slabs through three voxels: every sum of that many floats is good to 1e5 half-units in the last place, 0.6 %.
-   The other end is one sheet, however thick. */
+/* 1e5 slabs through three voxels: a sum of that many floats is accurate to 1e5 half-units in the last place, 0.6 %. The
+   other extreme is a single sheet of any thickness. */
 static void test_slab_counts(void) {
     const double slabs[] = {7e-5, 1, 1e3, 1e9, 1e30, DBL_MAX};
     for (size_t i = 0; i < sizeof slabs / sizeof *slabs; ++i) {
@@ -1371,13 +1371,13 @@ static void test_slab_counts(void) {
         sps_stats_report stats;
         check_scene s;
         sps_volume *volume = uniform_build(&s, 3, 0.5);
-        volume->placement = check_box(-3.5, -3.5, -1, 3.5, 3.5, 1); /* the rim is far off */
+        volume->placement = check_box(-3.5, -3.5, -1, 3.5, 3.5, 1); /* the rim is far away */
         volume->size[0] = volume->size[1] = 7;
         check_color(volume->albedo, 0.5, 0.5, 0.5);
         check_add_directional(&s, 0.2, 0.1, -1, 2);
         s.view.width = s.view.height = 3;
         check_orthographic(&s.view.camera, 0.3);
-        s.view.shadow_size = 16; /* what counts is the slabs; a light's sheets would take most of the time */
+        s.view.shadow_size = 16; /* only slabs matter; a light's sheets would take most of the time */
         s.view.slab = slabs[i];
         check_render(context, &s, rgba);
         sps_get_stats(context, &stats);
@@ -1389,7 +1389,7 @@ static void test_slab_counts(void) {
     }
 }
 
-/* A dense sheet, one voxel thick, between slab planes wherever they fall and however it is turned. */
+/* A dense sheet, one voxel thick, for any position of the slab planes and any rotation of the sheet. */
 static void test_dense_sheet(void) {
     for (int i = 0; i < 8; ++i) {
         const double angle = i % 4 * 0.25, slab = i < 4 ? 0.5 : 3;
@@ -1444,12 +1444,12 @@ static void test_wire(void) {
                          wy = 9.9 - (y - SIDE / 2) * pixel;
             worst = fmax(worst, fabs(optical_depth(rgba + 4 * (y * SIDE + x)) - wire_depth(wx, wy)));
         }
-    CHECK_NEAR(worst, 0, 0.005 * 0.38); /* kernels end at 6e-4 of their peak, 0.38, and are scaled to make up for it */
+    CHECK_NEAR(worst, 0, 0.005 * 0.38); /* kernels end at 6e-4 of their peak, 0.38, and are rescaled to compensate */
 }
 
 /* ---------------------------------------------------------------------------------------------------- everything */
 
-/* Products of what is nearly nothing are nothing, not denormal. */
+/* Products of tiny numbers are 0, not denormal. */
 static void test_denormal_results(void) {
     const double extinctions[] = {1e-10, 30, 40, 44, 60};
     for (size_t i = 0; i < sizeof extinctions / sizeof *extinctions; ++i) {
@@ -1457,7 +1457,7 @@ static void test_denormal_results(void) {
         float value = i == 0 ? 1e-29f : 1;
         sps_volume *volume = uniform_build(&s, 16, extinctions[i]);
         volume->user = &value;
-        check_orthographic(&s.view.camera, 3); /* past the rims */
+        check_orthographic(&s.view.camera, 3); /* beyond the rims */
         check_color(volume->albedo, 1e-6, 1e-3, 1);
         check_color(s.scene.background, 1e-6, 1e-3, 1);
         check_add_directional(&s, 0.3, 0.4, 1, 1e-3);

@@ -1,6 +1,6 @@
-/* The files of volumes that examples/volume_file.h reads: whatever the format, the type and the byte order, the voxels,
-   their place and their values are those that were written; and no header, however wrong, does more than end in one
-   line that names the file. */
+/* The volume files that examples/volume_file.h reads: for every format, type and byte order, the voxels, their
+   placement and their values are those that were written; and any invalid header ends in one line that names the file.
+ */
 
 #include "check.h"
 #include "volume_file.h"
@@ -11,7 +11,7 @@
 
 enum { X = 3, Y = 4, Z = 5, VOXELS = X * Y * Z, FILE_MAX = 4096 };
 
-/* A file while it is put together. */
+/* A file under construction. */
 typedef struct bytes {
     unsigned char data[FILE_MAX];
     size_t count;
@@ -25,7 +25,7 @@ static void put(bytes *file, const void *data, size_t size) {
 
 static void put_text(bytes *file, const char *text) { put(file, text, strlen(text)); }
 
-/* A number as a type and a byte order have it; by shifting, so that the machine's own order plays no part. */
+/* Appends a number in a type and a byte order; by shifting, so that the machine's own order does not matter. */
 static void put_number(bytes *file, double number, ex_type type, int big_endian) {
     unsigned char out[8];
     const size_t size = ex_type_size(type);
@@ -49,7 +49,7 @@ static void put_number_at(bytes *file, size_t at, double number, ex_type type, i
     file->count = count;
 }
 
-/* The stored number of each voxel: all over the type, its ends included, and different for each. */
+/* The stored number of each voxel: spread over the type's range, including its ends, and different for each. */
 static double number_of(ex_type type, int x, int y, int z) {
     const int n = (z * Y + y) * X + x;
     const double bits = 8 * (double)ex_type_size(type);
@@ -66,8 +66,8 @@ static void put_voxels(bytes *file, ex_type type, int big_endian, int x_slowest)
     }
 }
 
-/* A world that is turned, stretched and mirrored: centre of the first voxel, steps along x, y, z. All are powers of two
-   or their sums, so that text and floats have them exactly. */
+/* A rotated, scaled and mirrored placement: centre of the first voxel, steps along x, y, z. All are powers of two or
+   sums of these, so that text and floats represent them exactly. */
 static const double world_origin[3] = {-3, 0.5, 7}, world_step[3][3] = {{0, 0.25, 0}, {-0.5, 0, 0}, {0, 0, -2}};
 
 static void write_nrrd(bytes *file, ex_type type, int big_endian, const char *data_file) {
@@ -124,7 +124,7 @@ static void write_nifti(bytes *file, ex_type type, int big_endian) {
     put_voxels(file, type, big_endian, 0);
 }
 
-/* The header is filled up to a multiple of 64 bytes, as NumPy does. */
+/* The header is padded to a multiple of 64 bytes, as by NumPy. */
 static void write_npy(bytes *file, ex_type type, int big_endian, int version, int fortran) {
     static const char *const types[] = {"u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"};
     const size_t start = version == 1 ? 10 : 12;
@@ -146,13 +146,13 @@ static void write_npy(bytes *file, ex_type type, int big_endian, int version, in
     put_voxels(file, type, big_endian, fortran);
 }
 
-/* What the tests below go through, and the name each is written under. */
+/* The formats of the tests below, and the file name of each. */
 typedef enum format { NRRD, NHDR, MHA, MHD, NIFTI, NPY_1, NPY_2, NPY_3, NPY_FORTRAN, FORMAT_COUNT } format;
 
 static const char *const format_names[] = {"a.nrrd", "a.nhdr", "a.mha", "a.mhd", "a.nii",
                                            "a.npy",  "b.npy",  "c.npy", "d.npy"};
 
-/* The file itself; what is detached goes to a.raw. */
+/* The file itself; detached data go to a.raw. */
 static void write_format(bytes *file, format which, ex_type type, int big_endian) {
     static bytes detached;
     detached.count = 0;
@@ -187,7 +187,8 @@ static int must_read(const char *name, ex_volume_file *file, ex_grid *grid) {
 
 static int has_size(const int size[3]) { return size[0] == X && size[1] == Y && size[2] == Z; }
 
-/* The stored numbers, whatever they stand for; a float holds all but those of 32 bits, which are rounded to it. */
+/* The stored numbers, before any scaling; floats hold all of them exactly, except for those of 32 bits, which are
+   rounded. */
 static int has_numbers(const ex_grid *grid, ex_type type) {
     ex_grid plain = *grid;
     float row[X];
@@ -210,7 +211,7 @@ static int is_placed(const ex_volume_file *file, const double origin[3], const d
     return 1;
 }
 
-/* Every format, type and byte order: size, type, numbers and place. NPY knows no place. */
+/* Every format, type and byte order: size, type, numbers and placement. NPY has no placement. */
 static void test_every_type(void) {
     static const double nowhere[3] = {0, 0, 0}, unit[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
     static bytes file;
@@ -232,7 +233,7 @@ static void test_every_type(void) {
             }
 }
 
-/* Where the box puts the voxels' centres is where the header says they are. */
+/* The box puts the voxels' centres where the header says. */
 static void test_placement_of_box(void) {
     static bytes file;
     ex_volume_file header;
@@ -248,7 +249,7 @@ static void test_placement_of_box(void) {
                 by_box += box.axis[a][i] * (at[a] + 0.5) / grid.size[a];
                 by_header += world_step[a][i] * at[a];
             }
-            CHECK_NEAR(by_box, by_header, 1e-14); /* rounding of a few sums below 16 */
+            CHECK_NEAR(by_box, by_header, 1e-14); /* round-off of a few sums below 16 */
         }
     }
     ex_grid_free(&grid);
@@ -265,9 +266,9 @@ static void rotate(const double q[4], const double x[3], double out[3]) {
     for (int i = 0; i < 3; ++i) out[i] = x[i] + 2 * q[0] * once[i] + 2 * twice[i];
 }
 
-/* NIfTI's other ways to say where voxels are: a quaternion, whose handedness is in pixdim[0], or spacing alone. */
+/* NIfTI's other placements: a quaternion, whose handedness is in pixdim[0], or spacing alone. */
 static void test_nifti_placement(void) {
-    static const double q[4] = {0.5, 0.7, -0.1, 0.5}, pixdim[3] = {0.25, 0.5, 2}; /* q is of length 1 */
+    static const double q[4] = {0.5, 0.7, -0.1, 0.5}, pixdim[3] = {0.25, 0.5, 2}; /* q has length 1 */
     static const double zero[3] = {0, 0, 0};
     static bytes file;
     for (int kind = 0; kind < 3; ++kind) { /* right-handed, left-handed, no quaternion */
@@ -304,7 +305,7 @@ static void test_nifti_placement(void) {
 
 static void write_text(const char *name, const char *text) { write_file(name, text, strlen(text)); }
 
-/* Spacing alone, in the formats that are text; and what MetaImage calls the same thing by other names. */
+/* Spacing alone, in the text formats; and MetaImage's other names for the same fields. */
 static void test_spacing(void) {
     static const double nowhere[3] = {0, 0, 0}, spacing[3][3] = {{0.25, 0, 0}, {0, 3, 0}, {0, 0, -1}};
     static const struct {
@@ -354,7 +355,7 @@ static void test_skipping(void) {
 
 /* ---------------------------------------------------------------------------------------------------- values */
 
-/* Checks the values of two voxels, which are all that the file holds. */
+/* Checks the values of a file of two voxels. */
 static void check_values(const ex_volume_file *header, const double range[2], float first, float second) {
     ex_voxel_file voxels = header->voxels;
     ex_grid grid;
@@ -384,7 +385,7 @@ static void write_two(const char *name, ex_type type, double a, double b, const 
     write_file(name, file.data, file.count);
 }
 
-/* What numbers stand for: by type, by NIfTI's scale, and by a range. */
+/* The values of stored numbers: by type, by NIfTI's scale, and by a range. */
 static void test_values(void) {
     static const struct {
         ex_type type;
@@ -426,7 +427,8 @@ static void test_values(void) {
     }
 }
 
-/* The range that skips blocks is that of the values: min and max over the same voxels. NaN is left for the library. */
+/* The range by which blocks are skipped is that of the values: minimum and maximum over the same voxels. NaN is left
+   for the library. */
 static void test_ranges_of_blocks(void) {
     static const double none[2] = {0, 0};
     static const int lo[3] = {0, 0, 0}, size[3] = {2, 1, 1};
@@ -449,16 +451,16 @@ static void test_ranges_of_blocks(void) {
     ex_grid_free(&grid);
 }
 
-/* ------------------------------------------------------------------------------------------- what is wrong */
+/* ------------------------------------------------------------------------------------------------- errors */
 
-/* Whether a failure said one line that begins with the folder of the test, and so with a file. */
+/* Whether a failure printed one line that begins with the folder of the test, and so with a file. */
 static int is_complaint(const ex_error *error) {
     const size_t length = strlen(error->text);
     return length > strlen(folder) && strncmp(error->text, folder, strlen(folder)) == 0 &&
            is_printable(error->text, length);
 }
 
-/* Reads a header that may be anything. What is read must fit into its file, and what is not must be said. */
+/* Reads an arbitrary header. Either its voxels must fit its file, or an error must be printed. */
 static int survives(const char *name, size_t held) {
     ex_volume_file header;
     ex_grid grid;
@@ -474,7 +476,7 @@ static int survives(const char *name, size_t held) {
     return 1;
 }
 
-/* Cut off at any byte. A file that holds its voxels has then too few of them, wherever it ends. */
+/* Files truncated at any byte: one that holds its voxels has too few of them, wherever it ends. */
 static void test_truncated(void) {
     static bytes file;
     for (int which = 0; which < FORMAT_COUNT; ++which) {
@@ -489,7 +491,7 @@ static void test_truncated(void) {
     }
 }
 
-/* Changes a byte of a file where it is, which is far quicker than to write the file again. */
+/* Changes a byte of a file in place, which is much faster than writing the file again. */
 static void patch_file(const char *name, size_t at, unsigned char byte) {
     char path[200];
     snprintf(path, sizeof path, "%s/%s", folder, name);
@@ -499,7 +501,7 @@ static void patch_file(const char *name, size_t at, unsigned char byte) {
     CHECK(fclose(file) == 0);
 }
 
-/* Each bit of the header turned round, and each byte replaced by what may mean something to a reader of text. */
+/* Each bit of the header flipped, and each byte replaced by characters that are special in text. */
 static void test_flipped(void) {
     static const unsigned char bytes_of_note[] = {0, '\n', ' ', '-', '9', ':', '=', '(', '\'', 0xff};
     static bytes file;
@@ -520,7 +522,7 @@ static void test_flipped(void) {
             patch_file(format_names[which], at, kept);
         }
     }
-    CHECK(readable > 1000 && broken > 1000); /* comments, filling; sizes, names */
+    CHECK(readable > 1000 && broken > 1000); /* comments, padding; sizes, names */
 }
 
 typedef struct wrong {
@@ -541,7 +543,7 @@ static void check_wrong(const wrong *list, size_t count) {
     }
 }
 
-/* Each line names the field, and says what about it is not right. */
+/* Each line names the field, and the rule that it breaks. */
 static void test_wrong_nrrd(void) {
     static const wrong list[] = {
         {"w.nrrd", "", "w.nrrd: not a NRRD file"},
@@ -671,7 +673,7 @@ static void test_wrong_npy_dictionary(void) {
     CHECK(strstr(error.text, "w.npy: header length: 6 bytes, but the file has only 5") != NULL);
 }
 
-/* A number that a NIfTI header may not have, at its place. */
+/* An invalid number in a NIfTI header, at its offset. */
 static void test_wrong_nifti(void) {
     static const struct {
         size_t at;
@@ -720,7 +722,7 @@ static void test_wrong_nifti(void) {
 
 #define LOOK "--extinction 4 --light directional,1,-1,-1,9,9,9 --width 20 --height 15 "
 
-/* One scan, raw with all said by options and with a header that says it: the same bits. */
+/* One scan, raw with everything in options, and with a header: the same bits. */
 static void test_pictures(void) {
     static const char *const ways[] = {
         "--volume a.nrrd ", "--volume a.nhdr ", "--volume a.mha ", "--volume a.mhd ",
@@ -743,8 +745,8 @@ static void test_pictures(void) {
     }
 }
 
-/* Placed by the header: two formats, one picture, and another one than that of a box; a camera that was not given sees
-   all of it. */
+/* Placed by the header: the same picture from two formats, different from that of a default box; the default camera
+   sees all of it. */
 static void test_placed_pictures(void) {
     static char pictures[3][FILE_MAX];
     static const char *const ways[3] = {"--volume a.nrrd ", "--volume a.nii ", "--box 0,0,0,1,1,1 --volume a.nii "};
@@ -801,7 +803,7 @@ static void test_render(void) {
     test_complaints();
 }
 
-/* Scans with headers, if there are any where SPLATSHADOW_DATA says. */
+/* Scans with headers, if there are any in SPLATSHADOW_DATA. */
 static void test_real_scans(void) {
     const char *data = getenv("SPLATSHADOW_DATA");
     DIR *list = data ? opendir(data) : NULL;

@@ -1,4 +1,5 @@
-/* What the example programs model with: metaballs, marching cubes, the thickness of closed meshes, smoke puffs. */
+/* The modelling tools of the example programs: metaballs, marching cubes, the thickness of closed meshes, smoke puffs.
+ */
 
 #include "check.h"
 
@@ -10,7 +11,7 @@ static const float white[3] = {1, 1, 1};
 
 /* ---------------------------------------------------------------------------------------------- the fields */
 
-/* Distances turned round, as inside is above the level. user: the centre and the radius, or both radii. */
+/* Negated distances, as inside is above the level. user: the centre and the radius, or both radii. */
 static double ball_field(void *user, ex_vec p) {
     const double *ball = (const double *)user;
     return ball[3] - ex_vec_length(ex_vec_sub(p, ex_vec_of(ball[0], ball[1], ball[2])));
@@ -21,7 +22,7 @@ static double ring_field(void *user, ex_vec p) {
     return -ex_ring_distance(p, ex_vec_of(0, 0, 0), ex_vec_of(0, 0, 1), radii[0], radii[1]);
 }
 
-/* -1..1 at every whole position, without any relation between neighbours. */
+/* -1..1 at every whole position, uncorrelated between neighbours. */
 static double random_field(void *user, ex_vec p) {
     const int seed = *(const int *)user;
     return ex_hash((int)floor(p.x + 0.5) + 1000 * seed, (int)floor(p.y + 0.5), (int)floor(p.z + 0.5)) / 2147483648.0 -
@@ -53,7 +54,7 @@ static void measure(const ex_mesh *mesh, double *area, double *volume) {
 }
 
 typedef struct edge {
-    size_t from, to; /* the points' numbers */
+    size_t from, to; /* indices of the points */
 } edge;
 
 static int edge_compare(const void *left, const void *right) {
@@ -63,7 +64,7 @@ static int edge_compare(const void *left, const void *right) {
 }
 
 /* Counts directed edges that occur more than once, and those whose opposite does not occur: both 0 for a closed
-   surface without branches. Gives its Euler characteristic, corners - edges + triangles. */
+   manifold. Returns its Euler characteristic, corners - edges + triangles. */
 static long topology(const ex_mesh *mesh, long *repeated, long *unmatched) {
     const size_t count = 3 * mesh->triangle_count;
     ex_builder builder;
@@ -118,7 +119,7 @@ static void test_metaballs(void) {
 
 /* ------------------------------------------------------------------------------------------- marching cubes */
 
-/* Every one of the 256 ways to be inside: each crossed edge is in exactly one loop, each loop has an apex. */
+/* All 256 cases: each crossed edge is in exactly one loop, each loop has an apex. */
 static void test_cells(void) {
     for (int inside = 0; inside < 256; ++inside) {
         int follower[24], loop[12], crossed = 0, walked = 0, good = 1;
@@ -174,9 +175,9 @@ static void test_ball_and_ring(void) {
                       4 * EX_PI * EX_PI, 0);
 }
 
-/* Normals point away from the ball's centre. Central differences over h of a distance, a curvature 1/R and a third
-   derivative of 3/R^3 at most, are off by h^2 / 2 R^2; interpolation along the edge, h^2 / 8 of the same, adds less
-   than another. The triangle faces the same way. */
+/* Normals point away from the ball's centre. Central differences over h of a distance with a curvature of 1/R and a
+   third derivative of at most 3/R^3 are off by h^2 / 2 R^2; interpolation along the edge, h^2 / 8 of the same, adds
+   less than that again. The triangle faces the same way. */
 static void test_normals(void) {
     ex_mesh mesh;
     double worst = 0, facing = 1;
@@ -198,8 +199,8 @@ static void test_normals(void) {
     ex_mesh_free(&mesh);
 }
 
-/* Values that have nothing to do with each other: most cells have ambiguous faces, and the box's faces cut through what
-   is inside. Still closed, and without branches. */
+/* Uncorrelated values: most cells have ambiguous faces, and the box's faces cut through the inside. The surface is
+   still a closed manifold. */
 static void test_random_fields(void) {
     for (int seed = 0; seed < 6; ++seed) {
         ex_mesh mesh;
@@ -243,7 +244,7 @@ static ex_vec ray_of(const sps_view *view, int pixel) {
         ex_vec_of((pixel % SIDE + 0.5 - 0.5 * SIDE) * scale, (0.5 * SIDE - pixel / SIDE - 0.5) * scale, -1));
 }
 
-/* How long a ray from `eye` is inside of a ball at the origin, up to `end`. */
+/* The length of a ray from `eye` inside a ball at the origin, up to `end`. */
 static double chord_of(ex_vec eye, ex_vec ray, double radius, double end) {
     const double middle = -ex_vec_dot(eye, ray), square = radius * radius - ex_vec_dot(eye, eye) + middle * middle;
     const double half = sqrt(fmax(square, 0));
@@ -271,9 +272,9 @@ static double ball_error(const sps_view *view, int cells, const float *depth) {
 }
 
 /* A surface that is sunk by s (3 h^2 / 8, see above) moves along a ray by s over the cosine, 0.43 at 0.9 of the radius,
-   at either end. And corners are rounded to 1/512 of a pixel: at a slope of 2 and with pixels 0.1 wide that moves the
-   ends by another 0.1 * 2 / 512 each. Quartered as the cells are halved, but for how the facets lie and for what
-   rounding does: more than halved. */
+   at either end. And corners are rounded to 1/512 of a pixel: at a slope of 2 and with pixels 0.1 wide, that moves the
+   ends by another 0.1 * 2 / 512 each. The error is quartered as the cells are halved, except for the orientation of
+   facets and for rounding: more than halved. */
 static void test_ball_chords(void) {
     const double coarse = 2.4 / 16, fine = 2.4 / 32, rounding = 8e-4;
     const double eyes[3] = {5, 1.3, 0.4}, angles[3] = {0.5, 1.2, 1.5}; /* the last one is inside */
@@ -300,12 +301,12 @@ static void test_ends_of_rays(void) {
     add_ball(&mesh, 0, 0, 0, 1, 12);
     ex_mesh_thickness(&mesh, &view, depth, sums);
     for (int i = 0; i < PIXELS; ++i) nothing &= sums[i] == 0;
-    CHECK(nothing); /* the same numbers are added and taken away */
+    CHECK(nothing); /* the same numbers are added and subtracted */
     ex_mesh_free(&mesh);
 }
 
-/* Orthographic rays through a ring in the plane across them: two tubes on the way in its plane, none in its hole. From
-   the side, where both lie behind one another, chords add up: 2 x the tube's diameter through the middle. */
+/* Orthographic rays through a ring in the plane across them: two tubes along a ray in its plane, none in its hole. From
+   the side, where one tube lies behind the other, chords add up: 2 x the tube's diameter through the middle. */
 static void test_ring_chords(void) {
     static double sums[PIXELS];
     const double minor = 0.3, h = 2.4 / 40, sunk = 3 * h * h / (8 * minor);
@@ -316,7 +317,7 @@ static void test_ring_chords(void) {
     ex_shape_field(&mesh, ring_field, radii, 0, ex_vec_of(-1.2, -1.2, -0.5), ex_vec_of(1.2, 1.2, 0.5), 40, white);
     memset(sums, 0, sizeof sums);
     ex_mesh_thickness(&mesh, &view, NULL, sums);
-    CHECK_NEAR(sums[PIXELS / 2], 0, 0); /* through the hole there is nothing to add */
+    CHECK_NEAR(sums[PIXELS / 2], 0, 0); /* nothing through the hole */
     /* 11 pixels of 2.4 / 33 to the side is 0.8: through the tube's middle, at a right angle to it */
     CHECK_NEAR(sums[PIXELS / 2 + 11], 2 * minor, 2 * sunk + 1e-3);
     view.camera.position[0] = 5, view.camera.position[2] = 0;
@@ -331,10 +332,10 @@ static void test_ring_chords(void) {
     ex_mesh_free(&mesh);
 }
 
-/* Two balls that overlap, in one mesh: each layer counts, so their thicknesses add up. Rounding of sums of eight
-   numbers below 10: 1e-14. Orthographic rays run along the lattice's edges, through the corners of triangles that lie
-   on these and along others' edges: none may be missed or taken twice, which would leave a whole distance (3 and more)
-   behind. */
+/* Two overlapping balls in one mesh: each layer counts, so their thicknesses add up. Round-off of sums of eight numbers
+   below 10: 1e-14. Orthographic rays run along the lattice's edges, through the corners of triangles that lie on these
+   and along others' edges: none may be missed or counted twice, which would leave a whole distance (3 or more) as
+   error. */
 static void test_overlap(void) {
     static double both[PIXELS], apart[PIXELS];
     const double centers[2] = {-0.4, 0.4};
@@ -344,7 +345,7 @@ static void test_overlap(void) {
         sps_view view = view_of(4, angle ? 0.8 : 0);
         if (!angle)
             check_orthographic(&view.camera,
-                               0.05 * SIDE); /* pixels as wide as the cells, their middles on the lattice */
+                               0.05 * SIDE); /* pixels as wide as the cells, their centres on the lattice */
         memset(&mesh, 0, sizeof mesh);
         memset(both, 0, sizeof both);
         memset(apart, 0, sizeof apart);
@@ -367,9 +368,9 @@ static void test_overlap(void) {
     CHECK(least > -1e-14 && most > 0.9 && most < 2);
 }
 
-/* The library's rays are the same: its distances to a mesh, taken for the rays' ends, leave nothing of the mesh. Seen
-   from aside, with a view higher than wide. Distances are floats (3e-7 of 4), and rounding of corners moves a facet's
-   border by 1/512 pixel, 2e-5 here, times its slope, up to 3 within 0.95 of the radius. */
+/* The library's rays are the same: with its distances to a mesh as the rays' ends, nothing of the mesh is left. Seen
+   from the side, with a view higher than wide. Distances are floats (3e-7 of 4), and rounding of corners moves a
+   facet's border by 1/512 pixel, 2e-5 here, times its slope, up to 3 within 0.95 of the radius. */
 static void test_library_rays(void) {
     enum { WIDE = 40, HIGH = 56 };
     static float rgba[4 * WIDE * HIGH], depth[WIDE * HIGH];
@@ -414,8 +415,8 @@ static ex_vec place_of(const sps_particle *p) {
     return ex_vec_of((double)p->position[0], (double)p->position[1], (double)p->position[2]);
 }
 
-/* The same seed gives the same bits, another one another puff; what is behind the last particle is untouched; no
-   particle reaches out of the puff, but for rounding to floats (3e-7 of 5), and sizes spread over their range. */
+/* The same seed makes the same bits, another one another puff; memory behind the last particle is untouched; no
+   particle extends out of the puff, except for rounding to floats (3e-7 of 5), and sizes spread over their range. */
 static void test_puff(void) {
     static sps_particle list[EX_PUFF_PARTICLES + 1], again[EX_PUFF_PARTICLES + 1];
     const ex_puff other = puff_of(2);
@@ -436,19 +437,20 @@ static void test_puff(void) {
     }
     CHECK(furthest <= puff.radius * (1 + 1e-6) && furthest > 0.8 * puff.radius);
     CHECK(smallest >= 0.0499999 && smallest < 0.07 && largest <= 0.3000001 && largest > 0.25);
-    CHECK_NEAR(depth, 0.25 * EX_PUFF_PARTICLES, 0); /* a quarter has no rounding */
+    CHECK_NEAR(depth, 0.25 * EX_PUFF_PARTICLES, 0); /* a quarter is exact */
     ex_puff_fill(&other, EX_PUFF_PARTICLES, again);
     CHECK(memcmp(list, again, sizeof list) != 0);
-    puff.smallest = 0.9, puff.largest = 1.1; /* all of them large, so that the edge's would reach out if they could */
+    puff.smallest = 0.9,
+    puff.largest = 1.1; /* all of them large, so that those at the edge would extend beyond it if they could */
     ex_puff_fill(&puff, EX_PUFF_PARTICLES, list);
     for (int i = 0; i < EX_PUFF_PARTICLES; ++i)
         furthest = fmax(furthest, ex_vec_length(ex_vec_sub(place_of(&list[i]), puff.center)) + (double)list[i].radius);
     CHECK(furthest <= puff.radius * (1 + 1e-6));
 }
 
-/* Another seed is another shape, not the same one filled otherwise: chance alone moves the centre of mass of 2500
-   particles, each 0.45 of the radius from the middle by an axis (root of the mean square), by 0.009 of it; the distance
-   of two such centres is 0.022 (all three axes), and beyond 0.11, five times that, it is not chance. */
+/* Another seed makes another shape, not the same one filled differently: chance alone moves the centre of mass of 2500
+   particles, each 0.45 of the radius from the centre per axis (rms), by 0.009 of it; the distance of two such centres
+   is 0.022 (all three axes), and beyond 0.11, five times that, it is not chance. */
 static void test_shapes_of_puffs(void) {
     static sps_particle list[EX_PUFF_PARTICLES];
     ex_vec middles[4];
@@ -472,8 +474,8 @@ static ex_wind wind_of(double gusts) {
     return wind;
 }
 
-/* Without gusts every particle goes straight at the speed of its height, 2 seconds: closed form, rounded to floats of
-   up to 15, 1e-6. With gusts the particles end elsewhere, no two at one place, but sizes and depths stay. */
+/* Without gusts every particle moves straight at the speed of its height for 2 seconds: closed form, rounded to floats
+   of up to 15, 1e-6. With gusts the particles end elsewhere, no two in one place, but sizes and depths stay. */
 static void test_blown_puff(void) {
     static sps_particle still[SOME], blown[SOME];
     const ex_puff puff = puff_of(3);
@@ -499,8 +501,8 @@ static void test_blown_puff(void) {
     CHECK(moved > 0.1); /* up or down, which only eddies do */
 }
 
-/* The swirl neither gathers nor thins out: central differences of central differences of the same step cancel exactly,
-   but for rounding: 1e-16 of noises below 2, over 4 * step^2 = 4e-6, in twelve differences: 6e-10 at the very most. */
+/* The swirl has no divergence: central differences of central differences with the same step cancel exactly, except for
+   round-off: 1e-16 of noises below 2, over 4 * step^2 = 4e-6, in twelve differences: at most 6e-10. */
 static void test_swirl(void) {
     const double step = 1e-3;
     uint32_t random = 5;

@@ -1,4 +1,4 @@
-/* Places where two features meet, or that are seldom asked for, each held against an exact answer. */
+/* Interactions of two features, and rarely used ones, each against an exact answer. */
 
 #include "check.h"
 
@@ -37,7 +37,7 @@ static sps_volume *add_gas(check_scene *s, double half, double z0, double z1, do
 
 /* --------------------------------------------------------------------------------------------------- polygons */
 
-/* Corner normals of a mesh that is stretched, turned and sheared: they go with the inverse transpose. */
+/* Corner normals of a scaled, rotated and sheared mesh transform by the inverse transpose. */
 static void test_normals_stretched(void) {
     static const double axes[3][3][3] = {{{4, 0, 0}, {0, 1, 0}, {0, 0, 1}},
                                          {{1, 0, 0}, {0, 1, 0}, {0, 0, 0.2}},
@@ -66,8 +66,8 @@ static void test_normals_stretched(void) {
         }
 }
 
-/* A plate that runs slantwise from before the nearer of two clouds to behind the farther one: between them and behind
-   them it is seen at every depth, through what lies before it, from whichever side slabs are gone through. */
+/* A slanted plate from in front of the nearer of two clouds to behind the farther one: it is seen at every depth,
+   through the gas in front of it, in both compositing orders. */
 static void test_behind_a_chunk(void) {
     const double sigma = 0.8, reach = 3 * 0.1; /* kernels of voxels at a face end 2.5 voxels beyond it, at most 3 */
     for (int n = 0; n < 3; ++n) {
@@ -99,9 +99,9 @@ static void test_behind_a_chunk(void) {
 
 /* -------------------------------------------------------------------------------------------------- reference */
 
-/* A plate behind a point light shades nothing, neither a ground nor a thin gas above it; one before it does. */
+/* A plate behind a point light shades nothing, neither a ground nor a thin gas above it; one in front of it does. */
 static void test_behind_the_light(void) {
-    for (int n = 0; n < 3; ++n) { /* no plate; behind the light; before it */
+    for (int n = 0; n < 3; ++n) { /* no plate; behind the light; in front of it */
         check_scene s;
         start(&s, 5, 5, 1);
         add_square(&ground, 4, 0, 0);
@@ -116,14 +116,14 @@ static void test_behind_the_light(void) {
     CHECK(!memcmp(image_a, image_b, 25 * 4 * sizeof(float)));
     for (int i = 0; i < 25; ++i) {
         const double x = (i % 5 - 2) / 5.0, y = (i / 5 - 2) / 5.0, square = x * x + y * y + 4;
-        /* gas takes 2 tau at most, and sends less than tau times the intensity over 4 pi and the nearest square */
+        /* gas absorbs at most 2 tau, and scatters less than tau times the intensity over 4 pi and the nearest square */
         const double exact = 0.6 / PI * 5 * 2 / (square * sqrt(square)), tau = 1e-3 * 0.8;
         CHECK_NEAR((double)image_b[4 * i], exact, exact * 2.2 * tau + 5 / (4 * PI) / (1.1 * 1.1) * tau);
         CHECK(image_c[4 * i] <= 0);
     }
 }
 
-/* Lights that are black, that shine through everything, or both, above a plate above the ground. */
+/* Lights that are black, without shadow, or both, above a plate above the ground. */
 static void test_lights_of_the_reference(void) {
     check_scene s;
     start(&s, 5, 5, 1);
@@ -159,8 +159,8 @@ static int read_balls(void *user, size_t first, size_t count, sps_particle *out)
     return 0;
 }
 
-/* Particles by extinction are those by optical depth, along a diameter 2 r, or 4 r / 3 of a soft one; a ray through the
-   middle of one of each kind meets all of it. */
+/* Particles by extinction equal those by optical depth, over a diameter of 2 r, or 4 r / 3 for soft ones; a ray through
+   the centre of one of each kind meets all of it. */
 static void test_extinction_of_balls(void) {
     for (int soft = 0; soft < 2; ++soft) {
         sps_particles set;
@@ -176,7 +176,7 @@ static void test_extinction_of_balls(void) {
                 balls[i].position[2] = -2.0f * (float)i;
             }
             balls[0].position[0] = balls[2].position[0] = 0;
-            balls[1].position[0] = 0.7f; /* past the middle */
+            balls[1].position[0] = 0.7f; /* beyond the middle */
             set.count = 3;
             set.read_fn = read_balls;
             set.soft = soft;
@@ -186,7 +186,7 @@ static void test_extinction_of_balls(void) {
             s.scene.particle_set_count = 1;
             if (!check_march(context, &s, 0.5, by ? image_b : image_a, NULL)) return;
         }
-        /* optical depths are floats, 6e-8 off each: no more of what is seen, which is at most 1 */
+        /* optical depths are floats, 6e-8 off each, and so is the result, which is at most 1 */
         CHECK(check_largest(image_a, image_b, 4 * (SIDE - 1) * (SIDE - 1)) < 3e-7);
         CHECK_NEAR((double)image_b[4 * ((SIDE - 1) * (SIDE - 1) / 2) + 3], -expm1(-0.5 - 2.5), 1e-6);
     }
@@ -200,8 +200,8 @@ static int read_one_voxel(void *user, const int lo[3], const int size[3], float 
     return 0;
 }
 
-/* One voxel, and about it as many empty ones as move it through a brick of 8 voxels: its kernel reaches into each of
-   the 26 bricks about its own, and the reference must look there. Steps are where they were. */
+/* One voxel, surrounded by numbers of empty ones that move it through a brick of 8 voxels: its kernel reaches into each
+   of the 26 bricks around its own, and the reference must look there. Steps stay in place. */
 static void test_bricks_of_the_reference(void) {
     for (int pad = 0; pad < 8; ++pad) {
         const int side = 16 + 2 * pad;
@@ -222,7 +222,7 @@ static void test_bricks_of_the_reference(void) {
 }
 
 /* The distance of a thin layer is that of its middle, less tau / 12 of its thickness, since its front hides a little of
-   its back. What a step holds counts at the step's middle. Distances are floats: 1e-6 at 10. */
+   its back. The content of a step counts at the step's middle. Distances are floats: 1e-6 at 10. */
 static void test_distance_of_a_layer(void) {
     const double tau = 1e-4;
     for (int steps = 1; steps <= 4; ++steps) {
@@ -234,10 +234,10 @@ static void test_distance_of_a_layer(void) {
     }
 }
 
-/* From a hundred thousand times farther away, through a lens as much narrower, all looks as it does without
-   perspective. Depths are told from the scene's middle on; where a kernel is cut, floats from the eye on still are in
-   use, which round by 0.03 there: 9 % of the light where extinction is 3. All depths from the eye on would be off by
-   40 %. */
+/* From a hundred thousand times farther away, with a proportionally narrower lens, everything looks as without
+   perspective. Depths are relative to the scene's middle; where a kernel is cut, floats relative to the eye are still
+   used, which round by 0.03 there: 9 % of the light if extinction is 3. Depths relative to the eye throughout would be
+   off by 40 %. */
 static void test_distant_eye(void) {
     const double far_away = 1e6;
     for (int n = 0; n < 2; ++n) {
@@ -262,8 +262,8 @@ static void test_distant_eye(void) {
 
 /* ----------------------------------------------------------------------------------------- volumes side by side */
 
-/* Gas that glows and takes nothing, before, behind and within gas that takes and does not glow: g l exp(-tau), and
-   where they share a stretch of length l, g l (1 - exp(-tau)) / tau. */
+/* Gas that only emits, in front of, behind and within gas that only absorbs: g l exp(-tau), and where they share a
+   stretch of length l, g l (1 - exp(-tau)) / tau. */
 static void test_glow_beside_dust(void) {
     for (int place = 0; place < 3; ++place)
         for (int lit = 0; lit < 2; ++lit) {
@@ -277,9 +277,9 @@ static void test_glow_beside_dust(void) {
             add_gas(&s, 1.5, -0.8, 0.8, sigma);
             if (lit) check_add_directional(&s, 0.3, 0, -1, 2); /* nothing scatters it */
             if (!check_render(context, &s, image_a) || !check_march(context, &s, 0.25, image_b, NULL)) return;
-            /* Soft faces and thick slabs do not matter: where both share a place, what glows and what takes rise and
-               fall together, and only their sums count; elsewhere they are twelve voxels apart. What is left is ripple,
-               of what glows and of what takes, and the reference's steps of 0.025, whose midpoints are off by (0.025
+            /* Soft faces and thick slabs do not matter: where the gases overlap, emission and extinction rise and fall
+               together, and only their sums count; elsewhere they are twelve voxels apart. What remains is the ripple
+               of emission and extinction, and the reference's steps of 0.025, whose midpoints are off by (0.025
                sigma)^2 / 24. */
             for (int i = 0; i < 25; ++i) {
                 const double room = exact * ((1 + tau) * RIPPLE + 0.025 * 0.025 * sigma * sigma / 24);
@@ -299,7 +299,7 @@ static const sps_transfer_point soft_points[2] = {{0.1f, {0.9f, 0.3f, 0.2f}, 0},
 static const sps_transfer_point hard_points[3] = {
     {0.3f, {0.3f, 0.8f, 0.3f}, 0}, {0.4f, {0.8f, 0.8f, 0.2f}, 12}, {0.9f, {0.9f, 0.9f, 0.9f}, 12}};
 
-/* `first` and `second`: which of the two are there. */
+/* `first` and `second`: which of the two exist. */
 static int render_classified(int first, int second, int march, float *image) {
     static const double places[2] = {-1.1, 1.1};
     static check_field fields[2];
@@ -322,14 +322,15 @@ static int render_classified(int first, int second, int march, float *image) {
         volume->shading = i ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
         volume->specular = i ? 0.3f : 0;
     }
-    check_add_directional(&s, 0.5, -0.3, -1, 3); /* from the first to the second: it is shaded by that at its side */
+    check_add_directional(&s, 0.5, -0.3, -1,
+                          3); /* from the first to the second, which is shaded by the first beside it */
     check_color(s.scene.ambient, 0.2, 0.2, 0.2);
     return march ? check_march(context, &s, 0.5, image, NULL) : check_render(context, &s, image);
 }
 
-/* A classified gas beside a classified surface: together no farther from the reference than each by itself. What one
-   throws upon the other adds to that, as much as a light's optical depth is off, which is less than what the eye's is:
-   so the mean squares of both are allowed, twice. Each by itself is held to 1 % of what is sent at most, about 1. */
+/* A classified gas beside a classified surface: together no farther from the reference than each by itself. The shadow
+   of one on the other adds the error of the light's optical depth, which is less than that of the eye's: so the mean
+   squares of both are allowed, twice. Each by itself is held to 1 % of the maximum radiance, about 1. */
 static void test_classified_together(void) {
     double alone[2], together;
     for (int i = 0; i < 2; ++i) {
@@ -345,7 +346,7 @@ static void test_classified_together(void) {
     for (int i = 0; i < 2; ++i) CHECK(alone[i] < 0.01);
 }
 
-/* A dome of classified matter, which shows where its value is above 0.1: within 0.856 of the world's origin. */
+/* A dome of classified matter, visible where its value is above 0.1: within 0.856 of the world's origin. */
 static void place_dome(check_scene *s, int perspective) {
     static const double middle = 0;
     static check_field field;
@@ -377,10 +378,10 @@ static int render_beside(int hidden, int perspective, int steep, int march, floa
     return march ? check_march(context, &s, 0.2, image, NULL) : check_render(context, &s, image);
 }
 
-/* A polygon amid classified matter changes no pixel that does not show it: gradients ask the neighbours' whole slabs,
-   in front of the polygon and behind it. What is in front of it is shaded by the slabs behind it too, as the reference
-   shades it: no farther from that than the picture without it, whose every ray is longer. Rounding: the ends of slabs
-   are told as shares of these, by 1e-6, whole or not, and the polygon's depth is a float. */
+/* A polygon amid classified matter changes no pixel that does not show it: gradients use the neighbours' whole slabs,
+   in front of the polygon and behind it. Matter in front of it is shaded with the slabs behind it too, as in the
+   reference: no farther from that than the picture without it, whose rays are all longer. Round-off: the ends of slabs
+   are stored as fractions of these, to 1e-6, whole or not, and the polygon's depth is a float. */
 static void test_polygon_beside(void) {
     for (int n = 0; n < 4; ++n) {
         const int perspective = n & 1, steep = n >> 1;
@@ -406,10 +407,11 @@ static double ramp(const void *user, const double p[3]) {
 }
 
 /* The eye amid a surface of voxels of 0.1 units whose value rises along x by 0.1 per voxel from 0.5 at the eye, so
-   dense that what is seen lies within two voxels: the slabs about the eye, too, are shaded by their whole surroundings,
-   some of which are behind it. Lit along the gradient, all of it sends its reflectance times irradiance / pi. The
-   largest ripple of 0.2 % (RIPPLE), with a period of a voxel, turns normals by 2 pi 0.002 0.65 / 0.1 at most in either
-   direction across, where values are below 0.65, and each takes half its square from a cosine: 0.7 %. */
+   dense that only the nearest two voxels are visible: the slabs around the eye, too, are shaded by their whole
+   surroundings, some of which are behind it. Lit along the gradient, all of it reflects its reflectance times
+   irradiance / pi. The maximum ripple of 0.2 % (RIPPLE), with a period of a voxel, turns normals by at most 2 pi 0.002
+   0.65 / 0.1 in either direction across, where values are below 0.65, and each reduces a cosine by half its square: 0.7
+   %. */
 static void test_eye_amid_surface(void) {
     static const sps_transfer_point points[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
     static check_field field;
@@ -428,7 +430,7 @@ static void test_eye_amid_surface(void) {
         check_perspective(&s.view.camera, 0.9);
         s.view.slab = n < 6    ? 0
                       : n < 12 ? 1
-                               : 2; /* thick ones ask kernels, and bricks, that lie wholly behind the eye */
+                               : 2; /* thick ones need kernels, and bricks, that lie wholly behind the eye */
         memset(&transfer, 0, sizeof transfer);
         transfer.points = points;
         transfer.point_count = 2;
@@ -450,10 +452,10 @@ static void test_eye_amid_surface(void) {
     }
 }
 
-/* The eye amid an even gas, in a picture of several tiles: each holds the bricks that it sees, also those that the
-   eye's own plane cuts. A ray's optical depth is the gas's by its way to the box's side, but within a kernel's reach of
-   an edge of that, where the blur of two sides meets. Half a voxel of blur is as much before a side as behind it;
-   RIPPLE is of the optical depth, and rays leave a side at a slant of 45 degrees at most or are passed over. */
+/* The eye amid a uniform gas, in a picture of several tiles: each holds the bricks that it sees, including those cut by
+   the eye's own plane. A ray's optical depth is the gas's over its path to the box's side, except within a kernel's
+   reach of an edge, where the blur of two sides overlaps. The half voxel of blur is symmetric about a side; RIPPLE
+   applies to the optical depth, and rays that leave a side at more than 45 degrees are skipped. */
 static void test_eye_amid_tiles(void) {
     enum { WIDE = 150 };
     static float image[4 * WIDE * WIDE];
@@ -466,7 +468,7 @@ static void test_eye_amid_tiles(void) {
         check_set3(s.view.camera.position, 0, 0, 0);
         memcpy(s.view.camera.target, directions[n], sizeof s.view.camera.target);
         check_perspective(&s.view.camera, 1.7);
-        add_gas(&s, 1, -1, 1, 0.5)->size[0] = 80; /* slender: bricks four times as long along the view as across */
+        add_gas(&s, 1, -1, 1, 0.5)->size[0] = 80; /* elongated: bricks four times as long along the view as across */
         if (!check_render(context, &s, image)) return;
         memset(&rays, 0, sizeof rays);
         rays.width = rays.height = WIDE;
@@ -481,7 +483,7 @@ static void test_eye_amid_tiles(void) {
                     second = fmax(second, fmin(most, size));
                     most = fmax(most, size);
                 }
-                if (second > 0.65 * most) continue; /* it leaves the box 0.35 units from an edge, at least */
+                if (second > 0.65 * most) continue; /* it leaves the box at least 0.35 units from an edge */
                 exact = -expm1(-0.5 / most);
                 wrong += !(fabs((double)image[4 * (y * WIDE + x) + 3] - exact) < 0.5 / most * RIPPLE + 1e-5);
                 ++looked_at;
@@ -491,11 +493,11 @@ static void test_eye_amid_tiles(void) {
     }
 }
 
-/* A near plane a slab and more before what shows changes no bit: the slabs that it cuts are whole all the same, and so
-   are gradients made of them, also close to the eye, where a kernel is integrated along each ray. Slabs are 0.4 of a
-   voxel, 0.09 units. */
+/* A near plane at least a slab in front of visible matter changes no bit: the slabs that it cuts are still complete,
+   and so are gradients from them, even close to the eye, where a kernel is integrated along each ray. Slabs are 0.4 of
+   a voxel, 0.09 units. */
 static void test_near_plane_before(void) {
-    for (int place = 0; place < 3; ++place) { /* parallel rays; an eye from afar; close by */
+    for (int place = 0; place < 3; ++place) { /* parallel rays; a distant eye; a close eye */
         const double away = place < 2 ? 10 : 2;
         check_scene s;
         place_dome(&s, place > 0);
@@ -516,11 +518,10 @@ static double rising(const void *user, const double p[3]) {
     return fmax(1 - p[2], 0) / 2;
 }
 
-/* Extinction that rises as k (1 - z) / 2 from z = 1 downwards, up to a plate that lies aslant and cuts thick slabs in
-   all places: an optical depth of k (1 - z)^2 / 4. Kernels leave what is linear as it is, but for their ripple. Where
-   the rise begins, they add k / 4 of their variance, 0.65^2 voxels^2, and so do samples at the middles of voxels
-   instead of means over these, 1/12 voxel^2 by Euler and Maclaurin. Slabs of a voxel are as thick as can be to follow
-   that bend. */
+/* Extinction that rises as k (1 - z) / 2 from z = 1 downwards, up to a slanted plate that cuts thick slabs everywhere:
+   an optical depth of k (1 - z)^2 / 4. Kernels preserve linear fields, except for their ripple. Where the rise begins,
+   they add k / 4 of their variance, 0.65^2 voxels^2, and so do samples at the centres of voxels instead of means over
+   these, 1/12 voxel^2 by Euler-Maclaurin. Slabs of a voxel are the thickest that can follow that bend. */
 static void test_cut_slab_of_rising(void) {
     static const double k = 4;
     static const sps_transfer_point points[2] = {{0, {0, 0, 0}, 0}, {1, {0, 0, 0}, 4}};
@@ -553,8 +554,8 @@ static void test_cut_slab_of_rising(void) {
     }
 }
 
-/* Gas from a near plane amid it: what is seen of it lies 1 / extinction behind that plane on average, however thick the
-   slabs. Its end, 20 optical depths away, is not seen. */
+/* Gas behind a near plane amid it: its mean distance is 1 / extinction behind that plane, for slabs of any thickness.
+   Its end, 20 optical depths away, is not seen. */
 static void test_depth_of_thick_gas(void) {
     static const double sigma = 10;
     for (int n = 0; n < 8; ++n) {
@@ -564,7 +565,7 @@ static void test_depth_of_thick_gas(void) {
         add_gas(&s, 1.5, -2, 2, sigma);
         s.view.near_distance = 9.87;
         s.view.slab = 0.5 * (1 << n % 4);
-        check_add_directional(&s, 0, 0, n < 4 ? -1 : 1, 1); /* from before and from behind */
+        check_add_directional(&s, 0, 0, n < 4 ? -1 : 1, 1); /* from the front and from behind */
         if (!check_render_depth(context, &s, image_a, distance)) return;
         for (int i = 0; i < 9; ++i)
             if (!CHECK_NEAR((double)distance[i], 9.87 + 1 / sigma, RIPPLE / sigma + 2e-6))
@@ -572,9 +573,9 @@ static void test_depth_of_thick_gas(void) {
     }
 }
 
-/* Thin gas that lies upon a black ground, cut by it, under a low sun: all of it is lit down to the ground, although
-   that rises by 12 texels from one texel of the light's to the next. These, 40 units by 1024, are an eighth of the
-   gas's height. The ripple is medium quality's. */
+/* Thin gas on a black ground, cut by it, under a low sun: all of it is lit down to the ground, although that rises by
+   12 texels from one texel of the light's to the next. These, 40 units by 1024, are an eighth of the gas's height. The
+   ripple is medium quality's. */
 static void test_lit_down_to_the_ground(void) {
     static const double height = 0.3, sigma = 1e-4;
     for (int n = 0; n < 2; ++n) {
@@ -592,25 +593,26 @@ static void test_lit_down_to_the_ground(void) {
         check_add_mesh(&s, &ground, 0);
         check_add_directional(&s, cos(turn), sin(turn), -1.0 / 12, 3);
         if (!check_render(context, &s, image_a)) return;
-        for (int i = 0; i < PIXELS; ++i) /* of light, the gas takes up to sigma 12 height */
+        for (int i = 0; i < PIXELS; ++i) /* the gas absorbs up to sigma 12 height of the light */
             if (!CHECK_NEAR((double)image_a[4 * i] / exact, 1, 0.0037 + 13 * sigma * height))
                 printf("    light %d, pixel %d\n", n, i);
     }
 }
 
-/* Thin classified matter between z = -1 and 1 in the shadow of a plate whose edge cuts it aslant: what is lit along a
-   ray ends where the edge's shadow does, at whichever part of a slab. Each part is lit as its middle is, which takes
+/* Thin classified matter between z = -1 and 1 in the shadow of a plate whose edge cuts it at an angle: the lit part of
+   a ray ends where the edge's shadow does, at any part of a slab. Each part is lit as at its middle, an error of up to
    half a part; a light's texel, of at most 6 / 1024 units, the box's diagonal with its kernels' reach, blurs that by
    5 / 3 of its size along z. The ripple is medium quality's. */
 static void test_shadow_edge_in_slabs(void) {
     static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1e-4f}};
-    const double way = 0.2 / cos(0.5 * acos(0.8)), texel = 6.0 / 1024; /* through slabs, which face eye and light */
+    const double way = 0.2 / cos(0.5 * acos(0.8)),
+                 texel = 6.0 / 1024; /* through slabs, which face the half-way vector */
     sps_transfer transfer;
     memset(&transfer, 0, sizeof transfer);
     transfer.points = points;
     transfer.point_count = 2;
     for (int n = 0; n < 2; ++n) {
-        const int side = n ? -1 : 1; /* from before; from behind */
+        const int side = n ? -1 : 1; /* from the front; from behind */
         const double corner[3] = {-40, -40, 3.0 * side}, u[3] = {40 - 2.25, 0, 0}, v[3] = {0, 80, 0};
         check_scene s;
         start(&s, SIDE, SIDE, 1.2);
@@ -621,7 +623,7 @@ static void test_shadow_edge_in_slabs(void) {
         check_add_mesh(&s, &body, 0);
         check_add_directional(&s, 0.6, 0, -0.8 * side, 4 * PI * 1e4);
         if (!check_render(context, &s, image_a)) return;
-        for (int i = 0; i < PIXELS; ++i) { /* in gas that takes 2e-4 of it along either way */
+        for (int i = 0; i < PIXELS; ++i) { /* in gas that absorbs 2e-4 of it along either path */
             const double x = (i % SIDE - (SIDE - 1) / 2.0) * 1.2 / SIDE, lit = 1 + x / 0.75;
             if (!CHECK_NEAR((double)image_a[4 * i], lit,
                             lit * (0.0037 + 5e-4) + 0.5 * way / SPSI_PARTS + texel * 5 / 3))
@@ -632,7 +634,7 @@ static void test_shadow_edge_in_slabs(void) {
 
 /* ------------------------------------------------------------------------------------------- transfer functions */
 
-/* What some points come to, between 0 and 1. */
+/* The transfer function of some points, between 0 and 1. */
 static void tabulate(const sps_transfer *transfer, spsi_table *table, spsi_material *material) {
     memset(table, 0xff, sizeof *table); /* NaN */
     memset(material, 0, sizeof *material);
@@ -650,7 +652,7 @@ static int rising_transfer(void *user, size_t count, const float *values, sps_tr
     return 0;
 }
 
-/* Entry i of a table stands for the value i / SPSI_TABLE_SIZE, the last one too, whether by points or by a callback. */
+/* Entry i of a table is for the value i / SPSI_TABLE_SIZE, including the last one, by points or by a callback. */
 static void test_table_entries(void) {
     static const sps_transfer_point by_points[3] = {
         {0, {0, 1, 0.25f}, 0}, {0.5f, {0.5f, 0.5f, 0.25f}, 1.5f}, {1, {1, 0, 0.25f}, 3}};
@@ -664,7 +666,7 @@ static void test_table_entries(void) {
         if (!n) transfer.eval_fn = rising_transfer, transfer.user = &asked;
         tabulate(&transfer, &table, &material);
         CHECK(n || asked == SPSI_TABLE_SIZE + 1);
-        for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) { /* of four floats' roundings each at most, of up to 3 */
+        for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) { /* at most four float roundings each, of numbers up to 3 */
             const double value = (double)i / SPSI_TABLE_SIZE;
             int good = CHECK_NEAR((double)table.entry[i][0], value, 2.4e-7);
             good &= CHECK_NEAR((double)table.entry[i][1], 1 - value, 2.4e-7);
@@ -674,8 +676,8 @@ static void test_table_entries(void) {
     }
 }
 
-/* A range of values shows if any value in it has extinction by the straight lines between the table's entries. At an
-   entry's own value it may show the line behind it, too. */
+/* A range of values is visible if any value in it has extinction by linear interpolation between the table's entries.
+   At an entry's own value, the line behind it may count, too. */
 static void test_what_shows(void) {
     static const sps_transfer_point band[4] = {
         {0.25f, {1, 1, 1}, 0}, {0.2501f, {1, 1, 1}, 5}, {0.5f, {1, 1, 1}, 5}, {0.5001f, {1, 1, 1}, 0}};
@@ -716,7 +718,7 @@ static void mark_about(int n) {
                     wanted[(z * TALL + y) * WIDE + x] = 1;
 }
 
-/* Marks what the context holds; gives how many of its voxels are wrong, or held twice. */
+/* Marks the voxels that the context holds; returns the number of those that are wrong, or held twice. */
 static int mark_held(void) {
     int wrong = 0;
     memset(held, 0, sizeof held);
@@ -733,8 +735,8 @@ static int mark_held(void) {
     return wrong;
 }
 
-/* A voxel is held within two voxels of a place that has a neighbour which shows: within three of what shows, along each
-   axis, across blocks, and no other. */
+/* Exactly those voxels are held that are within two voxels of a place with a visible neighbour: within three of a
+   visible voxel along each axis, across blocks. */
 static void test_held_voxels(void) {
     static const sps_transfer_point points[2] = {{0.5f, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
     sps_transfer transfer;
@@ -775,8 +777,8 @@ static int range_constant(void *user, const int lo[3], const int size[3], float 
     return 0;
 }
 
-/* Where matter of value 1 ends, its value falls to 0 and passes what a transfer function shows on the way. A range_fn
-   that says 1 of all of it leaves that in the picture. */
+/* Where matter of value 1 ends, its value falls to 0, through the visible values of a transfer function. A range_fn
+   that returns 1 everywhere keeps that in the picture. */
 static void test_shell_of_constant(void) {
     static const sps_transfer_point shell[4] = {
         {0.2f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 30}, {0.6f, {1, 1, 1}, 30}, {0.8f, {1, 1, 1}, 0}};
@@ -799,7 +801,7 @@ static void test_shell_of_constant(void) {
 
 /* -------------------------------------------------------------------------------------------------- grey scenes */
 
-/* What has a color in one place alone, in one channel alone. */
+/* Scenes with a color in one place and one channel only. */
 static void colored_scene(check_scene *s, int place, int channel) {
     const int gas = place > 2;
     float color[3] = {0.5f, 0.5f, 0.5f};
@@ -819,7 +821,8 @@ static void colored_scene(check_scene *s, int place, int channel) {
     if (place != 2) check_color(s->light[0].color, place ? 1 : 0, place ? 1 : 0, place ? 1 : 0);
 }
 
-/* All else is grey: that channel is a quarter of the others, to the last bit, as a quarter of a float is exact. */
+/* Everything else is grey: that channel is a quarter of the others, to the last bit, as a quarter of a float is
+   exact. */
 static void test_one_channel_differs(void) {
     for (int place = 0; place < 5; ++place)
         for (int channel = 0; channel < 3; ++channel) {
@@ -850,7 +853,7 @@ static int progress(void *user, float fraction) {
     return c->calls == c->cancel_at;
 }
 
-/* The largest step that progress takes at once. */
+/* The largest single step of progress. */
 static int progress_step(void *user, float fraction) {
     course *c = (course *)user;
     c->step = fmaxf(c->step, fraction - c->last);
@@ -858,8 +861,8 @@ static int progress_step(void *user, float fraction) {
     return 0;
 }
 
-/* A frame of more than ten chunks of slabs whose light has no map: reading may take a fifth of it at a step, a chunk a
-   tenth of the rest. */
+/* A frame of more than ten chunks of slabs whose light has no map: reading may be one step of a fifth, a chunk one step
+   of a tenth of the rest. */
 static void test_progress_steps(void) {
     course c;
     sps_config config;
@@ -889,7 +892,7 @@ static void message(void *user, const char *text) {
     c->messages += text[0] != 0;
 }
 
-/* Every call begins at the beginning, also after one that was cancelled half way; and that is no message. */
+/* Progress begins at 0 in every call, even after one that was cancelled half-way; and cancelling sends no message. */
 static void test_progress_of_calls(void) {
     course c;
     sps_config config;
@@ -919,7 +922,7 @@ static void test_progress_of_calls(void) {
         else
             CHECK(result == SPS_OK && c.last >= 1 && sps_error(own)[0] == 0);
     }
-    check_perspective(&s.view.camera, -1); /* what is an error is told */
+    check_perspective(&s.view.camera, -1); /* errors are reported */
     memset(&c, 0, sizeof c);
     {
         sps_image image;
@@ -955,7 +958,7 @@ static int range_until(void *user, const int lo[3], const int size[3], float out
     return ranges_left-- <= 0;
 }
 
-/* A plan that fails, early, half way or late, leaves nothing in its report. */
+/* A plan that fails, early, half-way or late, leaves its report empty. */
 static void test_failed_plans(void) {
     for (int n = 0; n < 5; ++n) {
         sps_plan_report report;
@@ -970,7 +973,7 @@ static void test_failed_plans(void) {
         volume = add_gas(&s, 3, -3, 3, 1);
         volume->range_fn = range_until;
         ranges_left = n == 1 ? 0 : n == 2 ? 3 : 1000;
-        if (n == 3) check_add_point(&s, 0.1, 0.2, 0.1, 1); /* within what it lights */
+        if (n == 3) check_add_point(&s, 0.1, 0.2, 0.1, 1); /* amid what it lights */
         if (n == 4) s.view.camera.up[0] = s.view.camera.position[0] = HUGE_VAL;
         memset(&report, 0x55, sizeof report);
         result = sps_plan(context, &s.scene, &s.view, &report);
@@ -984,7 +987,7 @@ static void test_failed_plans(void) {
 
 static long unwritten_wrong;
 
-/* Fills the first block, and no other. */
+/* Writes the first block, and no other. */
 static int read_first(void *user, const int lo[3], const int size[3], float *out) {
     const size_t count = (size_t)size[0] * (size_t)size[1] * (size_t)size[2];
     (void)lo;
@@ -1002,7 +1005,7 @@ static int eval_first(void *user, size_t count, const double *positions, float *
     return read_first(user, NULL, size, out);
 }
 
-/* What a provider does not write is 0, not what the block before it held. */
+/* Values that a callback does not write are 0, not those of the block before. */
 static void test_unwritten_voxels(void) {
     for (int march = 0; march < 2; ++march)
         for (int n = 0; n < 2; ++n) {

@@ -1,20 +1,20 @@
-/* Pairs of features. What goes wrong where two features meet is seen in no test of either, so every pair of levels of
-   two features (random_scene.h has their names) that can go together occurs in at least one small scene, which is
-   compared with sps_reference. How many pairs that are, for each two features, is in the table below, which the test
-   checks, so that it says what is looked at.
+/* Pairs of features. Errors in the interaction of two features are not seen in tests of either, so every compatible
+   pair of levels of two features (random_scene.h has their names) occurs in at least one small scene, which is compared
+   with sps_reference. The table below has the number of pairs for each two features; the test checks it, so that it
+   documents the coverage.
 
    A greedy covering array, from a fixed seed, chooses the scenes: each begins with a pair that has not occurred, and
-   takes for every other feature the level that adds most new pairs [Cohen et al. 1997, "The AETG system"]. A scene
-   that is refused, or in which nothing is seen, counts for nothing, and others are tried. The test fails where a pair
-   is left. Pairs that do not go together are in scene_exclusions, with reasons, besides those of a feature that is not
-   there: a field, a source and a placement want a volume; a source of shadows, a side and other lights want a light.
-   With PAIRS_ALL in the environment, every scene's errors and levels are printed. */
+   chooses for every other feature the level that adds most new pairs [Cohen et al. 1997, "The AETG system"]. A scene
+   that is refused, or in which nothing is seen, does not count, and others are tried. The test fails if a pair is left.
+   Incompatible pairs are in scene_exclusions, with reasons, apart from those of a feature that is absent: a field, a
+   source and a placement need a volume; a source of shadows, a side and other lights need a light. With PAIRS_ALL in
+   the environment, every scene's errors and levels are printed. */
 
 #include "random_scene.h"
 
 enum { VOXELS = 8, PIXELS = 32, ATTEMPTS = 40 };
 
-/* Pairs of levels that go together. */
+/* Numbers of compatible pairs of levels. */
 static const int table[FEATURES][FEATURES] = {
     /*              vol fie sou pla sec mes par lig sha sid oth cam nea sur out */
     /* volume       */ {0},
@@ -50,7 +50,7 @@ typedef struct pairs {
     long scenes, refused, dark;
 } pairs;
 
-/* What a feature needs to mean anything: the feature whose level 0 is that there is none. */
+/* The feature that another one depends on; its level 0 means that it is absent. */
 static int needs(int f) {
     if (f == FIELD || f == SOURCE || f == PLACEMENT) return VOLUME;
     if (f == SHADOW || f == SIDE || f == OTHERS) return LIGHT;
@@ -64,7 +64,7 @@ static int goes_together(int f, int level, int g, int other) {
 
 static int matters(const int levels[FEATURES], int f) { return needs(f) < 0 || levels[needs(f)] > 0; }
 
-/* A pair that has not occurred yet; 0 where there is none. */
+/* Finds a pair that has not occurred yet; returns 0 if there is none. */
 static int first_missing(const pairs *p, int levels[FEATURES]) {
     for (int f = 0; f < FEATURES; ++f)
         for (int a = 0; a < level_count(f); ++a)
@@ -78,7 +78,7 @@ static int first_missing(const pairs *p, int levels[FEATURES]) {
     return 0;
 }
 
-/* New pairs that a level would make with those chosen (level -1: not chosen); -1 where it does not go with them. */
+/* Number of new pairs that a level would make with those chosen (level -1: not chosen); -1 if incompatible. */
 static int gain(const pairs *p, const int levels[FEATURES], int f, int level) {
     int count = 0;
     for (int g = 0; g < FEATURES; ++g) {
@@ -89,7 +89,7 @@ static int gain(const pairs *p, const int levels[FEATURES], int f, int level) {
     return count;
 }
 
-/* Fills in what is not chosen, feature by feature from a random one on. */
+/* Chooses the remaining levels, feature by feature from a random one on. */
 static void choose(pairs *p, int levels[FEATURES]) {
     const int start = draw_below(&p->random, FEATURES), stride = 1 + 2 * draw_below(&p->random, FEATURES / 2);
     for (int i = 0; i < FEATURES; ++i) {

@@ -1,10 +1,10 @@
 /* Particles in the picture: balls of gas against their own chords, summed in double precision here, then light on them,
-   among them and behind them, by closed forms where there are any and by sps_reference where not; and what every
-   provider of data must survive. Tolerances are derived where they stand; the parts they are made of: ROUNDING  floats:
-   6e-8 for each operation. A ball's optical depth is a sum of sections, one per slab, whose ends meet to a few
-   roundings of the slab's number: of n slabs' sum that is n ROUNDING of the whole, twice. RIM       d^2, the square of
-   a ray's distance from the middle in radii, is a dozen operations: off by 1e-6 at most. An even chord, sqrt(1 - d^2),
-   moves by 1e-6 / (2 sqrt(1 - d^2)), and by 1e-3 at the very rim. */
+   among them and behind them, by closed forms where there are any and by sps_reference otherwise; and failures of every
+   callback. Tolerances are derived where they are used, from
+   ROUNDING  floats: 6e-8 for each operation. A ball's optical depth is a sum of sections, one per slab, whose ends meet
+             to within a few roundings of the slab's number: for n slabs, that is n ROUNDING of the total, twice;
+   RIM       d^2, the square of a ray's distance from the centre in radii, is a dozen operations: off by at most 1e-6.
+             A uniform chord, sqrt(1 - d^2), changes by 1e-6 / (2 sqrt(1 - d^2)), and by 1e-3 at the very rim. */
 
 #include "check.h"
 
@@ -19,12 +19,12 @@ static sps_context *context;
 
 /* ------------------------------------------------------------------------------------------------------ provider */
 
-/* Particles from an array. `limit_calls` > 0: that call and the later ones fail. */
+/* Particles from an array. `limit_calls` > 0: this call and later ones fail. */
 typedef struct cloud {
     sps_particle *list;
     size_t count, room;
     long calls, limit_calls;
-    size_t largest, zeroed; /* batch asked for; particles that came zeroed */
+    size_t largest, zeroed; /* largest batch; number of particles that were zeroed */
 } cloud;
 
 static int cloud_read(void *user, size_t first, size_t count, sps_particle *out) {
@@ -57,7 +57,7 @@ static void cloud_free(cloud *c) {
     memset(c, 0, sizeof *c);
 }
 
-/* A scene of up to three sets. Stays where it is. */
+/* A scene of up to three sets. It must not be moved. */
 typedef struct stage {
     check_scene s;
     sps_particles set[3];
@@ -78,7 +78,7 @@ static void stage_free(stage *x) {
     check_free_triangles(&x->triangles);
 }
 
-/* The next set; its count is that of its cloud when the scene is rendered by stage_render. */
+/* Appends a set; stage_render sets its count to that of its cloud. */
 static sps_particles *stage_add(stage *x, double albedo) {
     sps_particles *set = &x->set[x->s.scene.particle_set_count];
     set->read_fn = cloud_read;
@@ -103,7 +103,7 @@ static int stage_march(stage *x, double step, float *image) {
 
 /* ---------------------------------------------------------------------------------------------------- exact chords */
 
-/* Optical depth of a set along a ray between `low` and `high` (direction of unit length), and how far it may be off. */
+/* Optical depth of a set along a ray between `low` and `high` (unit direction), and its tolerance. */
 static double chords(const cloud *c, const sps_particles *set, const double origin[3], const double direction[3],
                      double low, double high, double *slack) {
     double sum = 0;
@@ -131,7 +131,7 @@ static double chords(const cloud *c, const sps_particles *set, const double orig
     return sum;
 }
 
-/* The rays of a camera, by the library's own geometry, which other tests are about. */
+/* The rays of a camera, by the library's own geometry, which other tests cover. */
 static void pixel_ray(const sps_view *view, int x, int y, double origin[3], double direction[3], double *length) {
     spsi_rays rays;
     memset(&rays, 0, sizeof rays);
@@ -144,8 +144,8 @@ static void pixel_ray(const sps_view *view, int x, int y, double origin[3], doub
     spsi_normalise(direction);
 }
 
-/* Compares the coverage of every pixel with the exact chords of all sets; gives the largest error that is allowed for
-   by nothing. The eye's near plane is at `near_distance` along its axis. */
+/* Compares the coverage of every pixel with the exact chords of all sets; returns the largest error beyond the
+   tolerance. The eye's near plane is at `near_distance` along its axis. */
 static void check_coverage(const stage *x, const float *image, double slabs, const char *what) {
     const sps_view *view = &x->s.view;
     double worst = 0;
@@ -187,7 +187,7 @@ static void aim(stage *x, int kind) {
     }
 }
 
-/* Exact at any number of slabs, at any place of the eye, even and soft, by depth or by extinction. */
+/* Exact for any number of slabs, any position of the eye, uniform and soft, by depth or by extinction. */
 static void test_one_ball(void) {
     static const int slabs[5] = {1, 4, 64, 512, 4096};
     for (int kind = 0; kind < VIEWS; ++kind)
@@ -213,7 +213,7 @@ static void test_one_ball(void) {
             }
 }
 
-/* The near plane cuts the ball, whatever its place. */
+/* The near plane clips the ball at any position. */
 static void test_near_plane(void) {
     for (int form = 0; form < 8; ++form) {
         stage x;
@@ -229,9 +229,8 @@ static void test_near_plane(void) {
     }
 }
 
-/* A white plane under an ambience of 1 is 1 where nothing lies before it: what is seen of it is exp of what a ball
-   holds before the plane, from the front to the back as well as, with a light from behind, from the back to the front.
- */
+/* A white plane under ambient light of 1 has a radiance of 1 if unobstructed: it is seen through exp of a ball's
+   optical depth in front of it, in front-to-back compositing and, with a light from behind, back to front. */
 static void test_cut_by_polygon(void) {
     for (int form = 0; form < 12; ++form) {
         const double origin[3] = {-12, -12, -5.2}, u[3] = {24, 0, 7.5}, v[3] = {0, 24, 2.1};
@@ -258,16 +257,16 @@ static void test_cut_by_polygon(void) {
             tau = chords(&x.clouds[0], &x.set[0], from, way, 0, t, &slack);
             worst = fmax(worst, fabs((double)image_a[4 * i] - exp(-tau)) - fmin(slack, 1));
         }
-        /* depths are floats of about 6: the place of the cut is good to 6 ROUNDING, times the extinction there, 2 at
-           most; and 40 slabs' rounding */
+        /* depths are floats of about 6: the position of the cut is accurate to 6 ROUNDING, times the extinction there,
+           at most 2; and 40 slabs' round-off */
         if (!CHECK(worst <= 12 * ROUNDING + 40 * ROUNDING + 1e-6)) printf("    form %d: off by %g\n", form, worst);
         stage_free(&x);
     }
 }
 
 /* Smaller than a pixel: widened to 3/4 of a pixel, each with its mass. A cell of 4 x 4 pixels for each of 32 x 32
-   particles, which lie at as many places about their pixels' centres. The sum over pixels is then a midpoint rule of 32
-   steps a pixel over a profile that ends like a square root: h^1.5 of it, 0.6 %. Soft ones end smoothly. */
+   particles, each with a different offset from its pixel's centre. The sum over pixels is then a midpoint rule of 32
+   steps per pixel over a profile that ends like a square root: h^1.5 of it, 0.6 %. Soft ones end smoothly. */
 static void test_small(void) {
     for (int soft = 0; soft < 2; ++soft)
         for (int n = 0; n < 3; ++n) {
@@ -284,7 +283,7 @@ static void test_small(void) {
                           (4 * (i / 32) + 1.5 + (i / 32 + 0.5) / 32) / 128 - 0.5, 0, radius, 1e-3);
             if (!stage_render(&x, image_a)) return;
             for (int i = 0; i < 128 * 128; ++i) sum -= log1p(-(double)image_a[4 * i + 3]);
-            /* coverage near 0 is a float of its own */
+            /* coverage near 0 has its own float precision */
             CHECK_NEAR(sum, mass, mass * (0.006 + 1e-4));
             sps_get_stats(context, &stats);
             CHECK(stats.particles == 1024);
@@ -292,7 +291,7 @@ static void test_small(void) {
         }
 }
 
-/* Too little to see, and as good as solid: neither is lost, and nothing is not a number. */
+/* Nearly invisible, and practically solid: neither is lost, and nothing is NaN. */
 static void test_depths(void) {
     static const double depths[4] = {1e-8, 1e-3, 1e8, 1e18};
     for (int n = 0; n < 4; ++n) {
@@ -306,7 +305,7 @@ static void test_depths(void) {
         if (!stage_render(&x, image_a)) return;
         pixel_ray(&x.s.view, 20, 15, origin, direction, &length);
         tau = chords(&x.clouds[0], &x.set[0], origin, direction, -HUGE_VAL, HUGE_VAL, &slack);
-        /* of a small optical depth's coverage */
+        /* of the coverage of a small optical depth */
         CHECK_NEAR((double)image_a[4 * (15 * 31 + 20) + 3], -expm1(-tau), -expm1(-tau) * 1e-5);
         for (int i = 0; i < 4 * 961; ++i)
             if (!CHECK(image_a[i] >= 0 && image_a[i] <= 1)) break;
@@ -316,7 +315,7 @@ static void test_depths(void) {
 
 /* ------------------------------------------------------------------------------------------------------- light */
 
-/* Emission alone: e (1 - exp(-tau)) exactly, since all that a ball holds is alike. */
+/* Emission alone: exactly e (1 - exp(-tau)), since a ball is homogeneous. */
 static void test_emission(void) {
     stage x;
     stage_clear(&x, 33, 31);
@@ -332,9 +331,9 @@ static void test_emission(void) {
     stage_free(&x);
 }
 
-/* The shadow of a ball on a plane. Where light enters at distance d from its middle, transmittance is exp of the chord.
-   The light's texels, 0.35 / 4 radii wide, stand for a chord whose second derivatives are 1.54 and 1.16 at most where d
-   < 0.5, along and across d: off by 2.7 tau (0.35 / 4)^2 / 8. Both planes that it is looked up at hold all of it. */
+/* The shadow of a ball on a plane. Where light enters at distance d from its centre, transmittance is exp of the chord.
+   The light's texels, 0.35 / 4 radii wide, interpolate a chord whose second derivatives are at most 1.54 and 1.16 for
+   d < 0.5, along and across d: off by 2.7 tau (0.35 / 4)^2 / 8. Both planes of the lookup hold all of it. */
 static void test_shadow_on_polygon(void) {
     for (int form = 0; form < 4; form += 3) {
         const double origin[3] = {-3, -1.5, 3}, u[3] = {6, 0, 0}, v[3] = {0, 0, -6}, tau = form & 1 ? 4 : 1;
@@ -369,12 +368,12 @@ static void test_shadow_on_polygon(void) {
     }
 }
 
-/* A thin ball, seen from the side, in the shadow of another: what it sends is the integral along the eye's chord of the
+/* A thin ball, seen from the side, in the shadow of another: its radiance is the integral along the eye's chord of the
    light that is left there, in 200 steps here. Texels as above. Slabs of 0.175 of the mean radius of 0.67 lie at 45
-   degrees to the chord: steps of h = 0.165 on it. Within a step light follows a curve, which counts as its chord: off
-   by 1.54 tau h^2 / 12; and where the thin ball ends within a step, its part counts as lying in the step's middle, by
-   up to (1 - f) h / 2 further out, f being the share that it fills: f (1 - f) h^2 / 2 of the slope there over the
-   chord's length, which is tau / 2 / sqrt(0.8): 2 ends make tau h^2 / 7. */
+   degrees to the chord: steps of h = 0.165 on it. Within a step the curve of light is replaced by its chord: off by
+   1.54 tau h^2 / 12. Where the thin ball ends within a step, its part counts at the step's middle, up to (1 - f) h / 2
+   farther out, f being the fraction that it fills: f (1 - f) h^2 / 2 of the slope there over the chord's length, which
+   is tau / 2 / sqrt(0.8): 2 ends make tau h^2 / 7. */
 static void test_shadow_on_ball(void) {
     const double tau = 1.2, thin = 1e-3;
     int seen = 0;
@@ -399,7 +398,7 @@ static void test_shadow_on_ball(void) {
         seen += 1;
         if (!CHECK_NEAR((double)image_a[4 * i], exact,
                         exact * (tau * (2.7 * 0.0875 * 0.0875 / 8 + 0.165 * 0.165 * (1.54 / 12 + 1.0 / 7)) + 2e-3)))
-            return; /* 2e-3: what is thin casts its own shadow, and its coverage is less than its optical depth */
+            return; /* 2e-3: thin balls shadow themselves, and their coverage is less than their optical depth */
     }
     CHECK(seen > 500);
     stage_free(&x);
@@ -444,7 +443,7 @@ static void test_against_reference(void) {
         for (int n = 0; n < 3; ++n) errors[n] = lit_error(&forward, behind, 0.8 / (1 << n), 32 << n, image_b);
         printf("balls lit from %s: error %.2e %.2e %.2e against the reference\n", behind ? "behind" : "the front",
                errors[0], errors[1], errors[2]);
-        /* second order: a quarter each time, and as much again for the first, which is not there yet */
+        /* second order: a quarter each time, and as much again for the first, which is not asymptotic yet */
         CHECK(errors[0] >= 0 && errors[1] < 0.35 * errors[0] && errors[2] < 0.35 * errors[1] && errors[2] < 1e-3);
         lit_error(&forward, behind, -0.5, 0, image_a);
         march = check_rms(image_a, image_b, 4 * 61 * 59);
@@ -454,13 +453,13 @@ static void test_against_reference(void) {
     }
 }
 
-/* A soft ball as a volume of 97^3 voxels. What the two differ in: kernels blur it by 0.65 voxels of 1/40 radius, which
-   moves the field by half of that squared times its second derivatives, 3 (0.65 / 40)^2 = 8e-4 of the middle's, 1.2e-3
-   of the mean; and the cut of kernels moves 2e-3 of their mass (test_transport's RIPPLE). Either changes the optical
-   depths of eye and light, and radiance by as much for each: 4 times the larger. At the rim, where optical depth is 2
-   (1 - b^2)^1.5, kernels carry it a standard deviation further: 2 (2 * 0.65 / 40)^1.5 = 1.2e-2, and half as much again
-   of the brightest, since what is thin hides nothing of itself. Pixels are smaller than voxels, or there would be their
-   filter. */
+/* A soft ball as a volume of 97^3 voxels. The differences: kernels blur it by 0.65 voxels of 1/40 radius, which changes
+   the field by half of that squared times its second derivatives, 3 (0.65 / 40)^2 = 8e-4 of the centre's, 1.2e-3 of the
+   mean; and the cut of kernels moves 2e-3 of their mass (test_transport's RIPPLE). Either changes the optical depths of
+   eye and light, and radiance by as much for each: 4 times the larger. At the rim, where optical depth is
+   2 (1 - b^2)^1.5, kernels extend it by a standard deviation: 2 (2 * 0.65 / 40)^1.5 = 1.2e-2, and half as much again of
+   the brightest, since thin gas hides nothing of itself. Pixels are smaller than voxels, so that no pixel filter is
+   applied. */
 static double soft_ball(const void *user, const double p[3]) {
     (void)user;
     return fmax(0, 1 - p[0] * p[0] - p[1] * p[1] - p[2] * p[2]);
@@ -512,7 +511,7 @@ static void fill(stage *x, int set, int count, uint64_t seed) {
 
 static float half_value = 0.4f;
 
-/* Two sets, a volume that is classified, another that is not, a floor, and lights from two sides. */
+/* Two sets, a classified volume, a gas, a floor, and lights from two sides. */
 static void build_mixed(stage *x) {
     static const sps_transfer_point points[] = {{0, {0.9f, 0.5f, 0.3f}, 0}, {1, {0.9f, 0.5f, 0.3f}, 8}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
@@ -550,7 +549,7 @@ static void build_mixed(stage *x) {
     stage_ready(x);
 }
 
-/* Thousands in one picture are the sum of their chords, as long as each is wider than a pixel. */
+/* Thousands in one picture add up to the sum of their chords, as long as each is wider than a pixel. */
 static void test_many(void) {
     stage x;
     check_random random;
@@ -565,14 +564,14 @@ static void test_many(void) {
                   i % 100 ? 0.02 : 1e-3);
     if (!stage_render(&x, image_a)) return;
     check_coverage(&x, image_a, 200, "many");
-    check_set3(x.s.view.camera.position, 0.2, 0.1, 0.3); /* in the midst of them */
+    check_set3(x.s.view.camera.position, 0.2, 0.1, 0.3); /* amid them */
     check_perspective(&x.s.view.camera, 1.2);
     if (!stage_render(&x, image_a)) return;
     check_coverage(&x, image_a, 200, "many, from within");
     stage_free(&x);
 }
 
-/* Volumes of which one is classified and shaded as a surface give tiles margins, which particles do not mind. */
+/* A classified volume shaded as a surface adds margins to tiles, which do not affect particles. */
 static void test_margins(void) {
     static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 8}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
@@ -601,7 +600,7 @@ static void test_margins(void) {
     stage_free(&x);
 }
 
-/* Sets and volumes that look alike share a channel; others do not. */
+/* Sets and volumes of equal appearance share a channel; others do not. */
 static void test_channels(void) {
     stage x;
     sps_plan_report plan;
@@ -619,7 +618,7 @@ static void test_channels(void) {
     stage_free(&x);
 }
 
-/* Another order, another rounding of sums, and nothing else: 6500 addends of a float each, in sums of a few hundred. */
+/* Another order changes the rounding of sums, and nothing else: 6500 float addends, in sums of a few hundred. */
 static void test_order(void) {
     stage x;
     build_mixed(&x);
@@ -667,8 +666,8 @@ static void test_same_bits(void) {
     stage_free(&x);
 }
 
-/* The mixed scene against the reference, which is without pixel filter: particles under a pixel are left out. What is
-   left is the classified volume's own error and shadows' edges, of which test_transport knows more. */
+/* The mixed scene against the reference, which has no pixel filter: so there are no particles smaller than a pixel. The
+   remaining errors are those of the classified volume and of shadows' edges, which test_transport covers. */
 static void test_mixed(void) {
     stage x;
     double most = 0, error;
@@ -695,9 +694,9 @@ static void test_mixed(void) {
 
 /* ----------------------------------------------------------------------------------------------------- odd data */
 
-/* One stray particle, or radii far below all else, take no more slabs than there can be. */
+/* A stray particle, or radii far below all other sizes, need no more than the maximum number of slabs. */
 static void test_outliers(void) {
-    /* of 250000 the stray one moves the spread by a 500th of its distance: 100000 slabs if nothing else did */
+    /* one stray of 250000 changes the spread by a 500th of its distance: 100000 slabs by itself */
     static const double strays[3] = {1e3, 1e7, 1e14};
     for (int n = 0; n < 6; ++n) {
         stage x;
@@ -742,7 +741,7 @@ static void test_invalid(void) {
             sps_stats_report stats;
             sps_particle *particle;
             stage x;
-            if (field < 3 && n == 0) continue; /* a good position */
+            if (field < 3 && n == 0) continue; /* a valid position */
             stage_clear(&x, 13, 11);
             stage_add(&x, 0.5);
             stage_add(&x, 0.5);
@@ -765,7 +764,7 @@ static void test_invalid(void) {
         }
 }
 
-/* Arguments that make no sense, each by its name. */
+/* Invalid arguments, each named in the error. */
 static void test_refusals(void) {
     static const char *const words[] = {
         "particles[1].start_canary", "particles[1].end_canary", "scene.particle_set_count", "scene.particle_set_count",
@@ -789,7 +788,7 @@ static void test_refusals(void) {
         if (n == 7) x.set[1].albedo[1] = 1.5f;
         if (n == 8) x.set[1].emission[1] = -1;
         stage_ready(&x);
-        if (n == 9) x.set[1].count = (size_t)1 << 29; /* with those of the set before it that is too many */
+        if (n == 9) x.set[1].count = (size_t)1 << 29; /* too many together with the set before */
         if (n == 3) x.s.scene.particle_set_count = -1;
         CHECK(sps_plan(context, &x.s.scene, &x.s.view, &plan) == SPS_ERROR_ARGUMENT);
         if (!CHECK(strstr(sps_error(context), words[n]))) printf("    %s: %s\n", words[n], sps_error(context));
@@ -797,7 +796,7 @@ static void test_refusals(void) {
     }
 }
 
-/* A light among the particles is refused as it is in a volume. */
+/* A light amid particles is refused as in a volume. */
 static void test_light_inside(void) {
     stage x;
     sps_image image;
@@ -815,7 +814,7 @@ static void test_light_inside(void) {
     stage_free(&x);
 }
 
-/* Sets of nothing, and sets of particles that are nothing, are as good as none. */
+/* Empty sets, and sets of empty particles, have no effect. */
 static void test_nothing(void) {
     stage x;
     build_mixed(&x);
@@ -830,7 +829,7 @@ static void test_nothing(void) {
                 if (form == 2) x.clouds[n].list[i].optical_depth = 0, x.clouds[n].list[i].radius = 1;
                 if (form == 3) x.clouds[n].list[i].optical_depth = 1e-33f;
             }
-        /* one that looks like the volume, and one that has no channel of its own to round by */
+        /* one of the same appearance as the volume, and one that would need a channel of its own */
         x.set[1].emission[0] = x.set[1].emission[1] = x.set[1].emission[2] = 0;
         check_render(context, &x.s, image_b);
         if (!CHECK(check_largest(image_a, image_b, 4 * 101 * 83) <= 1e-6)) printf("    form %d\n", form);
@@ -838,7 +837,7 @@ static void test_nothing(void) {
     stage_free(&x);
 }
 
-/* Every provider's failure, in whichever call, is told; so is every wish to stop. */
+/* Every callback's failure, in any call, is reported; so is every cancellation. */
 static int stop_at(void *user, float fraction) {
     int *left = (int *)user;
     (void)fraction;
@@ -891,7 +890,7 @@ static void test_failing(void) {
     stage_free(&x);
 }
 
-/* Every allocation refused in turn: an error each time, nothing leaks, and the next call is right. */
+/* Every allocation fails in turn: an error each time, nothing leaks, and the next call is right. */
 static void test_memory(void) {
     stage x;
     build_mixed(&x);
@@ -957,7 +956,7 @@ static void test_plan(void) {
     }
 }
 
-/* Where particles' own records are nearly all that is held, or the light's sheets are, the bound still holds. */
+/* The bound holds even if particles' records, or the light's sheets, are nearly all of the memory. */
 static void test_plan_bounds(void) {
     for (int lit = 0; lit < 2; ++lit) {
         check_hooks hooks;
@@ -1006,8 +1005,7 @@ static void test_stats(void) {
     stage_free(&x);
 }
 
-/* A chunk's items in a queue are those that reach into it, in the order of their numbers; and so they are when it
-   starts over. */
+/* A chunk's items in a queue are those that reach into it, in the order of their numbers; and again after a restart. */
 static void test_queue(void) {
     enum { ITEMS = 300, CHUNKS = 23 };
     check_random random = {17};
@@ -1034,14 +1032,14 @@ static void test_queue(void) {
     sps_destroy(own);
 }
 
-/* Where particles are and how large, far from the world's origin and from the first of them: six about one middle. */
+/* Bounds and sizes of particles, far from the world's origin and from the first of them: six around one centre. */
 static void test_measures(void) {
     static const double offsets[6][3] = {{3, 0, 0}, {-3, 0, 0}, {0, 2, 0}, {0, -2, 0}, {0, 0, 1}, {0, 0, -1}};
     static spsi_content content;
     static spsi_frame frame;
     sps_particle list[6];
     memset(list, 0, sizeof list);
-    for (int i = 0; i < 6; ++i) { /* whole numbers that floats have */
+    for (int i = 0; i < 6; ++i) { /* whole numbers that are exact in floats */
         check_color(list[i].position, 70000 + offsets[i][0], -3000 + offsets[i][1], 500 + offsets[i][2]);
         list[i].radius = i & 1 ? 8 : 2;
     }
@@ -1054,14 +1052,14 @@ static void test_measures(void) {
     spsi_measure_particles(&frame);
     CHECK_NEAR(content.particle_radius, 4, 1e-12);
     CHECK_NEAR(content.particle_spread, sqrt((9 + 9 + 4 + 4 + 1 + 1) / 6.0), 1e-12);
-    CHECK_NEAR(content.bounds.low[0], 70000 - 11, 1e-9); /* the second one's */
-    CHECK_NEAR(content.bounds.high[0], 70000 + 8, 1e-9); /* the fourth's and sixth's */
+    CHECK_NEAR(content.bounds.low[0], 70000 - 11, 1e-9); /* of the second */
+    CHECK_NEAR(content.bounds.high[0], 70000 + 8, 1e-9); /* of the fourth and the sixth */
     CHECK_NEAR(content.bounds.low[1], -3000 - 10, 1e-9);
     CHECK_NEAR(content.bounds.high[2], 500 + 8, 1e-9);
 }
 
-/* A particle below a texel is as wide on all six faces of a cube about a light: as a texel is at the largest of its
-   three coordinates, no more, and its optical depth less by the square of that. */
+/* A particle smaller than a texel has the same width on all six faces of a cube around a light: that of a texel at the
+   largest of its three coordinates; its optical depth is reduced by the square of the widening. */
 static void test_sizes_on_six_faces(void) {
     static const double offsets[3][3] = {{3, -4, 2}, {-3, 3, 3}, {0.5, 0.25, -7}}, largest[3] = {4, 3, 7};
     static const double origin[3] = {100, 200, 300};
@@ -1089,10 +1087,10 @@ static void test_sizes_on_six_faces(void) {
         }
 }
 
-/* What the library makes of a ball's chords against the same in double precision. */
+/* The library's chords of a ball against double precision. */
 typedef struct chord_errors {
-    int missed;            /* pixels that meet the ball, but are not in its range */
-    double square, middle; /* of a chord's share of the diameter; of the depth of its middle */
+    int missed;            /* pixels that meet the ball outside its range */
+    double square, middle; /* errors of a chord's share of the diameter; of the depth of its middle */
 } chord_errors;
 
 /* The vector of pixels from (x, y) on. */
@@ -1121,9 +1119,8 @@ static void compare_chords(const spsi_rays *rays, const sps_particle *particle, 
     }
 }
 
-/* Close by, within four radii, chords are as good as floats can hold them: the square of the share to twice a float's
-   rounding, the middle, which lies up to 4 radii of 1.5 ahead, to one. All pixels that meet the ball are in its range.
- */
+/* Close by, within four radii, chords have float precision: the square of the share to two roundings, the middle, which
+   lies up to 4 radii of 1.5 ahead, to one. All pixels that meet the ball are in its range. */
 static void test_chords_close_by(void) {
     enum { WIDTH = 64, HEIGHT = 40 };
     check_random random;

@@ -1,8 +1,9 @@
-/* Small scenes for what larger ones hide: lights side by side, what each quality says, what zero stands for. Each has a
-   closed form, or must be another picture bit for bit. Tolerances are derived where they stand, from
-   RIPPLE  how far a constant grid's optical depth is off at draft, medium, high and ultra (test_ripple in
-           test_transport.c): kernels are cut;
-   ROUND   what floats lose on the way of a picture: 6e-8 for each of some ten operations. */
+/* Small scenes for errors that larger ones hide: several lights, the parameters of each quality, the defaults of zero
+   fields. Each has a closed form, or must equal another picture bit for bit. Tolerances are derived where they are
+   used, from
+   RIPPLE  the error of a constant grid's optical depth at draft, medium, high and ultra (test_ripple in
+           test_transport.c), as kernels are cut;
+   ROUND   float round-off of a picture: 6e-8 for each of about ten operations. */
 
 #include "check.h"
 
@@ -16,7 +17,7 @@ static sps_context *context;
 static float one = 1;
 static float image_a[4 * PIXELS], image_b[4 * PIXELS];
 
-/* A slab of voxels of 0.1 about the origin, of optical depth tau along z, absorbing only. */
+/* A slab of voxels of 0.1 around the origin, of optical depth tau along z, absorbing only. */
 static sps_volume *add_slab(check_scene *s, double tau) {
     sps_volume *volume = check_add_volume(s, 35, 35, 6, check_box(-1.75, -1.75, -0.3, 1.75, 1.75, 0.3));
     volume->read_fn = check_read_constant;
@@ -25,14 +26,14 @@ static sps_volume *add_slab(check_scene *s, double tau) {
     return volume;
 }
 
-/* 4 x 4 pixels that show `height` world units about x, from above. */
+/* 4 x 4 pixels that show `height` world units around x, from above. */
 static void start(check_scene *s, double x, double height) {
     check_clear(s, 4, 4);
     s->view.camera.position[0] = s->view.camera.target[0] = x;
     check_orthographic(&s->view.camera, height);
 }
 
-/* A grey plate across the view at height z, wide enough for all that these tests look at. */
+/* A grey plate across the view at height z, wide enough for all of these tests. */
 static void add_plate(check_scene *s, check_triangles *triangles, double z, double reflectance) {
     const double origin[3] = {-4, -4, z}, u[3] = {8, 0, 0}, v[3] = {0, 8, 0};
     check_add_quad(triangles, origin, u, v);
@@ -48,7 +49,7 @@ static int even(const float *image, int pixels, int channel, double exact, doubl
 
 /* ------------------------------------------------------------------------------------------------ several lights */
 
-/* Directions of three lights, of which each shines in one channel alone. */
+/* Directions of three lights, each of which shines in one channel only. */
 static const double ways[3][3] = {{0.3, 0, -1}, {-0.25, 0.1, -1}, {0, 0.4, -1}};
 static const double strengths[3] = {2, 3, 5};
 
@@ -56,7 +57,7 @@ static double cosine_of(int light) {
     return 1 / sqrt(ways[light][0] * ways[light][0] + ways[light][1] * ways[light][1] + 1);
 }
 
-/* The three lights in the scene's order `first`, `first + 1`, ..; the one with number `unshadowed` casts none. */
+/* The three lights in the order `first`, `first + 1`, ..; light number `unshadowed` casts no shadow. */
 static void add_lights(check_scene *s, int first, int unshadowed) {
     for (int i = 0; i < 3; ++i) {
         const int n = (first + i) % 3;
@@ -66,9 +67,9 @@ static void add_lights(check_scene *s, int first, int unshadowed) {
     }
 }
 
-/* A light without shadow beside two that cast them, in every order: on a plate below gas that absorbs, it alone is not
-   dimmed on its way down, and ambient light, which counts once, is not either. Optical depths are RIPPLE off each, on
-   the way down and up. */
+/* A light without shadow beside two with shadows, in every order: on a plate below absorbing gas, it alone is not
+   dimmed on its way down, nor is ambient light, which counts once. Optical depths are RIPPLE off each, on the way down
+   and up. */
 static void test_one_light_of_three_without_shadow(void) {
     const double tau = 0.7, reflectance = 0.6, ambient = 0.25;
     for (int first = 0; first < 3; ++first)
@@ -92,8 +93,8 @@ static void test_one_light_of_three_without_shadow(void) {
         }
 }
 
-/* The same in gas so thin that nothing shades: each light counts once, and so do ambient light and emission. What
-   shading there is takes less than all of the way in and out, 2.2 tau. */
+/* The same in gas so thin that shadows vanish: each light counts once, and so do ambient light and emission. The
+   remaining shadow is less than that of the whole way in and out, 2.2 tau. */
 static void test_three_lights_in_thin_gas(void) {
     const double tau = 0.002, albedo = 0.8, ambient = 0.3, emission = 0.002;
     for (int first = 0; first < 3; ++first)
@@ -115,9 +116,9 @@ static void test_three_lights_in_thin_gas(void) {
         }
 }
 
-/* ----------------------------------------------------------------------------------------- what each quality says */
+/* ---------------------------------------------------------------------------------------- parameters of a quality */
 
-/* Rays end at the transmittance that the quality says, and not before: 2.2 times as much is seen for what it is. */
+/* Rays end at the transmittance of the quality, and not before: with 2.2 times as much they go on. */
 static void test_rays_end(void) {
     static const double thresholds[4] = {0.01, 0.003, 0.0005, 0.00005};
     for (int n = 0; n < 4; ++n) {
@@ -132,8 +133,8 @@ static void test_rays_end(void) {
     }
 }
 
-/* Slabs are as many voxels thick, and texels as small, as the quality says. Kernels reach 2.5 voxels beyond the box on
-   either side; a light's sheets have two texels of border. Rounding up takes one slab, and a pair of texels. */
+/* The thickness of slabs in voxels and the size of texels are those of the quality. Kernels reach 2.5 voxels beyond the
+   box on either side; a light's sheets have two texels of border. Rounding up adds one slab, and a pair of texels. */
 static void test_slabs_and_texels(void) {
     static const double slabs[2][4] = {{2, 1, 0.5, 0.25}, {1.4, 0.7, 0.4, 0.2}};
     static const double texels[2][4] = {{0.75, 1, 2, 4}, {1, 1.25, 2, 4}};
@@ -165,7 +166,7 @@ static void test_slabs_and_texels(void) {
         }
 }
 
-/* sps_particles.read_fn: balls of radius *(float *)user in a row along z, from -1 to 1, all but the middle one. */
+/* sps_particles.read_fn: balls of radius *(float *)user in a row along z, from -1 to 1, except for the middle one. */
 static int read_row(void *user, size_t first, size_t count, sps_particle *out) {
     for (size_t i = 0; i < count; ++i) {
         out[i].position[2] = first + i == 0 ? -1.0f : 1.0f;
@@ -175,8 +176,8 @@ static int read_row(void *user, size_t first, size_t count, sps_particle *out) {
     return 0;
 }
 
-/* What stands for a voxel of particles: 0.7 radii, or, where they are small in a large cloud, a 200th of the root of
-   the mean square of their distance from their middle, which is 1 here. Up to one more slab is rounding up. */
+/* The voxel size equivalent to particles: 0.7 radii, or, if they are small in a large cloud, a 200th of the root mean
+   square of their distance from their mean, which is 1 here. Rounding up adds up to one slab. */
 static void test_slabs_of_particles(void) {
     static const float radii[2] = {0.1f, 0.001f};
     for (int i = 0; i < 2; ++i) {
@@ -198,8 +199,8 @@ static void test_slabs_of_particles(void) {
     }
 }
 
-/* The grid of a light's rays is about the middle of what it is fitted to, with two texels of border all round, and up
-   to one more for rounding on the longer side, two on the shorter one; with point lights as with directional ones. */
+/* The grid of a light's rays is centred on the gas that it is fitted to, with two texels of border all around, and up
+   to one more for rounding on the longer side, two on the shorter one; for point lights and directional ones. */
 static void test_border(void) {
     const spsi_bounds bounds = {{-1, -2, -0.5}, {1.5, 1, 0.75}};
     for (int point = 0; point < 2; ++point) {
@@ -221,7 +222,7 @@ static void test_border(void) {
         }
         for (int k = 0; k < 2; ++k) {
             const double size = k == 0 ? rays.width : rays.height;
-            CHECK_NEAR(low[k], 2.5, 1 + ROUND); /* 1.5 from the outermost texel's middle, and rounding up */
+            CHECK_NEAR(low[k], 2.5, 1 + ROUND); /* 1.5 from the outermost texel's centre, and rounding up */
             CHECK_NEAR(low[k] + high[k], size - 1, 1e-6 * size);
         }
     }
@@ -232,8 +233,8 @@ static void test_border(void) {
 /* The integral of 1 + 2 x - 3 x^2 from a to b. */
 static double integral(double a, double b) { return b - a + b * b - a * a - (b * b * b - a * a * a); }
 
-/* A parabola is known from its means over three slabs, and so is its mean over each part of the one in the middle, or
-   of what a polygon leaves of that. */
+/* A parabola is determined by its means over three slabs, and so is its mean over each part of the middle one, or of
+   the rest of that in front of a polygon. */
 static void test_parabola(void) {
     const spsi_parabola p =
         spsi_parabola_through(spsi_set((float)integral(-1.5, -0.5)), spsi_set((float)integral(-0.5, 0.5)),
@@ -249,9 +250,8 @@ static void test_parabola(void) {
         }
 }
 
-/* Where in a stretch of any optical depth d what is seen of it lies: the mean of u with the weight exp(-d u), which is
-   1/d
-   - 1/(exp(d) - 1), or 1/2 - d/12 for small d. ROUND is for the series, which is good to 1e-7. */
+/* The mean position of what is seen of a stretch of optical depth d: the mean of u with weight exp(-d u), which is
+   1/d - 1/(exp(d) - 1), or 1/2 - d/12 for small d. ROUND is for the series, which is accurate to 1e-7. */
 static void test_mean_way(void) {
     for (double d = 1e-12; d < 100; d *= 1.3) {
         const double exact = d < 1e-3 ? 0.5 - d / 12 : 1 / d - 1 / expm1(d);
@@ -261,11 +261,11 @@ static void test_mean_way(void) {
     }
 }
 
-/* A plate below a slab that shows only where its value is close to 1, lit from the side by a point light: the light's
-   rays cross slabs at angles that change from texel to texel, and a value is mass per way through a slab. Errors are
-   second order in slabs and texels, so that from high to ultra they fall to a quarter, and ultra is off by a third of
-   what the two differ; as much again is allowed, and RIPPLE of three ways through the gas, at which extinction changes
-   ten times as fast as the value. */
+/* A plate below a slab that is visible only where its value is close to 1, lit from the side by a point light: the
+   light's rays cross slabs at angles that change from texel to texel, and a value is mass per length of ray in a slab.
+   Errors are second order in slabs and texels, so that from high to ultra they fall to a quarter, and the error of
+   ultra is a third of the difference; as much again is allowed, and RIPPLE of three passes through the gas, where
+   extinction changes ten times as fast as the value. */
 static void test_light_through_what_is_classified(void) {
     static const sps_transfer_point points[3] = {{0.9f, {0, 0, 0}, 0}, {1, {0, 0, 0}, 1}, {1.1f, {0, 0, 0}, 0}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
@@ -288,8 +288,8 @@ static void test_light_through_what_is_classified(void) {
     check_free_triangles(&triangles);
 }
 
-/* Optical depth through add_slab's gas where extinction is 5 at a value of 0.45, falling to 0 at 0 and 0.9: six layers
-   of Gaussians, added up in steps of which a kernel's deviation has 130. */
+/* Optical depth through add_slab's gas with an extinction of 5 at a value of 0.45, falling to 0 at 0 and 0.9: six
+   layers of Gaussians, summed in 130 steps per standard deviation of a kernel. */
 static double depth_of_faces(void) {
     const double h = 0.0005, sigma = 0.065;
     double depth = 0;
@@ -304,10 +304,10 @@ static double depth_of_faces(void) {
     return depth;
 }
 
-/* Light passes a slab that shows at its faces alone, whose values rise within two voxels, as the eye does: a plate
-   below sends the square of what the background sends. Values are RIPPLE off, extinction twice that of its most. At
-   high and ultra quality optical depth is right, too: the parabolas through slabs of up to 0.4 voxels are cubic in
-   these, where straight lines, or none, would show. */
+/* Light is dimmed by a slab that is visible only at its faces, where values rise within two voxels, as the eye's ray
+   is: a plate below has the square of the background's transmittance. Values are RIPPLE off, extinction twice that of
+   its maximum. At high and ultra quality optical depth is right, too: the error of parabolas through slabs of up to 0.4
+   voxels is cubic in these, and that of straight lines, or none, would be visible. */
 static void test_light_as_eye(void) {
     static const sps_transfer_point points[3] = {{0, {0, 0, 0}, 0}, {0.45f, {0, 0, 0}, 5}, {0.9f, {0, 0, 0}, 0}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
@@ -331,11 +331,11 @@ static void test_light_as_eye(void) {
 }
 
 /* Gas beside the shadow of a plate, whose edge crosses every ray within the gas at another depth: light comes in at 45
-   degrees, and a ray that is lit over a length d sends (1 - e^-a) / (1 + sqrt 2), a = (1 + sqrt 2) d extinction. Slabs
-   are 2 voxels thick, across 22.5 degrees, and whether light reaches a quarter of one is asked in its middle: an error
-   up to half of that in d, whose mean over all edges that lie in four quarters vanishes but for their bend, a share of
-   (quarter * extinction * way)^2 / 24 of what they send. Besides, RIPPLE of a, and the plate's edge, half a texel off
-   in a depth map whose 2044 hold the gas: 4.9 sin 45 degrees wide, so that d moves by 4.9 / 4088. */
+   degrees, and a ray that is lit over a length d scatters (1 - e^-a) / (1 + sqrt 2), a = (1 + sqrt 2) d extinction.
+   Slabs are 2 voxels thick, tilted by 22.5 degrees, and visibility is tested in the middle of each quarter: an error of
+   up to half of that in d, whose mean over all positions in four quarters vanishes except for curvature, a share of
+   (quarter * extinction * way)^2 / 24 of the radiance. In addition, RIPPLE of a, and the plate's edge, half a texel off
+   in a depth map whose 2044 texels span the gas: 4.9 sin 45 degrees wide, so that d changes by 4.9 / 4088. */
 static void test_lit_in_part(void) {
     const double extinction = 3, origin[3] = {-1, -1, 1}, u[3] = {1, 0, 0}, v[3] = {0, 2, 0}, way = 1 + sqrt(2.0);
     const double quarter = 0.05 / cos(PI / 8), first = 0.2;
@@ -366,9 +366,9 @@ static void test_lit_in_part(void) {
     check_free_triangles(&triangles);
 }
 
-/* Faint gas far below a dense block that absorbs, in light that comes from the side and misses the block there: what
-   came through the block on the eye's ray, which alpha tells, is nothing to it. Its own depth is RIPPLE off, and 4 tau
-   brings it its own shade, which alpha tells, too. */
+/* Faint gas far below a dense absorbing block, in light from the side that misses the block there: the transmittance of
+   the block on the eye's ray, known from alpha, must not affect its light. Its own depth is RIPPLE off, and 4 tau
+   allows for its own shadow, which alpha includes, too. */
 static void test_light_below_a_block(void) {
     const double tau = 0.0001, cosine = sqrt(0.5);
     check_scene s;
@@ -389,8 +389,8 @@ static void test_light_below_a_block(void) {
     }
 }
 
-/* What little light comes through where a ray ends is seen there: mean distances are right to the threshold, 0.01 for
-   draft quality, of what gas is behind, half a slab and RIPPLE of the free length. */
+/* The little light that is left where a ray ends counts there: mean distances are right to the threshold, 0.01 for
+   draft quality, times the gas behind, half a slab and RIPPLE of the free length. */
 static void test_distance_of_dense_gas(void) {
     float depths[2][16];
     check_scene s;
@@ -404,7 +404,7 @@ static void test_distance_of_dense_gas(void) {
         if (!CHECK_NEAR((double)depths[0][i], (double)depths[1][i], 0.01 * 0.6 + 0.0125 + 0.6 / 8 * ripple[0])) return;
 }
 
-/* A plate fifty thousand slabs behind the gas before it is seen as one close by is. */
+/* A plate fifty thousand slabs behind the gas in front of it is seen like a near one. */
 static void test_plate_far_behind(void) {
     const double tau = 0.5, ambient = 0.4, exact = ambient * exp(-tau);
     for (int distant = 0; distant < 2; ++distant) {
@@ -442,7 +442,7 @@ static void test_shadow_of_an_earlier_chunk(void) {
     check_free_triangles(&triangles);
 }
 
-/* The patches of a tile that a box meets, margin and all, one by one. */
+/* The patches of a tile that a box touches, including the margin, one by one. */
 static void test_patches(void) {
     check_random random = {7};
     for (int n = 0; n < 2000; ++n) {
@@ -471,10 +471,11 @@ static void test_patches(void) {
 
 /* ------------------------------------------------------------------------------------------- surfaces in volumes */
 
-/* A faint slab that shows at its two faces alone, as surfaces: of light from either side one of them sends reflectance
-   / pi times irradiance times cosine per optical depth, and a highlight's (n + 8) / (8 pi) (n.h)^n, of half of that
-   seen; the other one, turned away, none. From behind there is no highlight either: what it is of is away from the eye.
-   Values are RIPPLE off, extinction twice that, and the way in and out takes no more than twice the depth of all. */
+/* A faint slab that is visible only at its two faces, as surfaces: in light from either side, one of them reflects
+   reflectance / pi times irradiance times cosine per optical depth, and a highlight's (n + 8) / (8 pi) (n.h)^n, of
+   which half is seen; the other one faces away and reflects nothing. From behind there is no highlight either: it
+   points away from the eye. Values are RIPPLE off, extinction twice that, and the way in and out absorbs at most twice
+   the total optical depth. */
 static void test_faces_of_a_slab(void) {
     static const sps_transfer_point points[3] = {{0.1f, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 0.02f}, {0.9f, {1, 1, 1}, 0}};
     static const sps_transfer transfer = {points, 3, NULL, NULL, 0};
@@ -503,7 +504,7 @@ static void test_faces_of_a_slab(void) {
 
 /* --------------------------------------------------------------------------------------------- tiles and patches */
 
-/* Every pixel of a tile, to the last one of its last patch, sees the same even gas, and the same behind a region's
+/* Every pixel of a tile, up to the last one of its last patch, sees the same uniform gas, and so with a region's
    offset. */
 static void test_whole_tile(void) {
     const double tau = 0.6, exact = -expm1(-tau);
@@ -516,10 +517,10 @@ static void test_whole_tile(void) {
     even(pixels, 64 * 64, 3, exact, exp(-tau) * tau * ripple[1] + ROUND);
 }
 
-/* A near plane amid gas that is lit along the eye's way, from before or from behind: of the gas beyond it, alpha is 1 -
-   e^-tau, and light that comes from behind passes tau on its way in and out, wherever it is scattered; light from
-   before passes what lies before the near plane, too. Depths are RIPPLE off. The field is even for 0.1 either way of
-   the plane, so that nothing else is. */
+/* A near plane amid gas that is lit along the eye's rays, from the front or from behind: alpha of the gas beyond it is
+   1 - e^-tau, and light from behind passes tau on its way in and out, wherever it is scattered; light from the front
+   also passes the gas in front of the near plane. Depths are RIPPLE off. The field is uniform for 0.1 on either side of
+   the plane, so that there is no other error. */
 static void test_near_plane_amid_gas(void) {
     for (int n = 0; n < 4; ++n)
         for (int behind = 0; behind < 2; ++behind) {
@@ -542,9 +543,9 @@ static void test_near_plane_amid_gas(void) {
         }
 }
 
-/* One voxel sheared into a needle, whose footprint is a slender ellipse across a whole tile: a Gaussian of the voxel's
-   covariance, cut at 2.5 / 0.65 deviations and divided by what that keeps. Its exponent is a difference of numbers up
-   to 500, of floats: 3e-5 off, and ten times that for those that the numbers are made from. */
+/* One voxel sheared into a needle, whose footprint is a thin ellipse across a whole tile: a Gaussian of the voxel's
+   covariance, cut at 2.5 / 0.65 standard deviations and divided by the mass that remains. Its exponent is a difference
+   of floats up to 500: 3e-5 off, and ten times that for the numbers that these are computed from. */
 static void test_needle(void) {
     const double xx = 2, xy = 2.2, yy = 2.44, variance = 0.65 * 0.65, cut = 2.5 / 0.65, pixel = 0.06;
     const double determinant = xx * yy - xy * xy, volume_of = 0.2, extinction = 2;
@@ -570,12 +571,12 @@ static void test_needle(void) {
         const double square = (yy * x * x - 2 * xy * x * y + xx * y * y) / determinant / variance;
         const double peak = extinction * volume_of / (2 * PI * variance * sqrt(determinant)) / -expm1(-0.5 * cut * cut);
         const double depth = square < cut * cut ? peak * exp(-0.5 * square) : 0;
-        if (fabs(square - cut * cut) < 0.01) continue; /* the rim, where rounding decides */
+        if (fabs(square - cut * cut) < 0.01) continue; /* the rim, where round-off decides */
         if (!CHECK_NEAR((double)pixels[4 * i + 3], -expm1(-depth), 4e-4)) return;
     }
 }
 
-/* Beside a patch whose rays have ended in a dense block, faint gas far behind the block is seen for what it is. */
+/* Beside a patch whose rays have ended in a dense block, faint gas far behind the block is still right. */
 static void test_beside_what_has_ended(void) {
     const double tau = 0.4;
     for (int side = 0; side < 2; ++side) {
@@ -601,10 +602,10 @@ static void test_beside_what_has_ended(void) {
     }
 }
 
-/* ----------------------------------------------------------------------------------------------- what is refused */
+/* ----------------------------------------------------------------------------------------------------- refusals */
 
-/* A camera amid gas is refused if it sees across more than 168.5 degrees, 2 acos(0.1), from the middle of one corner's
-   pixel to that of the other: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
+/* A camera amid gas is refused if it sees more than 168.5 degrees, 2 acos(0.1), from the centre of one corner pixel to
+   that of the opposite one: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
 static void test_widest_camera(void) {
     const double limit = 2 * atan(tan(acos(0.1)) / sqrt(2.0) * SIDE / (SIDE - 1));
     for (int wide = 0; wide < 2; ++wide) {
@@ -619,8 +620,8 @@ static void test_widest_camera(void) {
     }
 }
 
-/* A point light is let pass if it sees gas within 78.46 degrees, acos(0.2), of its middle, and refused beyond. The gas
-   reaches 2.5 voxels beyond the middles of its outermost voxels. */
+/* A point light is accepted if it sees gas within 78.46 degrees, acos(0.2), of its central ray, and refused beyond. The
+   gas reaches 2.5 voxels beyond the centres of its outermost voxels. */
 static void test_closest_light(void) {
     const double side = 1.7 + 0.25, limit = sqrt(2 * side * side) * 0.2 / sqrt(1 - 0.04);
     for (int close = 0; close < 2; ++close) {
@@ -633,15 +634,15 @@ static void test_closest_light(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------- what zero stands for */
+/* --------------------------------------------------------------------------------------------- defaults of zeros */
 
 static double ball(const void *user, const double p[3]) {
     (void)user;
     return fmax(0, 0.4 * (1 - sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2])));
 }
 
-/* A shaded ball whose values fall by 0.04 a voxel, so that it is four parts surface and one part gas, with a highlight.
-   Every field that has a default is 0. */
+/* A shaded ball whose values fall by 0.04 per voxel, so that it is four parts surface and one part gas, with a
+   highlight. Every field that has a default is 0. */
 static sps_volume *add_ball(check_scene *s, check_field *field) {
     static const sps_transfer_point points[3] = {
         {0.08f, {0.8f, 0.5f, 0.3f}, 0}, {0.2f, {0.7f, 0.6f, 0.4f}, 9}, {0.4f, {1, 1, 1}, 20}};
@@ -659,7 +660,7 @@ static sps_volume *add_ball(check_scene *s, check_field *field) {
     return volume;
 }
 
-/* What the header's comments say of 0, said in full, is the same picture bit for bit. `change` is the field. */
+/* The defaults in the header's comments, set explicitly, make the same picture bit for bit. `change` is the field. */
 static void test_defaults(void) {
     static const sps_lobe lobe = {0, 7};
     for (int change = 0; change < 6; ++change) {

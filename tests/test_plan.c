@@ -1,19 +1,19 @@
-/* Only what the scene calls for: what sps_plan announces, what sps_get_stats has counted, and what the callbacks have
+/* Only what the scene needs: the report of sps_plan, the counts of sps_get_stats, and the calls that callbacks have
    seen must agree, and whatever a scene does not use must not run, must not be called and must not be held. */
 
 #include "check.h"
 
 enum { WIDTH = 43, HEIGHT = 37, BLOCK = 32 };
 
-/* ------------------------------------------------------------------------------------- providers that keep count */
+/* ----------------------------------------------------------------------------------------- counting callbacks */
 
-/* A ball of value 1 about `centre` (world) in the box -1..1 cubed, of `size` voxels on a side. */
+/* A ball of value 1 around `centre` (world) in the box -1..1 cubed, of `size` voxels on a side. */
 typedef struct ball {
     int size;
     double centre[3], radius;
     long range_calls, read_calls, eval_calls;
-    long voxels;      /* asked for, all together */
-    long empty_reads; /* blocks that were read although their range said that nothing is there */
+    long voxels;      /* requested in total */
+    long empty_reads; /* blocks that were read although their range shows that they are empty */
 } ball;
 
 static int ball_holds(const ball *b, const double p[3]) {
@@ -84,7 +84,8 @@ static int count_background(void *user, size_t count, const float *directions, f
     return 0;
 }
 
-/* A grey ball of gas before a grey floor, one light that casts shadows; everything the tests then take away. */
+/* A grey ball of gas in front of a grey floor, with one light that casts shadows: everything that the tests then
+   remove. */
 static void setup_build(setup *t) {
     const double origin[3] = {-2, -1.2, -2}, u[3] = {4, 0, 0}, v[3] = {0, 0.1, 4};
     sps_volume *volume;
@@ -114,12 +115,12 @@ static void setup_resize(setup *t, int size) {
     t->s.volume[0].size[0] = t->s.volume[0].size[1] = t->s.volume[0].size[2] = size;
 }
 
-/* What one scene was planned to take and took. */
+/* The plan of one scene, and what its render did. */
 typedef struct outcome {
     sps_plan_report plan;
     sps_stats_report stats;
     size_t peak, peak_without_depth; /* bytes */
-    ball seen;                       /* what the provider saw during the render */
+    ball seen;                       /* calls that the callbacks saw during the render */
     long triangle_calls, background_calls;
     float pixel[4]; /* in the middle */
 } outcome;
@@ -143,7 +144,8 @@ static void check_reasons(const sps_plan_report *plan) {
             printf("    pass %s\n", sps_pass_name((sps_pass)i));
 }
 
-/* Plans and renders, and checks what must hold in every scene: the plan reads nothing and is exact about calls. */
+/* Plans and renders, and checks invariants of every scene: the plan reads nothing, and its numbers of calls are exact.
+ */
 static outcome measure(setup *t) {
     static float depth[WIDTH * HEIGHT];
     sps_context *context = check_context(NULL);
@@ -175,7 +177,7 @@ static outcome measure(setup *t) {
 
 static int runs(const outcome *o, sps_pass pass) { return o->plan.pass[pass].runs; }
 
-/* The pass is left out and holds nothing; its reason differs from the one it has where it runs. */
+/* The pass is skipped and holds nothing; its reason differs from the one for running. */
 static void check_left_out(const outcome *o, const outcome *full, sps_pass pass) {
     const sps_pass_report *here = &o->plan.pass[pass], *there = &full->plan.pass[pass];
     if (!CHECK(here->runs == 0) || !CHECK(here->bytes == 0) || !CHECK(there->runs > 0) ||
@@ -215,7 +217,7 @@ static void test_no_light(const outcome *full) {
     t.s.scene.light_count = 0;
     o = measure(&t);
     check_unlit(&o, full);
-    CHECK(o.pixel[0] > 0); /* ambience and emission are left */
+    CHECK(o.pixel[0] > 0); /* ambient light and emission remain */
     t.s.scene.light_count = 1;
     check_color(t.s.light[0].color, 0, 0, 0);
     o = measure(&t);
@@ -223,7 +225,7 @@ static void test_no_light(const outcome *full) {
     check_free_triangles(&t.triangles);
 }
 
-/* Lights that shine through everything: lit, without shadow buffers. */
+/* Lights without shadow: lit, without shadow buffers. */
 static void test_no_shadows(const outcome *full) {
     for (int on_light = 0; on_light < 2; ++on_light) {
         setup t;
@@ -255,7 +257,7 @@ static void test_no_polygons(const outcome *full) {
     CHECK(o.triangle_calls == 0 && o.stats.triangles == 0 && o.stats.pixels_of_polygons == 0);
     CHECK(o.stats.light_fragments > 0 && o.peak_without_depth < full->peak_without_depth);
     t.s.scene.mesh_count = 1;
-    t.s.mesh[0].triangle_count = 0; /* a mesh of nothing is no mesh */
+    t.s.mesh[0].triangle_count = 0; /* an empty mesh does not count */
     o = measure(&t);
     check_left_out(&o, full, SPS_PASS_EYE_POLYGONS);
     CHECK(o.triangle_calls == 0);
@@ -311,8 +313,8 @@ static void test_no_emission(const outcome *full) {
     check_free_triangles(&t.triangles);
 }
 
-/* A volume that only absorbs: it dims the floor's light, and scatters nothing. Without the floor, nothing is left for
-   a light to do, so that its passes are left out, and so is a sweep for each further light. */
+/* A volume that only absorbs: it dims the floor's light, and scatters nothing. Without the floor, lights have no
+   effect, so that their passes are skipped, and so is a sweep for each further light. */
 static void test_zero_albedo(const outcome *full) {
     setup t;
     outcome o;
@@ -331,7 +333,7 @@ static void test_zero_albedo(const outcome *full) {
     check_free_triangles(&t.triangles);
 }
 
-/* A volume that only glows dims nothing: no shadow buffer, whatever the lights. */
+/* A volume that only emits dims nothing: no shadow buffer for any light. */
 static void test_only_emission(const outcome *full) {
     setup t;
     outcome o;
@@ -345,7 +347,7 @@ static void test_only_emission(const outcome *full) {
     check_free_triangles(&t.triangles);
 }
 
-/* Gradients where a volume is shaded as a surface and lit; a margin about each tile's sheets is held for them only. */
+/* Gradients only if a volume is shaded as a surface and lit; only then each tile's sheets have a margin. */
 static void test_gradient(void) {
     setup t;
     outcome surface, gas, dark;
@@ -364,7 +366,7 @@ static void test_gradient(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* One channel where every color is grey. Each thing in turn that has a color makes it three. */
+/* One channel if every color is grey. Each field in turn that gets a color makes it three. */
 static void test_grey(const outcome *full) {
     CHECK(full->plan.color_channels == 1);
     for (int i = 0; i < 8; ++i) {
@@ -389,7 +391,7 @@ static void test_grey(const outcome *full) {
     }
 }
 
-/* The grey image in one channel is the one that three channels give. */
+/* The grey image of one channel equals that of three channels. */
 static void test_grey_pixels(void) {
     static float one[4 * WIDTH * HEIGHT], three[4 * WIDTH * HEIGHT];
     for (int channels = 1; channels <= 3; channels += 2) {
@@ -405,7 +407,7 @@ static void test_grey_pixels(void) {
     CHECK(memcmp(one, three, sizeof one) == 0);
 }
 
-/* A small ball in a corner of 3^3 blocks: the ranges leave one block or few, and that is what is read and planned. */
+/* A small ball in a corner of 3^3 blocks: the ranges leave only a few blocks, which are read and planned. */
 static void test_range_skips(int classified) {
     setup t;
     outcome whole, some;
@@ -427,7 +429,7 @@ static void test_range_skips(int classified) {
     check_free_triangles(&t.triangles);
 }
 
-/* Nothing in the whole volume, by range: nothing is read, and the reason given is not that something is held. */
+/* An empty volume, by range: nothing is read, and the reason is not that something is held. */
 static void test_range_skips_all(void) {
     setup t;
     outcome o;
@@ -444,7 +446,7 @@ static void test_range_skips_all(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* A procedural volume is asked layer by layer, at the voxels' centres. */
+/* A procedural volume is evaluated layer by layer, at the voxels' centres. */
 static void test_eval_counts(void) {
     setup t;
     outcome o;
@@ -485,15 +487,15 @@ static void test_triangle_batches(void) {
     CHECK(o.stats.triangles == 802);
     check_add_directional(&t.s, -0.3, -1, -0.6, 2);
     o = measure(&t);
-    CHECK(o.triangle_calls == 4); /* read once, whatever the lights */
+    CHECK(o.triangle_calls == 4); /* read once for any number of lights */
     CHECK(runs(&o, SPS_PASS_LIGHT_POLYGONS) == 2 && o.plan.sweep_count == 2);
     check_free_triangles(&t.triangles);
 }
 
-/* Distances are kept only where the caller wants them. */
+/* Distances are kept only if the caller wants them. */
 static void test_depth_only_when_asked(const outcome *full) { CHECK(full->peak_without_depth < full->peak); }
 
-/* Each shadowing light has its sweep; lights without shadow ride along. */
+/* Each shadowing light has its own sweep; lights without shadow share one. */
 static void test_sweeps(const outcome *full) {
     setup t;
     outcome o;
@@ -520,7 +522,7 @@ static int read_flat(void *user, size_t first, size_t count, sps_particle *out) 
     return 0;
 }
 
-/* As many calls as batches of 4096, and a place for each particle in what the eye and the light keep of them. */
+/* One call per batch of 4096, and a record of each particle for the eye and for the light. */
 static void test_particles(void) {
     static float rgba[4 * WIDTH * HEIGHT];
     for (size_t count = 4096; count < 70000; count += count == 4096 ? 1 : 60000) {
@@ -548,7 +550,7 @@ static void test_particles(void) {
     }
 }
 
-/* Pixels of a large region, where they are nearly all that there is to hold. */
+/* Pixels of a large region, which are nearly all of the memory. */
 static void test_large_region(void) {
     static float rgba[4 * 1000 * 900];
     check_hooks hooks;
@@ -568,7 +570,7 @@ static void test_large_region(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* A light with a map has no sheets, and what the map takes is planned. */
+/* A light with a map has no sheets, and the map's memory is planned. */
 static void test_light_maps(const outcome *full) {
     static const sps_tmap_technique techniques[] = {SPS_TMAP_OPACITY, SPS_TMAP_DEEP_OPACITY, SPS_TMAP_FOURIER,
                                                     SPS_TMAP_MOMENT, SPS_TMAP_BEER};
@@ -580,7 +582,7 @@ static void test_light_maps(const outcome *full) {
         settings.technique = techniques[i];
         setup_build(&t);
         t.s.light[0].shadow_map = &settings;
-        o = measure(&t); /* also that no more is held than was planned */
+        o = measure(&t); /* also checks that no more is held than was planned */
         check_left_out(&o, full, SPS_PASS_LIGHT_SHEETS);
         CHECK(runs(&o, SPS_PASS_LIGHT_MAPS) == 1 && o.plan.pass[SPS_PASS_LIGHT_MAPS].bytes > 0);
         CHECK(runs(&o, SPS_PASS_EYE_SHEETS) == 1 && runs(&o, SPS_PASS_LIGHT_POLYGONS) == 1);
@@ -592,7 +594,7 @@ static void test_light_maps(const outcome *full) {
     }
 }
 
-/* Gases that look alike share a channel of the sheets; others have their own. */
+/* Gases of equal appearance share a channel of the sheets; others have their own. */
 static void test_sheet_channels(void) {
     setup t;
     outcome o;
@@ -608,12 +610,12 @@ static void test_sheet_channels(void) {
     check_free_triangles(&t.triangles);
 }
 
-/* Flat voxels of 1 x 1 x 0.1, classified, seen along x, where they are long, and lit along z, where they are flat:
-   slabs, which lie aslant, are 0.4 of what the light crosses of one. Kernels reach 2.5 voxels beyond the box. */
+/* Flat voxels of 1 x 1 x 0.1, classified, seen along x, where they are long, and lit along z, where they are flat: the
+   slanted slabs are 0.4 of the light's chord in a voxel. Kernels reach 2.5 voxels beyond the box. */
 static void test_slabs_of_flat_voxels(void) {
     sps_context *context = check_context(NULL);
     for (int lamp = 0; lamp < 2; ++lamp) {
-        const double along = (2 + 5 * 1 + 2 + 5 * 0.1) / sqrt(2.0); /* of the bounds, square to the slabs */
+        const double along = (2 + 5 * 1 + 2 + 5 * 0.1) / sqrt(2.0); /* of the bounds, perpendicular to the slabs */
         sps_plan_report plan;
         sps_volume *volume;
         check_scene s;
@@ -631,7 +633,8 @@ static void test_slabs_of_flat_voxels(void) {
         else
             check_add_directional(&s, 0, 0, -1, 1);
         CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
-        CHECK_NEAR(plan.slab_count, along / (0.4 * 0.1) + 0.5, 0.5 + 1e-3); /* the lamp, too: its rays spread by 5e-6 */
+        CHECK_NEAR(plan.slab_count, along / (0.4 * 0.1) + 0.5,
+                   0.5 + 1e-3); /* the lamp, too: its rays diverge by 5e-6 */
     }
     sps_destroy(context);
 }

@@ -50,7 +50,7 @@ CONTENTS (search for the tag)
     >>balls         15 particles as rays see them    >>slicing       16 slabs and sweeps
     >>splat         17 footprints into sheets        >>targets       18 filling sheets, by tile
     >>lightsheets   19 sheets as optical depth       >>tmaps         20 transmittance maps
-    >>shadows       21 what keeps light off          >>shading       22 light leaving a sheet
+    >>shadows       21 shadows on gas, surfaces      >>shading       22 light leaving a sheet
     >>sweep         23 chunks of slabs, tiles        >>frame         24 sweep after sweep, the image
     >>plan          25 what a scene calls for        >>reference     26 brute-force ray marching
     >>public        27 the public functions          >>licence
@@ -180,11 +180,13 @@ typedef struct sps_error_info {
     sps_result result;
     sps_object object;
     int index; /* of the volume, mesh, light or set of particles in the scene's array; -1 for other objects */
-    /* The member of the object in C syntax ("transfer.points[2].value"; vectors and colors without an index), the
-       callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value", "particle[7].radius"). "": the
-       object as a whole. */
+    /* The member of the object in C syntax ("transfer.points[2].value", "placement.origin[2]"; colors and directions as
+       a whole), the callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value",
+       "particle[7].radius"). Of arrays that the library reads itself: "grid.scale", "arrays.positions". "": the object
+       as a whole. */
     char field[64];
-    double value;       /* the field's value, or what the callback returned; 0 if that is not numeric */
+    double value;       /* the field's value, what the callback returned, or another number that the sentence names; 0
+                           if there is none */
     char sentence[256]; /* what sps_error returns */
 } sps_error_info;
 
@@ -306,7 +308,7 @@ typedef struct sps_grid {
     sps_voxel_format format;
     int size[3];         /* voxels along x, y, z, as in sps_volume */
     ptrdiff_t stride[3]; /* bytes from one voxel to the next along x, y, z; may be negative. 0: packed, x fastest:
-                            a voxel's bytes, size[0] times stride[0], size[1] times stride[1] */
+                            a voxel's bytes, size[0] times |stride[0]|, size[1] times |stride[1]| */
     float scale;         /* value = stored * scale + offset; 0 means 1; 1 / 255.0f maps a byte to 0..1 */
     float offset;
     uint32_t end_canary; /* leave 0 */
@@ -445,7 +447,8 @@ typedef enum sps_tmap_window {
     SPS_TMAP_WINDOW_FEJER     /* 1 - k / (n + 1): optical depth of a Fourier map never decreases; most blur */
 } sps_tmap_window;
 
-/* All zero except for far_depth is valid: deep opacity, cubic, with 8 components. */
+/* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
+   be zero. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
@@ -487,7 +490,8 @@ typedef struct sps_light {
     /* NULL: shadows of gas come from slabs. Otherwise from a transmittance map made with these settings, which has no
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0.
-       Borrowed for the call. */
+       Volumes that are shaded as surfaces, or dense, show the errors of small maps as blotches near the terminator:
+       give them SPS_TMAP_COMPRESSED. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     int shadow_map_size; /* texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality
                           */
@@ -822,8 +826,9 @@ SPS_API const float *sps_tmap_surfaces(const sps_tmap *map);
    (map is NULL or not finished, or has no such face). */
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]);
 
-/* Fills the constants for a shader that reads a face of the map (0, or 0..5). Errors, which leave them untouched:
-   ARGUMENT (map is NULL or not finished, or has no such face; constants is NULL). */
+/* Fills the constants for a shader that reads a face of the map (0, or 0..5). Only the rows and `face` depend on the
+   face. Errors, which leave them untouched: ARGUMENT (map is NULL or not finished, or has no such face; constants is
+   NULL). */
 SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tmap_constants *constants);
 
 /* Writes size and settings of the map, finished or not. Errors, which leave info untouched: ARGUMENT (either is NULL).
@@ -3692,6 +3697,32 @@ static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume,
     return spsi_check_gas_colors(context, SPS_OBJECT_VOLUME, i, volume->albedo, volume->emission);
 }
 
+/* Checks the array behind a volume that is read by sps_grid_read, whose own errors have no names. */
+static sps_result spsi_check_array(sps_context *context, const sps_volume *volume, int i) {
+    const sps_grid *grid = (const sps_grid *)volume->user;
+    const char *field = NULL, *rule = "it must be finite";
+    double value = 0;
+    if (volume->read_fn != sps_grid_read) return SPS_OK;
+    if (!grid)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "user", 0,
+                              "is NULL; with sps_grid_read it must be an sps_grid");
+    if (grid->start_canary || grid->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i,
+                               grid->start_canary ? "grid.start_canary" : "grid.end_canary",
+                               (double)(grid->start_canary ? grid->start_canary : grid->end_canary), SPSI_NOT_ZEROED);
+    if (!grid->voxels)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "grid.voxels", 0,
+                              "is NULL; it must not be");
+    for (int k = 0; k < 3; ++k)
+        if (grid->size[k] != volume->size[k])
+            field = "grid.size", value = grid->size[k], rule = "it must be the volume's size";
+    if (!(fabsf(grid->scale) <= FLT_MAX)) field = "grid.scale", value = (double)grid->scale;
+    if (!(fabsf(grid->offset) <= FLT_MAX)) field = "grid.offset", value = (double)grid->offset;
+    if ((int)grid->format < SPS_VOXEL_U8 || grid->format > SPS_VOXEL_F32)
+        field = "grid.format", value = (int)grid->format, rule = "it must be an sps_voxel_format";
+    return field ? spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, field, value, rule) : SPS_OK;
+}
+
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     char text[96];
     if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, volume->start_canary, volume->end_canary))
@@ -3706,6 +3737,7 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
                      volume->read_fn ? "set" : "NULL");
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "read_fn", 0, text);
     }
+    if (spsi_check_array(context, volume, i)) return context->result;
     if (spsi_check_lobes(context, SPS_OBJECT_VOLUME, i, volume->lobes, volume->lobe_count)) return context->result;
     if (!(volume->gradient_full >= 0 && volume->gradient_full <= SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "gradient_full",
@@ -3722,6 +3754,31 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
     return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
 }
 
+/* Checks the arrays behind a mesh that is read by sps_indexed_mesh_read, whose own errors have no names. */
+static sps_result spsi_check_indexed(sps_context *context, const sps_mesh *mesh, int i) {
+    const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
+    const char *field = NULL, *rest = "is NULL; it must not be";
+    if (mesh->triangle_count == 0 || mesh->read_fn != sps_indexed_mesh_read) return SPS_OK;
+    if (!arrays)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "user", 0,
+                              "is NULL; with sps_indexed_mesh_read it must be an sps_indexed_mesh");
+    if (arrays->start_canary || arrays->end_canary)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
+                               arrays->start_canary ? "arrays.start_canary" : "arrays.end_canary",
+                               (double)(arrays->start_canary ? arrays->start_canary : arrays->end_canary),
+                               SPSI_NOT_ZEROED);
+    if (arrays->triangle_count < mesh->triangle_count)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "arrays.triangle_count",
+                               (double)arrays->triangle_count, "it must be at least the mesh's");
+    if (arrays->vertex_count == 0) field = "arrays.vertex_count", rest = "is 0; it must be positive";
+    if (arrays->indices_u16 && arrays->indices_u32)
+        field = "arrays.indices_u16", rest = "and indices_u32 are both set; at most one must be";
+    if (mesh->has_colors && !arrays->colors) field = "arrays.colors", rest = "is NULL; has_colors needs it";
+    if (mesh->has_normals && !arrays->normals) field = "arrays.normals", rest = "is NULL; has_normals needs it";
+    if (!arrays->positions) field = "arrays.positions", rest = "is NULL; it must not be";
+    return field ? spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, field, 0, rest) : SPS_OK;
+}
+
 static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
     if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, mesh->start_canary, mesh->end_canary)) return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
@@ -3730,6 +3787,7 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
     if (mesh->triangle_count > 0 && !mesh->read_fn)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "read_fn", 0,
                               "is NULL; it must be set where there are triangles");
+    if (spsi_check_indexed(context, mesh, i)) return context->result;
     if (spsi_bad_color(mesh->color, 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
                                (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
@@ -3816,9 +3874,12 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
                                light->shadow_map_omnidirectional, "a directional light has one direction");
     if (!settings) return SPS_OK;
     if (spsi_check_settings(context, i, settings)) return context->result;
-    if (!(fabs(settings->near_depth) <= 0 && fabs(settings->far_depth) <= 0))
+    if (!(fabs(settings->near_depth) <= 0))
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "near_depth", settings->near_depth,
+                                 "it must be 0: the range is fitted to the gas");
+    if (!(fabs(settings->far_depth) <= 0))
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "far_depth", settings->far_depth,
-                                 "it and near_depth must be 0: the range is fitted to the gas");
+                                 "it must be 0: the range is fitted to the gas");
     if (settings->surface_bias > 0)
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, i, "surface_bias", settings->surface_bias,
                                  "it must be 0: surfaces shade by rays and a depth map of their own");
@@ -3856,16 +3917,16 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
         return context->result;
     if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count", scene->volume_count,
-                               "it must be 0 or more, with volumes set");
+                               "it must be 0, or positive with volumes set");
     if (scene->mesh_count < 0 || (scene->mesh_count > 0 && !scene->meshes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "mesh_count", scene->mesh_count,
-                               "it must be 0 or more, with meshes set");
+                               "it must be 0, or positive with meshes set");
     if (scene->light_count < 0 || (scene->light_count > 0 && !scene->lights))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "light_count", scene->light_count,
-                               "it must be 0 or more, with lights set");
+                               "it must be 0, or positive with lights set");
     if (scene->particle_set_count < 0 || (scene->particle_set_count > 0 && !scene->particles))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
-                               scene->particle_set_count, "it must be 0 or more, with particles set");
+                               scene->particle_set_count, "it must be 0, or positive with particles set");
     if (spsi_bad_color(scene->ambient, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "ambient",
                                (double)*spsi_bad_color(scene->ambient, SPSI_VALUE_MAX),
@@ -4652,7 +4713,7 @@ static void spsi_tell_replaced(const sps_context *context, uint64_t before) {
     const double replaced = (double)(context->stats.values_replaced - before);
     char text[96];
     if (!(replaced > 0) || !context->config.message_fn) return;
-    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were no densities and count as 0", replaced);
+    SPS_SNPRINTF(text, sizeof text, "%.0f values of volumes were invalid and count as 0", replaced);
     context->config.message_fn(context->config.message_user, text);
 }
 
@@ -4788,7 +4849,7 @@ static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *
     spsi_measure_particles(frame);
     if (context->stats.values_replaced > replaced && context->config.message_fn) {
         char text[96];
-        SPS_SNPRINTF(text, sizeof text, "%.0f particles were no balls of gas and count as none",
+        SPS_SNPRINTF(text, sizeof text, "%.0f particles were invalid and are ignored",
                      (double)(context->stats.values_replaced - replaced));
         context->config.message_fn(context->config.message_user, text);
     }
@@ -8179,8 +8240,8 @@ struct sps_tmap {
     int face_count, replace_invalid;
     int finished, failed;
     spsi_rays rays[SPSI_CUBE_FACES];
-    double per_depth;        /* 1 / (far - near) */
-    double bias, bias_per_t; /* of surfaces, in t */
+    double per_depth; /* 1 / (far - near) */
+    double bias[2];   /* of surfaces, in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
     spsi_added added; /* until the map is finished */
     spsi_tmap_data data;
@@ -8282,7 +8343,7 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
 
 /* The bilinear share of the four texels whose surfaces do not lie before the point. */
 static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
-    const double bias = (map->bias + map->bias_per_t * place->t) * map->per_depth;
+    const double bias = (map->bias[0] + map->bias[1] * place->t) * map->per_depth;
     const double u = (place->t - map->settings.near_depth) * map->per_depth; /* not clamped: may lie behind far_depth */
     const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
@@ -8523,12 +8584,12 @@ typedef struct spsi_filling {
 
 /* A tile's texels. Its sums are `components` planes of width x height floats plus one vector, so that a vector that
    reaches beyond the last row overwrites nothing. */
-typedef struct spsi_bin {
+typedef struct spsi_map_tile {
     const spsi_filling *filling;
     int x0, y0, width, height;
     size_t stride;
     float *ranges, *sums;
-} spsi_bin;
+} spsi_map_tile;
 
 static int spsi_filling_height(const spsi_filling *filling) {
     return spsi_least(SPSI_TILE_HEIGHT, filling->map->rays[0].height - filling->band.row * SPSI_TILE_HEIGHT);
@@ -8541,32 +8602,32 @@ static size_t spsi_band_floats(const sps_tmap *map, int components) {
     return (size_t)components * ((size_t)map->rays[0].width * height + tiles * SPSI_LANES);
 }
 
-static void spsi_bin_place(const spsi_filling *filling, int column, spsi_bin *bin) {
+static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_map_tile *into) {
     size_t before;
-    bin->filling = filling;
-    bin->x0 = column * SPSI_TILE_WIDTH;
-    bin->y0 = filling->band.row * SPSI_TILE_HEIGHT;
-    bin->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - bin->x0);
-    bin->height = spsi_filling_height(filling);
-    bin->stride = (size_t)(bin->width * bin->height) + SPSI_LANES;
-    before = (size_t)bin->x0 * (size_t)bin->height + (size_t)column * SPSI_LANES;
-    bin->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
-    bin->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
+    into->filling = filling;
+    into->x0 = column * SPSI_TILE_WIDTH;
+    into->y0 = filling->band.row * SPSI_TILE_HEIGHT;
+    into->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - into->x0);
+    into->height = spsi_filling_height(filling);
+    into->stride = (size_t)(into->width * into->height) + SPSI_LANES;
+    before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
+    into->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
+    into->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
 }
 
 /* The number of a texel in its map. */
-static size_t spsi_bin_texel(const spsi_bin *bin, int x, int y) {
-    const spsi_rays *rays = &bin->filling->map->rays[0];
-    return ((size_t)bin->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
+static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
+    const spsi_rays *rays = &into->filling->map->rays[0];
+    return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
 }
 
-static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretches *stretches) {
+static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_stretches *stretches) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     const spsi_m some = spsi_less(zero, stretches->depth);
-    const spsi_v first = spsi_load(bin->ranges + at), last = spsi_load(bin->ranges + bin->stride + at);
+    const spsi_v first = spsi_load(into->ranges + at), last = spsi_load(into->ranges + into->stride + at);
     const spsi_v u0 = spsi_clamp(stretches->u0, zero, one), u1 = spsi_clamp(stretches->u1, zero, one);
-    spsi_store(bin->ranges + at, spsi_select(some, spsi_min(first, u0), first));
-    spsi_store(bin->ranges + bin->stride + at, spsi_select(some, spsi_max(last, u1), last));
+    spsi_store(into->ranges + at, spsi_select(some, spsi_min(first, u0), first));
+    spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
 /* Limits of how far stretches may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range,
@@ -8575,9 +8636,9 @@ static void spsi_insert_range(const spsi_bin *bin, size_t at, const spsi_stretch
 #define SPSI_RANGE_REACH   1e6f
 
 /* Makes u relative to the texel's range; ends that lie outside of 0..1 stay outside. */
-static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches *stretches) {
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(bin->ranges + at);
-    const spsi_v length = spsi_sub(spsi_load(bin->ranges + bin->stride + at), first);
+static void spsi_stretches_within(const spsi_map_tile *into, size_t at, spsi_stretches *stretches) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(into->ranges + at);
+    const spsi_v length = spsi_sub(spsi_load(into->ranges + into->stride + at), first);
     const spsi_v inverse =
         spsi_select(spsi_less(zero, length), spsi_div(one, spsi_max(length, spsi_set(FLT_MIN))), zero);
     stretches->u0 = spsi_mul(spsi_sub(stretches->u0, first), inverse);
@@ -8586,14 +8647,14 @@ static void spsi_stretches_within(const spsi_bin *bin, size_t at, spsi_stretches
     stretches->u1 = spsi_clamp(stretches->u1, zero, spsi_set(SPSI_RANGE_REACH));
 }
 
-static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
-    const spsi_filling *filling = bin->filling;
-    uint32_t *places = filling->band.places + (spsi_bin_texel(bin, x, y) - filling->band.first_texel);
+static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi_stretches *stretches) {
+    const spsi_filling *filling = into->filling;
+    uint32_t *places = filling->band.places + (spsi_map_tile_texel(into, x, y) - filling->band.first_texel);
     float lanes[3][SPSI_LANES];
     spsi_store(lanes[0], stretches->u0);
     spsi_store(lanes[1], stretches->u1);
     spsi_store(lanes[2], stretches->depth);
-    for (int i = 0; i < spsi_least(SPSI_LANES, bin->x0 + bin->width - x); ++i) {
+    for (int i = 0; i < spsi_least(SPSI_LANES, into->x0 + into->width - x); ++i) {
         if (!(lanes[2][i] > 0)) continue;
         if (filling->visit == SPSI_VISIT_LIST) {
             const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], stretches->soft};
@@ -8604,24 +8665,24 @@ static void spsi_insert_list(const spsi_bin *bin, int x, int y, const spsi_stret
 }
 
 /* Inserts stretches into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
-static void spsi_insert(const spsi_bin *bin, int x, int y, const spsi_stretches *stretches) {
-    const spsi_filling *filling = bin->filling;
-    const size_t at = (size_t)((y - bin->y0) * bin->width + (x - bin->x0));
+static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_stretches *stretches) {
+    const spsi_filling *filling = into->filling;
+    const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
     spsi_stretches within = *stretches;
     if (filling->visit == SPSI_VISIT_RANGE) {
-        spsi_insert_range(bin, at, stretches);
+        spsi_insert_range(into, at, stretches);
     } else if (filling->visit == SPSI_VISIT_SUMS) {
-        if (filling->map->has_range) spsi_stretches_within(bin, at, &within);
-        filling->map->technique->insert(&filling->map->inner, bin->sums + at, bin->stride, &within);
+        if (filling->map->has_range) spsi_stretches_within(into, at, &within);
+        filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
     } else {
-        spsi_insert_list(bin, x, y, stretches);
+        spsi_insert_list(into, x, y, stretches);
     }
 }
 
 /* --- particles --- */
 
 /* Inserts a stretch into one texel. */
-static void spsi_insert_one(const spsi_bin *bin, int x, int y, const spsi_stretch *stretch) {
+static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_stretch *stretch) {
     float lanes[3][SPSI_LANES] = {{0}};
     spsi_stretches one;
     if (!(stretch->depth > 0)) return;
@@ -8632,7 +8693,7 @@ static void spsi_insert_one(const spsi_bin *bin, int x, int y, const spsi_stretc
     one.u1 = spsi_load(lanes[1]);
     one.depth = spsi_load(lanes[2]);
     one.soft = stretch->soft;
-    spsi_insert(bin, x, y, &one);
+    spsi_insert(into, x, y, &one);
 }
 
 /* A chord in one texel. */
@@ -8657,8 +8718,9 @@ static const double spsi_gauss_weights[SPSI_GAUSS_POINTS] = {0.1713244923791704,
 
 /* Inserts the part of a soft chord between two positions as points: exact for moments, and good to 1e-6 for Fourier
    series, since no part is longer than a wave. */
-static void spsi_insert_points(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double from, double to) {
-    const sps_tmap *map = bin->filling->map;
+static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double from,
+                               double to) {
+    const sps_tmap *map = into->filling->map;
     const int waves = map->inner.components / 2;
     const int parts = map->has_range ? waves : spsi_most((int)ceil(waves * (to - from)), 1);
     const double half = 0.5 * (to - from) / parts, length = chord->u1 - chord->u0;
@@ -8667,54 +8729,54 @@ static void spsi_insert_points(const spsi_bin *bin, int x, int y, const spsi_cut
         const double u = from + half * (2 * part + 1 + spsi_gauss_nodes[k]), s = (u - chord->u0) / length;
         const double depth = chord->depth * half / length * spsi_gauss_weights[k] * 6 * s * (1 - s);
         const spsi_stretch point = {(float)u, (float)u, (float)depth, 0};
-        spsi_insert_one(bin, x, y, &point);
+        spsi_insert_one(into, x, y, &point);
     }
 }
 
 /* Inserts a clipped chord in parts, for techniques that need this: what lies before 0 or behind 1 counts there. */
-static void spsi_insert_parts(const spsi_bin *bin, int x, int y, const spsi_cut_chord *chord, double light) {
+static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const spsi_cut_chord *chord, double light) {
     const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
     const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
     const double unlit = spsi_cut_chord_share(chord, light);
     const spsi_stretch front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
     const spsi_stretch even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
     const spsi_stretch back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
-    spsi_insert_one(bin, x, y, &front);
+    spsi_insert_one(into, x, y, &front);
     if (!chord->soft || !(to > from))
-        spsi_insert_one(bin, x, y, &even);
+        spsi_insert_one(into, x, y, &even);
     else
-        spsi_insert_points(bin, x, y, chord, from, to);
-    spsi_insert_one(bin, x, y, &back);
+        spsi_insert_points(into, x, y, chord, from, to);
+    spsi_insert_one(into, x, y, &back);
 }
 
 /* Inserts a chord that contains the light, or is clipped otherwise and has to be inserted in parts. `in_t`: its middle
    and half length in t, and its optical depth. What lies before the light does not count: the rest is the last part of
    a chord. */
-static void spsi_insert_cut(const spsi_bin *bin, int soft, int x, int y, const float in_t[3]) {
-    const spsi_filling *filling = bin->filling;
+static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, const float in_t[3]) {
+    const spsi_filling *filling = into->filling;
     const double per_t = filling->map->per_depth, light = filling->light_u;
     const spsi_cut_chord chord = {((double)in_t[0] - (double)in_t[1]) * per_t,
                                   ((double)in_t[0] + (double)in_t[1]) * per_t, (double)in_t[2], soft};
     const double part = (chord.u1 - fmax(chord.u0, light)) / (chord.u1 - chord.u0);
     if (!(part > 0)) return;
     if (filling->map->technique->points && filling->visit != SPSI_VISIT_RANGE) {
-        spsi_insert_parts(bin, x, y, &chord, light);
+        spsi_insert_parts(into, x, y, &chord, light);
     } else {
         const double share = soft ? part * part * (3 - 2 * part) : part;
         const double from = fmax(fmax(chord.u0, light), -SPSI_STRETCH_REACH);
         const spsi_stretch rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_STRETCH_REACH),
                                    (float)(chord.depth * share), soft ? (float)part : 0};
-        spsi_insert_one(bin, x, y, &rest);
+        spsi_insert_one(into, x, y, &rest);
     }
 }
 
 /* Inserts chords of which some reach beyond 0..1. Those that contain the light, and all clipped ones where a technique
    needs these in parts, are inserted one by one; the rest together. */
-static void spsi_insert_cut_chords(const spsi_bin *bin, int soft, int x, int y, const spsi_chord *chord,
+static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, int y, const spsi_chord *chord,
                                    spsi_stretches *stretches) {
-    const int parts = bin->filling->map->technique->points;
+    const int parts = into->filling->map->technique->points;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    const spsi_v low = parts ? zero : spsi_set((float)fmax(bin->filling->light_u, -SPSI_STRETCH_REACH));
+    const spsi_v low = parts ? zero : spsi_set((float)fmax(into->filling->light_u, -SPSI_STRETCH_REACH));
     const spsi_v high = parts ? one : spsi_set((float)SPSI_STRETCH_REACH);
     const int outside = spsi_bits(spsi_less(stretches->u0, low)) | spsi_bits(spsi_less(high, stretches->u1));
     const int bits = outside & spsi_bits(spsi_less(zero, stretches->depth));
@@ -8724,18 +8786,18 @@ static void spsi_insert_cut_chords(const spsi_bin *bin, int soft, int x, int y, 
     spsi_store(lanes[2], stretches->depth);
     for (int i = 0; i < SPSI_LANES; ++i) {
         const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
-        if (bits >> i & 1) spsi_insert_cut(bin, soft, x + i, y, in_t);
+        if (bits >> i & 1) spsi_insert_cut(into, soft, x + i, y, in_t);
         if (bits >> i & 1) lanes[2][i] = 0;
     }
     stretches->depth = spsi_load(lanes[2]);
     stretches->u0 = spsi_clamp(stretches->u0, low, one); /* none begins behind 1, where lists end */
     stretches->u1 = spsi_clamp(stretches->u1, zero, high);
-    spsi_insert(bin, x, y, stretches);
+    spsi_insert(into, x, y, stretches);
 }
 
 /* Inserts a vector of a ball's texels in a row, from x on. */
-static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x, int y, int last) {
-    const spsi_filling *filling = bin->filling;
+static void spsi_insert_chords(const spsi_map_tile *into, const spsi_ball *ball, int x, int y, int last) {
+    const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
     spsi_stretches stretches;
@@ -8749,34 +8811,35 @@ static void spsi_insert_chords(const spsi_bin *bin, const spsi_ball *ball, int x
     bits = spsi_bits(spsi_less(zero, stretches.depth));
     if (!bits) return;
     if (bits & (spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1))))
-        spsi_insert_cut_chords(bin, ball->soft, x, y, &chord, &stretches);
+        spsi_insert_cut_chords(into, ball->soft, x, y, &chord, &stretches);
     else
-        spsi_insert(bin, x, y, &stretches);
+        spsi_insert(into, x, y, &stretches);
 }
 
-static void spsi_bin_ball(const spsi_bin *bin, const spsi_ball *ball) {
-    const int x0 = spsi_most(ball->x0, bin->x0), x1 = spsi_least(ball->x1, bin->x0 + bin->width - 1);
-    const int y0 = spsi_most(ball->y0, bin->y0), y1 = spsi_least(ball->y1, bin->y0 + bin->height - 1);
+static void spsi_insert_ball(const spsi_map_tile *into, const spsi_ball *ball) {
+    const int x0 = spsi_most(ball->x0, into->x0), x1 = spsi_least(ball->x1, into->x0 + into->width - 1);
+    const int y0 = spsi_most(ball->y0, into->y0), y1 = spsi_least(ball->y1, into->y0 + into->height - 1);
     for (int y = y0; y <= y1; ++y)
-        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(bin, ball, x, y, x1);
+        for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, ball, x, y, x1);
 }
 
-static void spsi_bin_balls(const spsi_bin *bin, int tile) {
-    const spsi_occluders *occluders = bin->filling->occluders;
+static void spsi_insert_balls(const spsi_map_tile *into, int tile) {
+    const spsi_occluders *occluders = into->filling->occluders;
     if (!occluders->balls) return;
     if (occluders->tile_balls)
         for (uint32_t i = occluders->tile_starts[tile]; i < occluders->tile_starts[tile + 1]; ++i)
-            spsi_bin_ball(bin, &occluders->balls[occluders->tile_balls[i]]);
+            spsi_insert_ball(into, &occluders->balls[occluders->tile_balls[i]]);
     else
-        for (int i = 0; i < occluders->frame->content->particle_count; ++i) spsi_bin_ball(bin, &occluders->balls[i]);
+        for (int i = 0; i < occluders->frame->content->particle_count; ++i)
+            spsi_insert_ball(into, &occluders->balls[i]);
 }
 
 /* --- triangles --- */
 
 /* Inserts a triangle into a tile: as a sheet without thickness or, if it is opaque, as the nearest surface of its
    texels. */
-static void spsi_bin_triangle(const spsi_bin *bin, int number) {
-    const spsi_filling *filling = bin->filling;
+static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
+    const spsi_filling *filling = into->filling;
     const sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->band.face];
     const int *box = filling->occluders->boxes + 4 * number;
@@ -8785,8 +8848,8 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
     const int opaque = depth >= SPSI_DEPTH_MAX;
     spsi_edges edges;
     spsi_face_edges(&filling->occluders->faces, number, rays, &edges);
-    for (int y = spsi_most(box[1], bin->y0); y <= spsi_least(box[3], bin->y0 + bin->height - 1); ++y)
-        for (int x = spsi_most(box[0], bin->x0); x <= spsi_least(box[2], bin->x0 + bin->width - 1); ++x) {
+    for (int y = spsi_most(box[1], into->y0); y <= spsi_least(box[3], into->y0 + into->height - 1); ++y)
+        for (int x = spsi_most(box[0], into->x0); x <= spsi_least(box[2], into->x0 + into->width - 1); ++x) {
             double w[3], t, u;
             if (!spsi_face_hit(&edges, x, y, w)) continue;
             t = w[0] * edges.depth[0] + w[1] * edges.depth[1] + w[2] * edges.depth[2];
@@ -8795,49 +8858,50 @@ static void spsi_bin_triangle(const spsi_bin *bin, int number) {
             if (!opaque) {
                 const float at = (float)fmin(fmax(u, 0), 1);
                 const spsi_stretch sheet = {at, at, depth, 0};
-                spsi_insert_one(bin, x, y, &sheet);
+                spsi_insert_one(into, x, y, &sheet);
             } else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
-                surfaces[spsi_bin_texel(bin, x, y)] =
-                    spsi_lower(surfaces[spsi_bin_texel(bin, x, y)], (float)fmin(fmax(u, -1e29), 1e29));
+                surfaces[spsi_map_tile_texel(into, x, y)] =
+                    spsi_lower(surfaces[spsi_map_tile_texel(into, x, y)], (float)fmin(fmax(u, -1e29), 1e29));
         }
 }
 
-static void spsi_bin_triangles(const spsi_bin *bin) {
-    const spsi_occluders *occluders = bin->filling->occluders;
+static void spsi_insert_triangles(const spsi_map_tile *into) {
+    const spsi_occluders *occluders = into->filling->occluders;
     for (int i = 0; i < occluders->faces.count; ++i) {
         const int *box = occluders->boxes + 4 * i;
-        if (box[0] < bin->x0 + bin->width && box[2] >= bin->x0 && box[1] < bin->y0 + bin->height && box[3] >= bin->y0)
-            spsi_bin_triangle(bin, i);
+        if (box[0] < into->x0 + into->width && box[2] >= into->x0 && box[1] < into->y0 + into->height &&
+            box[3] >= into->y0)
+            spsi_insert_triangle(into, i);
     }
 }
 
 static void spsi_fill_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
-    spsi_bin bin;
+    spsi_map_tile into;
     (void)worker;
-    spsi_bin_place(filling, index, &bin);
-    spsi_bin_balls(&bin, filling->band.row * filling->band.tiles_x + index);
-    spsi_bin_triangles(&bin);
+    spsi_map_tile_place(filling, index, &into);
+    spsi_insert_balls(&into, filling->band.row * filling->band.tiles_x + index);
+    spsi_insert_triangles(&into);
 }
 
 /* --- volumes --- */
 
 /* Inserts the slabs of a chunk that a tile's voxels were splatted into, as stretches. */
-static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
-    const spsi_filling *filling = bin->filling;
+static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) {
+    const spsi_filling *filling = into->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
     const spsi_light_shader *shader = &volumes->shader;
     const int first_slab = volumes->contents.first_slab, margin = volumes->target.shape.slab_margin;
     spsi_stretches stretches;
     stretches.soft = 0;
-    for (int y = bin->y0; y < bin->y0 + bin->height; ++y)
-        for (int x = bin->x0; x < bin->x0 + bin->width; x += SPSI_LANES) {
+    for (int y = into->y0; y < into->y0 + into->height; ++y)
+        for (int x = into->x0; x < into->x0 + into->width; x += SPSI_LANES) {
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
             const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
             const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
             const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
-            const spsi_m here = spsi_less(at, spsi_set((float)(bin->x0 + bin->width) - 0.5f));
+            const spsi_m here = spsi_less(at, spsi_set((float)(into->x0 + into->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, length,
@@ -8847,7 +8911,7 @@ static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
                 stretches.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
                 stretches.u1 = spsi_set((float)fmin(fmax(u + filling->u_per_slab, 0), 1));
                 stretches.depth = depth;
-                spsi_insert(bin, x, y, &stretches);
+                spsi_insert(into, x, y, &stretches);
             }
         }
 }
@@ -8855,12 +8919,12 @@ static void spsi_bin_slabs(const spsi_bin *bin, const spsi_tile *tile) {
 static void spsi_fill_volumes_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
-    spsi_bin bin;
+    spsi_map_tile into;
     spsi_tile tile;
-    spsi_bin_place(filling, index, &bin);
+    spsi_map_tile_place(filling, index, &into);
     spsi_tile_place(&volumes->target, index, filling->band.row, worker, &tile);
     if (spsi_tile_splat(&volumes->target, &volumes->contents, index, filling->band.row, &tile))
-        spsi_bin_slabs(&bin, &tile);
+        spsi_insert_slabs(&into, &tile);
 }
 
 static sps_result spsi_fill_volumes(spsi_filling *filling) {
@@ -8880,14 +8944,14 @@ static sps_result spsi_fill_volumes(spsi_filling *filling) {
 static void spsi_clear_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
-    spsi_bin bin;
+    spsi_map_tile into;
     (void)worker;
-    spsi_bin_place(filling, index, &bin);
+    spsi_map_tile_place(filling, index, &into);
     if (filling->visit == SPSI_VISIT_RANGE)
-        for (size_t i = 0; i < bin.stride; ++i) bin.ranges[i] = 1, bin.ranges[bin.stride + i] = 0;
+        for (size_t i = 0; i < into.stride; ++i) into.ranges[i] = 1, into.ranges[into.stride + i] = 0;
     if (filling->visit != SPSI_VISIT_SUMS) return;
-    memset(bin.sums, 0, (size_t)map->inner.components * bin.stride * sizeof(float));
-    if (map->technique->clear) map->technique->clear(bin.sums, bin.stride, bin.stride, map->inner.components);
+    memset(into.sums, 0, (size_t)map->inner.components * into.stride * sizeof(float));
+    if (map->technique->clear) map->technique->clear(into.sums, into.stride, into.stride, map->inner.components);
 }
 
 /* Writes a tile's sums to its texels. */
@@ -8895,17 +8959,17 @@ static void spsi_store_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     const sps_tmap *map = filling->map;
     const int components = map->inner.components;
-    spsi_bin bin;
+    spsi_map_tile into;
     (void)worker;
-    spsi_bin_place(filling, index, &bin);
-    for (int i = 0; i < bin.width * bin.height; ++i) {
-        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i % bin.width, bin.y0 + i / bin.width);
+    spsi_map_tile_place(filling, index, &into);
+    for (int i = 0; i < into.width * into.height; ++i) {
+        const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
         float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
         if (map->has_range) {
-            *out++ = bin.ranges[i];
-            *out++ = spsi_higher(bin.ranges[bin.stride + (size_t)i], bin.ranges[i]);
+            *out++ = into.ranges[i];
+            *out++ = spsi_higher(into.ranges[into.stride + (size_t)i], into.ranges[i]);
         }
-        for (int k = 0; k < components; ++k) out[k] = bin.sums[(size_t)k * bin.stride + (size_t)i];
+        for (int k = 0; k < components; ++k) out[k] = into.sums[(size_t)k * into.stride + (size_t)i];
         if (map->technique->finish) map->technique->finish(&map->inner, out);
     }
 }
@@ -9050,12 +9114,12 @@ static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
 static void spsi_fit_task(void *data, int index, int worker) {
     const spsi_filling *filling = (const spsi_filling *)data;
     spsi_fitting fitting;
-    spsi_bin bin;
+    spsi_map_tile into;
     if (filling->context->cancelled) return;
-    spsi_bin_place(filling, index % filling->band.tiles_x, &bin);
+    spsi_map_tile_place(filling, index % filling->band.tiles_x, &into);
     spsi_fitting_place(filling, worker, &fitting);
-    for (int i = 0; i < bin.width; ++i) {
-        const size_t texel = spsi_bin_texel(&bin, bin.x0 + i, bin.y0 + index / filling->band.tiles_x);
+    for (int i = 0; i < into.width; ++i) {
+        const size_t texel = spsi_map_tile_texel(&into, into.x0 + i, into.y0 + index / filling->band.tiles_x);
         if (filling->has_sizes)
             spsi_fit_again(&fitting, texel);
         else
@@ -9338,7 +9402,7 @@ static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_
 
 /* Builds the particles as a face's rays see them, sorted by depth if the technique needs lists, and lists those of each
    tile. */
-static sps_result spsi_occluders_bin(sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
+static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi_occluders *occluders) {
     sps_context *context = map->context;
     const int tiles_x = spsi_tile_columns(rays);
     const size_t tiles = (size_t)tiles_x * (size_t)spsi_tile_rows(rays);
@@ -9412,7 +9476,7 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
     sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->band.face];
     const int rows = spsi_tile_rows(rays);
-    if (spsi_occluders_bin(map, rays, occluders)) return filling->context->result;
+    if (spsi_occluders_sort(map, rays, occluders)) return filling->context->result;
     for (int i = 0; i < occluders->faces.count; ++i)
         spsi_face_box(&occluders->faces, i, rays, occluders->boxes + 4 * i);
     if (occluders->volumes) {
@@ -9542,7 +9606,7 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *li
         return context->result;
     if (light->omnidirectional && size[0] != size[1])
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_LIGHT, -1, "width", size[0],
-                               "an omnidirectional light's must be its height");
+                               "it must equal the height of an omnidirectional light");
     return spsi_check_tmap_camera(context, light);
 }
 
@@ -9577,7 +9641,7 @@ static sps_result spsi_tmap_take_planes(sps_tmap *map) {
         return SPS_OK;
     if (!map->has_components)
         return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, "components", 0,
-                                 "with planes it must say how many, and two more for a deep opacity map");
+                                 "with planes it must be their number, plus two for a deep opacity map");
     planes = (float *)spsi_buffer_reserve(map->context, &map->planes, (size_t)count, sizeof(float));
     if (!planes) return map->context->result;
     for (int i = 0; i < count; ++i) {
@@ -9611,10 +9675,10 @@ static sps_result spsi_tmap_aim(sps_tmap *map) {
         const double per_length = spsi_length(map->rays[0].inverse[2]);
         const double texel = fmax(spsi_length(map->rays[0].a), spsi_length(map->rays[0].b));
         const int own = map->settings.surface_bias > 0;
-        map->bias = own                        ? map->settings.surface_bias * per_length
-                    : map->rays[0].perspective ? 0
-                                               : 2 * texel * per_length;
-        map->bias_per_t = own || !map->rays[0].perspective ? 0 : 2 * texel * per_length;
+        map->bias[0] = own                        ? map->settings.surface_bias * per_length
+                       : map->rays[0].perspective ? 0
+                                                  : 2 * texel * per_length;
+        map->bias[1] = own || !map->rays[0].perspective ? 0 : 2 * texel * per_length;
     }
     return SPS_OK;
 }
@@ -10674,7 +10738,7 @@ static void spsi_lit_shares(const spsi_shader *shader, const spsi_depth_map *map
 }
 
 /* Optical depth from a light to the rays' points at depth d, on plane k. */
-static inline spsi_v spsi_lookup_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
+static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pixels *p, int k, spsi_v d) {
     spsi_v at[3];
     for (int i = 0; i < 3; ++i)
         at[i] = spsi_fma(d, spsi_linear_slope(&shadow->along[i], p->line.at, (float)p->line.y),
@@ -10686,9 +10750,9 @@ static inline spsi_v spsi_lookup_shadow(const spsi_shadow *shadow, const spsi_pi
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
     const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1);
-    const spsi_v a1 = spsi_lookup_shadow(shadow, p, slab->k + 1, d1);
+    const spsi_v a1 = spsi_pixels_shadow(shadow, p, slab->k + 1, d1);
     spsi_v a0 = arrival->plane_light;
-    if (arrival->plane != slab->k) a0 = spsi_lookup_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+    if (arrival->plane != slab->k) a0 = spsi_pixels_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
     arrival->plane = slab->k + 1;
     arrival->plane_light = a1;
     arrival->light[0] = spsi_mix(a0, a1, slab->first);
@@ -11565,7 +11629,6 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
     spsi_write_image(frame, picture.total, image);
-    context->stats.seconds_total = spsi_clock(context) - start;
     return SPS_OK;
 }
 
@@ -11850,25 +11913,25 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 #define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS  8
 
-typedef struct spsi_grid {
+typedef struct spsi_dense {
     const float *values;
     unsigned char *occupied; /* per brick, 1: it or a neighbour holds something */
     int size[3];             /* in voxels */
     int bricks[3];           /* size in bricks */
     double inverse[3][3];    /* rows; world offset from the corner to voxels */
     double corner[3];        /* in the world */
-} spsi_grid;
+} spsi_dense;
 
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    spsi_grid grids[SPSI_VOLUMES_MAX]; /* one for each volume */
-    spsi_tree particles;               /* of all sets */
-    int part_count;                    /* number of volumes and sets of particles; parts are in this order */
-    double step;                       /* maximum, in world length */
-    float *total;                      /* the region's pixels, spsi_total_floats each */
-    int first_row;                     /* of the current batch, in the region */
-    spsi_sample *samples;              /* one per part, per worker */
+    spsi_dense grids[SPSI_VOLUMES_MAX]; /* one for each volume */
+    spsi_tree particles;                /* of all sets */
+    int part_count;                     /* number of volumes and sets of particles; parts are in this order */
+    double step;                        /* maximum, in world length */
+    float *total;                       /* the region's pixels, spsi_total_floats each */
+    int first_row;                      /* of the current batch, in the region */
+    spsi_sample *samples;               /* one per part, per worker */
 } spsi_marcher;
 
 /* --- the field --- */
@@ -11887,7 +11950,7 @@ static int spsi_field_taps(double at, int size, int *count, double *weights, dou
     return first;
 }
 
-static int spsi_grid_empty(const spsi_grid *grid, const double at[3]) {
+static int spsi_dense_empty(const spsi_dense *grid, const double at[3]) {
     int index = 0;
     for (int i = 2; i >= 0; --i) {
         const int brick = (int)floor(fmin(fmax(at[i], 0), grid->size[i] - 1)) / SPSI_BRICK;
@@ -11898,13 +11961,13 @@ static int spsi_grid_empty(const spsi_grid *grid, const double at[3]) {
 }
 
 /* f at a world point, and its gradient in the world unless `gradient` is NULL. */
-static double spsi_field(const spsi_grid *grid, const double point[3], double gradient[3]) {
+static double spsi_field(const spsi_dense *grid, const double point[3], double gradient[3]) {
     double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
     int first[3], count[3];
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
     if (gradient) memset(gradient, 0, 3 * sizeof(double));
-    if (spsi_grid_empty(grid, at)) return 0;
+    if (spsi_dense_empty(grid, at)) return 0;
     for (int i = 0; i < 3; ++i) first[i] = spsi_field_taps(at[i], grid->size[i], &count[i], w[i], s[i]);
     for (int z = 0; z < count[2]; ++z)
         for (int y = 0; y < count[1]; ++y) {
@@ -12347,8 +12410,8 @@ static void spsi_march_span_task(void *data, int index, int worker) {
 /* --- setting up --- */
 
 /* Reads a whole volume, and marks the bricks that hold anything, and their neighbours. */
-static sps_result spsi_grid_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
-                                 spsi_grid *grid) {
+static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
+                                  spsi_dense *grid) {
     const spsi_medium *m = &frame->media[medium];
     const int64_t count = spsi_block_count(m);
     spsi_material plain;
@@ -12391,7 +12454,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
     float *values;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_lattice *lattice = frame->media[i].lattice;
-        spsi_grid *grid = &marcher->grids[i];
+        spsi_dense *grid = &marcher->grids[i];
         uint64_t b = 1, v = 1;
         for (int k = 0; k < 3; ++k) {
             grid->size[k] = frame->media[i].volume->size[k];
@@ -12413,7 +12476,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
     if (!values) return context->result;
     memset(values + voxels, 0, (size_t)bricks);
     for (int i = 0; i < frame->medium_count; ++i) {
-        spsi_grid *grid = &marcher->grids[i];
+        spsi_dense *grid = &marcher->grids[i];
         grid->occupied = (unsigned char *)(values + voxels) +
                          (i > 0 ? marcher->grids[i - 1].occupied - (unsigned char *)(values + voxels) +
                                       marcher->grids[i - 1].bricks[0] * marcher->grids[i - 1].bricks[1] *
@@ -12423,7 +12486,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
                                                                   (size_t)marcher->grids[i - 1].size[1] *
                                                                   (size_t)marcher->grids[i - 1].size[2]
                              : values;
-        if (spsi_grid_read(context, frame, i, values + (grid->values - values), grid)) return context->result;
+        if (spsi_dense_read(context, frame, i, values + (grid->values - values), grid)) return context->result;
     }
     return SPS_OK;
 }
@@ -12608,12 +12671,20 @@ static sps_result spsi_refuse_transparent(sps_context *context, const sps_scene 
     for (int i = 0; i < scene->mesh_count; ++i)
         if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
             return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
-                                   (double)scene->meshes[i].transparency, "only transmittance maps know other than 0");
+                                   (double)scene->meshes[i].transparency,
+                                   "it must be 0: only transmittance maps support transparency");
     return SPS_OK;
 }
 
 static sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
     return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
+}
+
+/* Whether row_pixels leaves room for a row, and the size of such an image in bytes does not overflow. */
+static int spsi_rows_fit(const spsi_frame *frame, size_t row_pixels) {
+    const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
+    if (row_pixels == 0) return 1;
+    return row_pixels >= width && row_pixels <= (size_t)PTRDIFF_MAX / (4 * sizeof(float)) / height;
 }
 
 /* Begins sps_render and sps_reference: checks their arguments, and returns the frame. NULL after a failure. */
@@ -12631,9 +12702,9 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
     }
     frame = spsi_frame_build(context, scene, view, image->depth != NULL);
     if (!frame || spsi_refuse_transparent(context, scene)) return NULL;
-    if (image->row_pixels && image->row_pixels < (size_t)frame->view.region[2]) {
+    if (!spsi_rows_fit(frame, image->row_pixels)) {
         spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
-                        "it must be 0 or at least the region's width");
+                        "it must be 0, or at least the region's width, and the image must fit into memory");
         return NULL;
     }
     return frame;
@@ -12642,8 +12713,12 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image) {
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
+    double start;
     if (!frame) return context ? context->result : SPS_ERROR_ARGUMENT;
-    return spsi_render_frame(context, frame, image);
+    start = spsi_clock(context);
+    spsi_render_frame(context, frame, image);
+    context->stats.seconds_total = spsi_clock(context) - start;
+    return context->result;
 }
 
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report) {
@@ -12722,7 +12797,8 @@ static int spsi_grid_check(const sps_grid *grid, const int lo[3], const int size
 static void spsi_grid_strides(const sps_grid *grid, ptrdiff_t stride[3]) {
     static const ptrdiff_t bytes[] = {0, 1, 2, 2, 4};
     for (int i = 0; i < 3; ++i) {
-        const ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
+        ptrdiff_t packed = i == 0 ? bytes[grid->format] : stride[i - 1] * grid->size[i - 1];
+        if (packed < 0) packed = -packed; /* rows that run upwards are still in layers that follow each other */
         stride[i] = grid->stride[i] ? grid->stride[i] : packed;
     }
 }
@@ -12925,7 +13001,7 @@ static int spsi_tmap_has_face(const sps_tmap *map, int face) {
 SPS_API sps_result sps_tmap_get_projection(const sps_tmap *map, int face, double matrix[16], double bias[2]) {
     if (!spsi_tmap_has_face(map, face)) return SPS_ERROR_ARGUMENT;
     if (matrix) spsi_rays_matrix(&map->rays[face], matrix);
-    if (bias) bias[0] = map->bias, bias[1] = map->bias_per_t;
+    if (bias) memcpy(bias, map->bias, sizeof map->bias);
     return SPS_OK;
 }
 

@@ -417,6 +417,8 @@ static inline char *ex_npy_entry(char *text, char **name, char **value) {
 
 /* A magic string, the version, the length of the header, and a Python dictionary of three entries. */
 static inline int ex_npy_read(ex_header *header, char *bytes, size_t length) {
+    if (length >= 6 && length < 12 && memcmp(bytes, "\x93NUMPY", 6) == 0)
+        return ex_fail(header->error, "%s: the header ends after %zu bytes", header->path, length);
     if (length < 12 || memcmp(bytes, "\x93NUMPY", 6) != 0)
         return ex_fail(header->error, "%s: not an NPY file: it does not start with \\x93NUMPY", header->path);
     const int version = (unsigned char)bytes[6];

@@ -191,13 +191,84 @@ static void test_volume_of_grid(void) {
             memset(&image, 0, sizeof image);
             image.rgba = images[1];
             volume->size[1] = EDGE + 1;
-            CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_CALLBACK);
-            CHECK(strcmp(sps_error(context), "volume[0].range_fn failed: it returned 2") == 0);
+            CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_ARGUMENT);
+            CHECK(strcmp(sps_error(context), "volume[0].grid.size is 70; it must be the volume's size") == 0);
         }
         sps_destroy(context);
     }
     CHECK(memcmp(images[0], images[1], sizeof images[0]) == 0);
     CHECK(stats[0].blocks_skipped == 0 && stats[1].blocks_skipped > 0);
+}
+
+/* Rows that run upwards, in layers that follow each other: the stride of layers is that of rows without its sign. */
+static void test_flipped_rows(void) {
+    static const int lo[3] = {0, 0, 0}, size[3] = {3, 4, 2};
+    unsigned char bytes[3 * 4 * 2];
+    float values[3 * 4 * 2];
+    sps_grid grid;
+    memset(&grid, 0, sizeof grid);
+    for (int i = 0; i < 24; ++i) bytes[i] = (unsigned char)i;
+    grid.voxels = bytes + 9, grid.format = SPS_VOXEL_U8, grid.stride[1] = -3;
+    memcpy(grid.size, size, sizeof size);
+    CHECK(sps_grid_read(&grid, lo, size, values) == 0);
+    for (int i = 0; i < 24; ++i) CHECK_NEAR((double)values[i], i / 12 * 12 + (3 - i / 3 % 4) * 3 + i % 3, 0);
+}
+
+/* What is wrong with an array is said by the field's name when it is rendered. */
+static void test_array_refusals(void) {
+    static const char *const texts[] = {"volume[0].user is NULL",
+                                        "volume[0].grid.start_canary is 1",
+                                        "volume[0].grid.end_canary is 1",
+                                        "volume[0].grid.voxels is NULL",
+                                        "volume[0].grid.size is 5",
+                                        "volume[0].grid.scale is nan",
+                                        "volume[0].grid.offset is inf",
+                                        "volume[0].grid.format is 5",
+                                        "mesh[0].user is NULL",
+                                        "mesh[0].arrays.start_canary is 1",
+                                        "mesh[0].arrays.end_canary is 1",
+                                        "mesh[0].arrays.triangle_count is 0",
+                                        "mesh[0].arrays.vertex_count is 0",
+                                        "mesh[0].arrays.indices_u16 and indices_u32 are both set",
+                                        "mesh[0].arrays.colors is NULL",
+                                        "mesh[0].arrays.normals is NULL",
+                                        "mesh[0].arrays.positions is NULL"};
+    static const float corners[9] = {-1, -1, 0, 1, -1, 0, 1, 1, 0};
+    static const uint16_t narrow[3] = {0, 1, 2};
+    static const uint32_t wide[3] = {0, 1, 2};
+    static const unsigned char voxels[64] = {1};
+    sps_context *context = check_context(NULL);
+    for (int n = -1; n < (int)(sizeof texts / sizeof *texts); ++n) {
+        sps_indexed_mesh arrays;
+        sps_grid grid;
+        sps_volume *volume;
+        sps_image image;
+        float rgba[16];
+        check_scene s;
+        check_clear(&s, 2, 2);
+        memset(&arrays, 0, sizeof arrays);
+        memset(&grid, 0, sizeof grid);
+        memset(&image, 0, sizeof image);
+        image.rgba = rgba;
+        grid.voxels = n == 3 ? NULL : voxels, grid.format = n == 7 ? (sps_voxel_format)5 : SPS_VOXEL_U8;
+        for (int k = 0; k < 3; ++k) grid.size[k] = n == 4 && k == 1 ? 5 : 4;
+        grid.start_canary = n == 1, grid.end_canary = n == 2;
+        if (n == 5) grid.scale = NAN;
+        if (n == 6) grid.offset = INFINITY;
+        volume = check_add_volume(&s, 4, 4, 4, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = sps_grid_read, volume->user = n == 0 ? NULL : &grid, volume->extinction = 1;
+        arrays.start_canary = n == 9, arrays.end_canary = n == 10;
+        arrays.positions = n == 16 ? NULL : corners, arrays.vertex_count = n == 12 ? 0 : 3;
+        arrays.indices_u16 = narrow, arrays.indices_u32 = n == 13 ? wide : NULL;
+        arrays.triangle_count = n == 11 ? 0 : 1;
+        s.scene.mesh_count = 1;
+        s.mesh[0].read_fn = sps_indexed_mesh_read, s.mesh[0].user = n == 8 ? NULL : &arrays;
+        s.mesh[0].triangle_count = 1, s.mesh[0].has_colors = n == 14, s.mesh[0].has_normals = n == 15;
+        CHECK(sps_render(context, &s.scene, &s.view, &image) == (n < 0 ? SPS_OK : SPS_ERROR_ARGUMENT));
+        if (n >= 0 && !CHECK(strncmp(sps_error(context), texts[n], strlen(texts[n])) == 0))
+            printf("    %d: %s\n", n, sps_error(context));
+    }
+    sps_destroy(context);
 }
 
 /* ----------------------------------------------------------------------------------------------------------- meshes */
@@ -334,6 +405,8 @@ int main(void) {
     RUN(test_invalid_values);
     RUN(test_bad_grids);
     RUN(test_volume_of_grid);
+    RUN(test_flipped_rows);
+    RUN(test_array_refusals);
     RUN(test_indexed);
     RUN(test_bad_meshes);
     RUN(test_mesh_of_arrays);

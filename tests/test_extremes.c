@@ -415,6 +415,11 @@ static void test_image_argument(void) {
     CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
     CHECK(strstr(sps_error(context), "image.row_pixels is 16;") != NULL);
     CHECK(check_error_info(context, SPS_ERROR_ARGUMENT));
+    for (int n = 0; n < 3; ++n) { /* sizes in bytes that do not fit into a number */
+        image.row_pixels = n == 0 ? SIZE_MAX - 31 : n == 1 ? SIZE_MAX / 16 : (size_t)PTRDIFF_MAX / 16 / SIDE + 1;
+        CHECK(sps_render(context, &m.s.scene, &m.s.view, &image) == SPS_ERROR_ARGUMENT);
+        CHECK(strncmp(sps_error(context), "image.row_pixels is ", 20) == 0);
+    }
     image.row_pixels = 0;
     CHECK(sps_reference(context, &m.s.scene, &m.s.view, 0, &image) == SPS_ERROR_ARGUMENT);
     CHECK(strstr(sps_error(context), "step is 0;") != NULL);

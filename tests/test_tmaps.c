@@ -1835,7 +1835,7 @@ static void test_scenes(void) {
                                         "light.camera.field_of_view is 4",
                                         "same point",
                                         "cannot be inverted",
-                                        "light.width is 9; an omni",
+                                        "light.width is 9; it must equal",
                                         "light.end_canary",
                                         "light.camera.position is nan",
                                         "light.slab is -1",

@@ -3537,7 +3537,7 @@ typedef struct spsi_content {
 
 /* The checked and resolved scene, complete before anything is read, and never written again. */
 typedef struct spsi_frame {
-    const sps_scene *scene;
+    const sps_scene *scene; /* the caller's: later sections use its callbacks, counts and revisions */
     spsi_content *content;
     sps_view view;     /* all fields resolved, including the region */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */

@@ -12,7 +12,7 @@
 #include <string.h>
 #include <time.h>
 
-/* ------------------------------------------------------------------------------------------------- counting */
+/* --------------------------------------------------------------------------------------------------------- counting */
 
 static int check_passed, check_failed;
 
@@ -101,7 +101,7 @@ static inline void check_run(const char *name, void (*test)(void)) {
 
 #define RUN(test) check_run(#test, test)
 
-/* ---------------------------------------------------------------------------------------------------- files */
+/* ------------------------------------------------------------------------------------------------------------ files */
 
 /* Returns the contents of a file, which the caller frees; NULL if it cannot be read. Tests run in the project's
    folder. */
@@ -114,7 +114,7 @@ static inline char *read_text(const char *path) {
     return text;
 }
 
-/* ------------------------------------------------------------------------------------------ random numbers */
+/* --------------------------------------------------------------------------------------------------- random numbers */
 
 typedef struct check_random {
     uint64_t state;
@@ -126,7 +126,7 @@ static inline double check_next(check_random *random) {
     return (double)(random->state >> 11) / 9007199254740992.0;
 }
 
-/* ------------------------------------------------------------------------------------------- context and hooks */
+/* ------------------------------------------------------------------------------------------------ context and hooks */
 
 /* An allocator that counts, and that can fail; a loop that runs its indices out of order with changing worker ids. */
 typedef struct check_hooks {
@@ -269,8 +269,7 @@ static inline int check_read_array(void *user, const int lo[3], const int size[3
     return 0;
 }
 
-/* ------------------------------------------------------------------------------------------ where triangles come from
- */
+/* ---------------------------------------------------------------------------------------- where triangles come from */
 
 typedef struct check_triangles {
     sps_triangle *list;
@@ -326,7 +325,7 @@ static inline void check_free_triangles(check_triangles *triangles) {
     memset(triangles, 0, sizeof *triangles);
 }
 
-/* ------------------------------------------------------------------------------------------------------- scenes */
+/* ----------------------------------------------------------------------------------------------------------- scenes */
 
 /* A scene with room for a test's objects. Its pointers refer to the struct itself: fill it in its final place. */
 typedef struct check_scene {
@@ -460,7 +459,7 @@ static inline sps_mesh *check_add_mesh(check_scene *s, check_triangles *triangle
     return mesh;
 }
 
-/* ------------------------------------------------------------------------------------------------------- images */
+/* ----------------------------------------------------------------------------------------------------------- images */
 
 /* Renders into rgba (4 floats per pixel of the view's region) and depth (or NULL). A failure is counted and printed. */
 static inline int check_render_depth(sps_context *context, const check_scene *s, float *rgba, float *depth) {

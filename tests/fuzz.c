@@ -21,7 +21,7 @@ static double strange(double low, double high) {
     return ends[below((int)(sizeof ends / sizeof *ends))];
 }
 
-/* --------------------------------------------------------------------------------------------------- providers */
+/* -------------------------------------------------------------------------------------------------------- providers */
 
 typedef struct provider {
     int kind, fails; /* 1 in `fails` calls fails; 0: none */
@@ -106,7 +106,7 @@ static int read_particles(void *user, size_t first, size_t count, sps_particle *
     return fails_now(p);
 }
 
-/* ------------------------------------------------------------------------------------------------------ scenes */
+/* ----------------------------------------------------------------------------------------------------------- scenes */
 
 /* Sets an enumeration to any number, even one that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
@@ -356,7 +356,7 @@ static void free_scenery(scenery *x) {
     for (int i = 0; i < MESHES; ++i) check_free_triangles(&x->triangles[i]);
 }
 
-/* ------------------------------------------------------------------------------------------------------- calls */
+/* ------------------------------------------------------------------------------------------------------------ calls */
 
 static float rgba[4 * PIXELS_MAX], distance[PIXELS_MAX], again[4 * PIXELS_MAX];
 

@@ -10,7 +10,7 @@
 
 #define SCENE_PI 3.14159265358979323846
 
-/* ---------------------------------------------------------------------------------------------- features */
+/* --------------------------------------------------------------------------------------------------------- features */
 
 typedef enum feature {
     VOLUME,
@@ -111,7 +111,7 @@ static inline void print_levels(const int levels[FEATURES]) {
     printf("\n");
 }
 
-/* ---------------------------------------------------------------------------------------------- random numbers */
+/* --------------------------------------------------------------------------------------------------- random numbers */
 
 static inline double draw(check_random *random, double low, double high) {
     return low + (high - low) * check_next(random);
@@ -136,7 +136,7 @@ static inline void draw_color(check_random *random, double low, double high, flo
     for (int c = 0; c < 3; ++c) out[c] = (float)draw(random, low, high);
 }
 
-/* ------------------------------------------------------------------------------------------------ the scene */
+/* -------------------------------------------------------------------------------------------------------- the scene */
 
 enum { SCENE_VOLUMES = 3, SCENE_LIGHTS = 4, SCENE_SETS = 2, SCENE_PARTICLES = 128, SCENE_PIXELS = 64 * 64 };
 
@@ -696,7 +696,7 @@ static inline void build_scene(random_scene *x, const int levels[FEATURES], uint
 
 static inline void free_scene(random_scene *x) { check_free_triangles(&x->triangles); }
 
-/* ------------------------------------------------------------------------------------------------ comparing */
+/* -------------------------------------------------------------------------------------------------------- comparing */
 
 /* A picture, or its reference. Packed: the region's rows one after the other. */
 typedef struct scene_picture {

@@ -8,7 +8,7 @@
 #include <pthread.h>
 #include <unistd.h>
 
-/* ------------------------------------------------------------------------------------ a scene that uses everything */
+/* ------------------------------------------------------------------------------------- a scene that uses everything */
 
 enum { WIDTH = 75, HEIGHT = 71, PIXELS = WIDTH * HEIGHT, FLOATS = 5 * PIXELS }; /* odd, with 2 x 2 tiles */
 enum { SMALL_WIDTH = 21, SMALL_HEIGHT = 13 }; /* for scenes that are rendered hundreds of times */
@@ -179,7 +179,7 @@ static size_t bytes_held(const sps_context *context) {
     return stats.bytes;
 }
 
-/* ---------------------------------------------------------------------------------------------- failures */
+/* --------------------------------------------------------------------------------------------------------- failures */
 
 /* The common part of all failure tests: the call returns `expected`, the image is untouched, and once `mend` has
    removed the cause, the next call has the fresh bits; the hooks then hold nothing. Returns 0 if the call did not fail.
@@ -353,7 +353,7 @@ static void test_messages(mixed *m) {
     sps_destroy(context);
 }
 
-/* ------------------------------------------------------------------------------------------------ memory */
+/* ----------------------------------------------------------------------------------------------------------- memory */
 
 /* The allocator's peak and the planned bytes of one scene in a fresh context. */
 static void measure(const mixed *m, int workers, size_t *planned, size_t *peak) {
@@ -492,7 +492,7 @@ static void test_context_reused(void) {
     sps_destroy(context);
 }
 
-/* --------------------------------------------------------------------------------------------- same bits */
+/* -------------------------------------------------------------------------------------------------------- same bits */
 
 typedef struct thread_job {
     sps_task_fn task;
@@ -668,7 +668,7 @@ static void test_two_contexts(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------ kept voxels */
+/* ------------------------------------------------------------------------------------------------------ kept voxels */
 
 /* Renders in the shared context, and returns whether voxels were read; the image must be that of a fresh context. */
 static int renders_reading(sps_context *context, const mixed *m, int line) {
@@ -789,7 +789,7 @@ static void test_revision_and_failure(void) {
     keeping_free(&m, context);
 }
 
-/* ------------------------------------------------------------------------------------------------ the interface */
+/* ---------------------------------------------------------------------------------------------------- the interface */
 
 static void test_null_arguments(const mixed *m) {
     sps_context *context = check_context(NULL);
@@ -1005,7 +1005,7 @@ static void test_quick_start(void) {
     free(hello);
 }
 
-/* -------------------------------------------------------------------------------------------- the command line */
+/* ------------------------------------------------------------------------------------------------- the command line */
 
 #define SMALL  "--width 5 --height 4 "                /* sufficient for most of these tests */
 #define VOLUME "--volume two.raw --size 2,2,2 " SMALL /* the same with something visible */
@@ -1515,7 +1515,7 @@ static void test_revisions(void) {
     test_revision_and_failure();
 }
 
-/* --------------------------------------------------------------------------------------------------- tasks' stack */
+/* ----------------------------------------------------------------------------------------------------- tasks' stack */
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define SANITIZED

@@ -11,7 +11,7 @@ static const double infinite = HUGE_VAL;
 
 static double not_a_number(void) { return infinite - infinite; }
 
-/* -------------------------------------------------------------------------------------------------- helpers */
+/* ---------------------------------------------------------------------------------------------------------- helpers */
 
 /* Every pixel is finite, not negative, not above `most`, not denormal, with coverage 0..1; distances are above 0. */
 static int sane(const float *pixels, int count, double most) {
@@ -125,7 +125,7 @@ static void mixed_build(mixed *m) {
 
 static void mixed_free(mixed *m) { check_free_triangles(&m->triangles); }
 
-/* ------------------------------------------------------------------------------------------ arguments out of range */
+/* ------------------------------------------------------------------------------------------- arguments out of range */
 
 /* Sets an enumeration to a number that it does not have. */
 static void put_int(void *field, int value) { memcpy(field, &value, sizeof value); }
@@ -486,7 +486,7 @@ static void test_largest_volume(void) {
     CHECK(render_fresh(&s, rgba) == SPS_ERROR_CALLBACK);
 }
 
-/* ----------------------------------------------------------------------------------------------------- bad data */
+/* --------------------------------------------------------------------------------------------------------- bad data */
 
 /* The value `bad` at voxels (37,5,2) and, if `twice`, (3,33,1); 0.5 elsewhere. */
 typedef struct spoilt {
@@ -817,7 +817,7 @@ static void test_many_thin_slabs(void) {
     CHECK_NEAR(optical_depth(middle(other)), optical_depth(middle(rgba)), 0.001);
 }
 
-/* ------------------------------------------------------------------------------------------- nearly empty scenes */
+/* ---------------------------------------------------------------------------------------------- nearly empty scenes */
 
 static int all_background(const float *pixels, float background) {
     for (int i = 0; i < 4 * PIXELS; ++i)
@@ -907,7 +907,7 @@ static void test_no_lights(void) {
     mixed_free(&m);
 }
 
-/* ---------------------------------------------------------------------------------------- shapes, sizes, places */
+/* -------------------------------------------------------------------------------------------- shapes, sizes, places */
 
 /* Voxels of edges 1:1:50, long across the view, where the middle of the one layer is the kernel's peak; long along the
    view; and sheared ones. */
@@ -1193,7 +1193,7 @@ static void test_caps(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------- the camera */
+/* ------------------------------------------------------------------------------------------------------- the camera */
 
 /* A uniform cube of optical depth 2 in 16 voxels: from the middle, half of it is seen; from a face, all of it except
    for the half kernel that spills over it, which holds sigma / sqrt(2 pi) voxels; along a face, half the value. */
@@ -1291,7 +1291,7 @@ static void test_up(void) {
     mixed_free(&m);
 }
 
-/* ------------------------------------------------------------------------------------------------- the lights */
+/* ------------------------------------------------------------------------------------------------------- the lights */
 
 static void test_light_inside(void) {
     mixed m;
@@ -1365,7 +1365,7 @@ static void test_square_light(void) {
     CHECK(check_largest(images[2], images[3], 4 * PIXELS) > 0); /* the orders do differ */
 }
 
-/* ----------------------------------------------------------------------------------------------------- slabs */
+/* ------------------------------------------------------------------------------------------------------------ slabs */
 
 /* 1e5 slabs through three voxels: a sum of that many floats is accurate to 1e5 half-units in the last place, 0.6 %. The
    other extreme is a single sheet of any thickness. */
@@ -1452,7 +1452,7 @@ static void test_wire(void) {
     CHECK_NEAR(worst, 0, 0.005 * 0.38); /* kernels end at 6e-4 of their peak, 0.38, and are rescaled to compensate */
 }
 
-/* ---------------------------------------------------------------------------------------------------- everything */
+/* ------------------------------------------------------------------------------------------------------- everything */
 
 /* Products of tiny numbers are 0, not denormal. */
 static void test_denormal_results(void) {

@@ -7,7 +7,7 @@
 #include "command_line.h"
 #include <dirent.h>
 
-/* ------------------------------------------------------------------------------------------- writing files */
+/* ---------------------------------------------------------------------------------------------------- writing files */
 
 enum { X = 3, Y = 4, Z = 5, VOXELS = X * Y * Z, FILE_MAX = 4096 };
 
@@ -166,7 +166,7 @@ static void write_format(bytes *file, format which, ex_type type, int big_endian
     write_file(format_names[which], file->data, file->count);
 }
 
-/* ------------------------------------------------------------------------------------------- reading files */
+/* ---------------------------------------------------------------------------------------------------- reading files */
 
 /* Reads a header and its voxels from the tests' folder; the caller frees the grid, which is empty after a failure. */
 static int read_volume(const char *name, ex_volume_file *file, ex_grid *grid, ex_error *error) {
@@ -255,7 +255,7 @@ static void test_placement_of_box(void) {
     ex_grid_free(&grid);
 }
 
-/* ------------------------------------------------------------------------------------------------- placement */
+/* -------------------------------------------------------------------------------------------------------- placement */
 
 /* Rotates a vector by a unit quaternion (w, v): v' = x + 2 w (v x x) + 2 v x (v x x). */
 static void rotate(const double q[4], const double x[3], double out[3]) {
@@ -353,7 +353,7 @@ static void test_skipping(void) {
     }
 }
 
-/* ---------------------------------------------------------------------------------------------------- values */
+/* ----------------------------------------------------------------------------------------------------------- values */
 
 /* Checks the values of a file of two voxels. */
 static void check_values(const ex_volume_file *header, const double range[2], float first, float second) {
@@ -451,7 +451,7 @@ static void test_ranges_of_blocks(void) {
     ex_grid_free(&grid);
 }
 
-/* ------------------------------------------------------------------------------------------------- errors */
+/* ----------------------------------------------------------------------------------------------------------- errors */
 
 /* Whether a failure printed one line that begins with the folder of the test, and so with a file. */
 static int is_complaint(const ex_error *error) {
@@ -718,7 +718,7 @@ static void test_wrong_nifti(void) {
     ex_grid_free(&grid);
 }
 
-/* ------------------------------------------------------------------------------------------ build/render */
+/* ----------------------------------------------------------------------------------------------------- build/render */
 
 #define LOOK "--extinction 4 --light directional,1,-1,-1,9,9,9 --width 20 --height 15 "
 

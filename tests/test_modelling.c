@@ -9,7 +9,7 @@
 
 static const float white[3] = {1, 1, 1};
 
-/* ---------------------------------------------------------------------------------------------- the fields */
+/* ------------------------------------------------------------------------------------------------------- the fields */
 
 /* Negated distances, as inside is above the level. user: the centre and the radius, or both radii. */
 static double ball_field(void *user, ex_vec p) {
@@ -36,7 +36,7 @@ static void add_ball(ex_mesh *mesh, double x, double y, double z, double radius,
                    ex_vec_of(x + half, y + half, z + half), cells, white);
 }
 
-/* ------------------------------------------------------------------------------------------- measuring meshes */
+/* ------------------------------------------------------------------------------------------------- measuring meshes */
 
 static ex_vec corner_of(const sps_triangle *t, int c) {
     return ex_vec_of((double)t->position[c][0], (double)t->position[c][1], (double)t->position[c][2]);
@@ -93,7 +93,7 @@ static long topology(const ex_mesh *mesh, long *repeated, long *unmatched) {
     return (long)point_count - (long)(count / 2) + (long)mesh->triangle_count;
 }
 
-/* ------------------------------------------------------------------------------------------------ metaballs */
+/* -------------------------------------------------------------------------------------------------------- metaballs */
 
 static void test_metaballs(void) {
     const ex_metaball balls[2] = {{{1, 2, 3}, 2, 5}, {{2, 2, 3}, 0.5, 1}};
@@ -117,7 +117,7 @@ static void test_metaballs(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------- marching cubes */
+/* --------------------------------------------------------------------------------------------------- marching cubes */
 
 /* All 256 cases: each crossed edge is in exactly one loop, each loop has an apex. */
 static void test_cells(void) {
@@ -221,7 +221,7 @@ static void test_random_fields(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------- thickness */
+/* -------------------------------------------------------------------------------------------------------- thickness */
 
 enum { SIDE = 33, PIXELS = SIDE * SIDE };
 
@@ -399,7 +399,7 @@ static void test_library_rays(void) {
     sps_destroy(context);
 }
 
-/* ---------------------------------------------------------------------------------------------------- puffs */
+/* ------------------------------------------------------------------------------------------------------------ puffs */
 
 enum { SOME = 400 };
 

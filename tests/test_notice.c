@@ -35,7 +35,7 @@ static sps_volume *add_gas(check_scene *s, double half, double z0, double z1, do
     return volume;
 }
 
-/* --------------------------------------------------------------------------------------------------- polygons */
+/* --------------------------------------------------------------------------------------------------------- polygons */
 
 /* Corner normals of a scaled, rotated and sheared mesh transform by the inverse transpose. */
 static void test_normals_stretched(void) {
@@ -97,7 +97,7 @@ static void test_behind_a_chunk(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------------- reference */
+/* -------------------------------------------------------------------------------------------------------- reference */
 
 /* A plate behind a point light shades nothing, neither a ground nor a thin gas above it; one in front of it does. */
 static void test_behind_the_light(void) {
@@ -260,7 +260,7 @@ static void test_distant_eye(void) {
         CHECK_NEAR((double)image_b[i], (double)image_a[i], 0.09 * (double)image_a[i] + 1e-6);
 }
 
-/* ----------------------------------------------------------------------------------------- volumes side by side */
+/* --------------------------------------------------------------------------------------------- volumes side by side */
 
 /* Gas that only emits, in front of, behind and within gas that only absorbs: g l exp(-tau), and where they share a
    stretch of length l, g l (1 - exp(-tau)) / tau. */
@@ -632,7 +632,7 @@ static void test_shadow_edge_in_slabs(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------- transfer functions */
+/* ----------------------------------------------------------------------------------------------- transfer functions */
 
 /* The transfer function of some points, between 0 and 1. */
 static void tabulate(const sps_transfer *transfer, spsi_table *table, spsi_material *material) {
@@ -799,7 +799,7 @@ static void test_shell_of_constant(void) {
     CHECK(!memcmp(image_a, image_b, 9 * 4 * sizeof(float)));
 }
 
-/* -------------------------------------------------------------------------------------------------- grey scenes */
+/* ------------------------------------------------------------------------------------------------------ grey scenes */
 
 /* Scenes with a color in one place and one channel only. */
 static void colored_scene(check_scene *s, int place, int channel) {
@@ -838,7 +838,7 @@ static void test_one_channel_differs(void) {
         }
 }
 
-/* ------------------------------------------------------------------------------------------------- bookkeeping */
+/* ------------------------------------------------------------------------------------------------------ bookkeeping */
 
 typedef struct course {
     long calls, cancel_at, messages, wrong;

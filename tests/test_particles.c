@@ -17,7 +17,7 @@ enum { PIXELS_MOST = 128 * 128 };
 static float image_a[4 * PIXELS_MOST], image_b[4 * PIXELS_MOST], distance_a[PIXELS_MOST];
 static sps_context *context;
 
-/* ------------------------------------------------------------------------------------------------------ provider */
+/* --------------------------------------------------------------------------------------------------------- provider */
 
 /* Particles from an array. `limit_calls` > 0: this call and later ones fail. */
 typedef struct cloud {
@@ -101,7 +101,7 @@ static int stage_march(stage *x, double step, float *image) {
     return check_march(context, &x->s, step, image, NULL);
 }
 
-/* ---------------------------------------------------------------------------------------------------- exact chords */
+/* ----------------------------------------------------------------------------------------------------- exact chords */
 
 /* Optical depth of a set along a ray between `low` and `high` (unit direction), and its tolerance. */
 static double chords(const cloud *c, const sps_particles *set, const double origin[3], const double direction[3],
@@ -169,7 +169,7 @@ static void check_coverage(const stage *x, const float *image, double slabs, con
                worst);
 }
 
-/* ----------------------------------------------------------------------------------------------------- one ball */
+/* --------------------------------------------------------------------------------------------------------- one ball */
 
 enum { ORTHOGRAPHIC, PERSPECTIVE, INSIDE, BESIDE, VIEWS };
 static const char *const view_names[VIEWS] = {"orthographic", "perspective", "eye inside", "eye beside"};
@@ -313,7 +313,7 @@ static void test_depths(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------------- light */
+/* ------------------------------------------------------------------------------------------------------------ light */
 
 /* Emission alone: exactly e (1 - exp(-tau)), since a ball is homogeneous. */
 static void test_emission(void) {
@@ -692,7 +692,7 @@ static void test_mixed(void) {
     stage_free(&x);
 }
 
-/* ----------------------------------------------------------------------------------------------------- odd data */
+/* --------------------------------------------------------------------------------------------------------- odd data */
 
 /* A stray particle, or radii far below all other sizes, need no more than the maximum number of slabs. */
 static void test_outliers(void) {
@@ -925,7 +925,7 @@ static void test_memory(void) {
     stage_free(&x);
 }
 
-/* ---------------------------------------------------------------------------------------------------------- plans */
+/* ------------------------------------------------------------------------------------------------------------ plans */
 
 static void test_plan(void) {
     for (int form = 0; form < 8; ++form) {

@@ -47,7 +47,7 @@ static int even(const float *image, int pixels, int channel, double exact, doubl
     return good;
 }
 
-/* ------------------------------------------------------------------------------------------------ several lights */
+/* --------------------------------------------------------------------------------------------------- several lights */
 
 /* Directions of three lights, each of which shines in one channel only. */
 static const double ways[3][3] = {{0.3, 0, -1}, {-0.25, 0.1, -1}, {0, 0.4, -1}};
@@ -116,7 +116,7 @@ static void test_three_lights_in_thin_gas(void) {
         }
 }
 
-/* ---------------------------------------------------------------------------------------- parameters of a quality */
+/* ------------------------------------------------------------------------------------------ parameters of a quality */
 
 /* Rays end at the transmittance of the quality, and not before: with 2.2 times as much they go on. */
 static void test_rays_end(void) {
@@ -228,7 +228,7 @@ static void test_border(void) {
     }
 }
 
-/* ----------------------------------------------------------------------------------------------- parts of a slab */
+/* -------------------------------------------------------------------------------------------------- parts of a slab */
 
 /* The integral of 1 + 2 x - 3 x^2 from a to b. */
 static double integral(double a, double b) { return b - a + b * b - a * a - (b * b * b - a * a * a); }
@@ -469,7 +469,7 @@ static void test_patches(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------- surfaces in volumes */
+/* ---------------------------------------------------------------------------------------------- surfaces in volumes */
 
 /* A faint slab that is visible only at its two faces, as surfaces: in light from either side, one of them reflects
    reflectance / pi times irradiance times cosine per optical depth, and a highlight's (n + 8) / (8 pi) (n.h)^n, of
@@ -502,7 +502,7 @@ static void test_faces_of_a_slab(void) {
     }
 }
 
-/* --------------------------------------------------------------------------------------------- tiles and patches */
+/* ------------------------------------------------------------------------------------------------ tiles and patches */
 
 /* Every pixel of a tile, up to the last one of its last patch, sees the same uniform gas, and so with a region's
    offset. */
@@ -602,7 +602,7 @@ static void test_beside_what_has_ended(void) {
     }
 }
 
-/* ----------------------------------------------------------------------------------------------------- refusals */
+/* --------------------------------------------------------------------------------------------------------- refusals */
 
 /* A camera amid gas is refused if it sees more than 168.5 degrees, 2 acos(0.1), from the centre of one corner pixel to
    that of the opposite one: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
@@ -634,7 +634,7 @@ static void test_closest_light(void) {
     }
 }
 
-/* --------------------------------------------------------------------------------------------- defaults of zeros */
+/* ------------------------------------------------------------------------------------------------ defaults of zeros */
 
 static double ball(const void *user, const double p[3]) {
     (void)user;

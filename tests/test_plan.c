@@ -5,7 +5,7 @@
 
 enum { WIDTH = 43, HEIGHT = 37, BLOCK = 32 };
 
-/* ----------------------------------------------------------------------------------------- counting callbacks */
+/* ----------------------------------------------------------------------------------------------- counting callbacks */
 
 /* A ball of value 1 around `centre` (world) in the box -1..1 cubed, of `size` voxels on a side. */
 typedef struct ball {
@@ -64,7 +64,7 @@ static void ball_clear_counts(ball *b) {
     b->range_calls = b->read_calls = b->eval_calls = b->voxels = b->empty_reads = 0;
 }
 
-/* ------------------------------------------------------------------------------------------------- the scene */
+/* -------------------------------------------------------------------------------------------------------- the scene */
 
 static const sps_transfer_point points[] = {
     {0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.5f, 0.5f, 0.5f}, 0}, {1, {0.5f, 0.5f, 0.5f}, 9}};
@@ -186,7 +186,7 @@ static void check_left_out(const outcome *o, const outcome *full, sps_pass pass)
                here->reason);
 }
 
-/* ----------------------------------------------------------------------------------------------------- tests */
+/* ------------------------------------------------------------------------------------------------------------ tests */
 
 static void test_everything_runs(const outcome *full) {
     for (int i = 0; i < SPS_PASS_COUNT; ++i)

@@ -1,13 +1,13 @@
-/* Polygons against exact answers: their shading, coverage, shadows on each other and in media, and media before, behind
-   and around them. Surfaces are shaded in double precision from floats, so 1e-6 of the answer is what rounding takes;
-   where a shadow's edge lies is known to half a texel of the light's depth map. */
+/* Polygons against exact answers: their shading, coverage, shadows on each other and in media, and media in front of,
+   behind and around them. Surfaces are shaded in double precision from floats, so round-off is 1e-6 of the answer; the
+   position of a shadow's edge is known to half a texel of the light's depth map. */
 
 #include "check.h"
 
 #define PI            3.14159265358979323846
-#define RIPPLE        0.002 /* of a constant grid's optical depth, for high quality: see test_ripple in test_transport.c */
-#define RIPPLE_MEDIUM 0.0037 /* ... for medium */
-#define RIPPLE_DRAFT  0.0152 /* ... and for draft, whose depth maps are the smallest */
+#define RIPPLE        0.002 /* error of a constant grid's optical depth at high quality: test_ripple in test_transport.c */
+#define RIPPLE_MEDIUM 0.0037 /* the same at medium */
+#define RIPPLE_DRAFT  0.0152 /* the same at draft, whose depth maps are the smallest */
 #define ISOTROPIC     (0.25 / PI)
 #define EXACT         1e-6
 
@@ -18,7 +18,7 @@ static sps_context *context;
 static check_triangles ground, body;
 static float one = 1;
 
-/* ------------------------------------------------------------------------------------------------------ helpers */
+/* ---------------------------------------------------------------------------------------------------------- helpers */
 
 /* Empties the lists that tests share. */
 static void start(check_scene *s, int width, int height, double ortho_height) {
@@ -50,7 +50,7 @@ static double largest_of(const float *image, size_t floats) {
     return most;
 }
 
-/* Whether two triangles on corners 012 and 230 of a patch of the unit sphere make a ridge, not a valley. */
+/* Whether two triangles on corners 012 and 230 of a patch of the unit sphere form a ridge, not a valley. */
 static int ridge(double corner[4][3]) {
     double u[3], v[3], normal[3], other[3];
     spsi_along(corner[1], corner[0], -1, u);
@@ -60,7 +60,7 @@ static int ridge(double corner[4][3]) {
     return spsi_dot(normal, other) * spsi_dot(normal, corner[0]) <= 0;
 }
 
-/* A convex sphere of 12 * n * n facets, without poles that degenerate: a cube's faces, pushed out. */
+/* A convex sphere of 12 * n * n facets, without degenerate poles: the faces of a cube, projected. */
 static void add_sphere(check_triangles *triangles, const double centre[3], double radius, int n, int smooth) {
     for (int side = 0; side < 6; ++side)
         for (int i = 0; i < n * n; ++i) {
@@ -85,9 +85,9 @@ static void add_sphere(check_triangles *triangles, const double centre[3], doubl
         }
 }
 
-/* ----------------------------------------------------------------------------------------------------- shading */
+/* ---------------------------------------------------------------------------------------------------------- shading */
 
-/* rho / pi * irradiance * cosine, by a directional and by a point light, shadowed by nothing but itself. */
+/* rho / pi * irradiance * cosine, by a directional and by a point light, with no shadow except for its own. */
 static void test_flat_shading(void) {
     for (int point = 0; point < 2; ++point)
         for (int tilt = 0; tilt < 80; tilt += 13) {
@@ -118,8 +118,8 @@ static void test_flat_shading(void) {
         }
 }
 
-/* Colors, and normals made unit at the corners, come out as the corners' mean by barycentric weights: in perspective
-   too, where those are not linear in the image. */
+/* Colors, and normals normalised at the corners, are interpolated by barycentric weights: in perspective too, where
+   these are not linear in the image. */
 static void test_interpolation(void) {
     static const double xy[3][2] = {{-4, -3}, {5, -4}, {0.5, 7}},
                         colors[3][3] = {{1, 0, 0.3}, {0.1, 1, 0.5}, {0, 0.2, 0.9}};
@@ -160,7 +160,7 @@ static void test_interpolation(void) {
     }
 }
 
-/* Either side is lit by what shines on it, whatever the order of corners; the other side is dark. */
+/* Either side is lit by a light that faces it, for any order of corners; the other side is dark. */
 static void test_two_sided(void) {
     for (int n = 0; n < 8; ++n) {
         const int flipped = n & 1, from_below = n >> 1 & 1, seen_from_below = n >> 2;
@@ -177,10 +177,10 @@ static void test_two_sided(void) {
     }
 }
 
-/* ---------------------------------------------------------------------------------------------------- coverage */
+/* --------------------------------------------------------------------------------------------------------- coverage */
 
-/* A square cut into 2 n^2 triangles whose inner corners are shaken; each goes to one of two lists. `on_pixels`: corners
-   are left where they are, on pixels' centres for some cameras. */
+/* A square cut into 2 n^2 triangles with jittered inner corners; each goes to one of two lists. `on_pixels`: corners
+   are not jittered, and lie on pixels' centres for some cameras. */
 static void add_shattered(check_random *random, int n, const double origin[3], const double u[3], const double v[3],
                           int on_pixels) {
     double corner[33 * 33][3];
@@ -204,7 +204,7 @@ static void add_shattered(check_random *random, int n, const double origin[3], c
     }
 }
 
-/* Every pixel is covered by the whole, and by one of its two parts only. */
+/* Every pixel is covered by the whole, and by exactly one of its two parts. */
 static void check_covered_once(check_scene *s, const char *name) {
     const int pixels = s->view.width * s->view.height;
     int holes = 0, twice = 0;
@@ -227,7 +227,7 @@ static void test_watertight(void) {
     check_random random = {7};
     for (int n = 0; n < 4; ++n) {
         const double origin[3] = {-1, -1, 0}, u[3] = {2, 0, 0.3}, v[3] = {0, 2, -0.2};
-        /* rows of triangles of 5 units, one of which reaches from 2.5 before the camera to 2.5 behind it */
+        /* rows of triangles of 5 units, one of which reaches from 2.5 in front of the camera to 2.5 behind it */
         const double far_origin[3] = {-40, -2, -77.5}, far_u[3] = {80, 0, 0}, far_v[3] = {0, 0.5, 160};
         check_scene s;
         start(&s, 64, 64, 1.5);
@@ -238,7 +238,7 @@ static void test_watertight(void) {
         check_set3(s.view.camera.position, 0.1, -0.3, 1.2);
         check_perspective(&s.view.camera, 0.7);
         check_covered_once(&s, "perspective");
-        start(&s, 64, 40, 1); /* a ground below the camera, before and behind it */
+        start(&s, 64, 40, 1); /* a ground below the camera, in front of and behind it */
         add_shattered(&random, 32, far_origin, far_u, far_v, 0);
         check_set3(s.view.camera.position, 0.3, 0.1, 0);
         check_set3(s.view.camera.target, 0, -3, -4);
@@ -266,7 +266,7 @@ static void test_watertight_on_pixels(void) {
     }
 }
 
-/* What is nearer than near_distance is not seen, and shadows all the same. */
+/* Polygons nearer than near_distance are not seen, but still cast shadows. */
 static void test_near_distance(void) {
     for (int n = 0; n < 4; ++n) {
         const int perspective = n & 1, shadows = n >> 1;
@@ -290,7 +290,7 @@ static void test_near_distance(void) {
     }
 }
 
-/* Triangles of no area change no bit, and are counted. One is far away: it would spread the depth map's texels. */
+/* Triangles without area change no bit, and are counted. One is far away: it would enlarge the depth map's texels. */
 static void test_degenerate(void) {
     static const double p[4][3] = {{0, 0, 1}, {1, 0, 1}, {2, 0, 1}, {0.3, 0.4, 0.5}};
     static const double far_off[3] = {500, -700, 3};
@@ -324,7 +324,7 @@ static void test_degenerate(void) {
 
 /* ---------------------------------------------------------------------------------------------- shadows on surfaces */
 
-/* Where, along a row, brightness passes half of `full`, counted in pixels; -1 if it does not. */
+/* The position in a row, in pixels, where brightness crosses half of `full`; -1 if it does not. */
 static double half_way(const float *row, int width, double full) {
     for (int i = 0; i + 1 < width; ++i) {
         const double a = (double)row[4 * i] - 0.5 * full, b = (double)row[4 * i + 4] - 0.5 * full;
@@ -334,8 +334,8 @@ static double half_way(const float *row, int width, double full) {
 }
 
 /* A roof at height 1 whose edge runs through (0,0) at an angle; its shadow on z = 0 ends where similar triangles say.
-   The depth map covers the meshes with shadow_size - 4 texels across the longer side; to half of one the edge is known,
-   and the image adds its own step of a pixel, over which brightness is followed linearly: half of one at most. */
+   The depth map covers the meshes with shadow_size - 4 texels across the longer side; the edge is known to half a
+   texel, and linear interpolation of brightness in the image adds at most half a pixel. */
 static void check_shadow_edge(int point, double angle) {
     const double edge[3] = {sin(angle), cos(angle), 0}, origin[3] = {-edge[0] * 3, -edge[1] * 3, 1};
     const double u[3] = {6 * edge[0], 6 * edge[1], 0}, v[3] = {-3 * cos(angle), 3 * sin(angle), 0};
@@ -346,7 +346,7 @@ static void check_shadow_edge(int point, double angle) {
     check_add_quad(&body, origin, u, v);
     check_add_mesh(&s, &ground, 1);
     check_add_mesh(&s, &body, 1);
-    s.view.quality = SPS_QUALITY_DRAFT; /* of maps no larger than asked for */
+    s.view.quality = SPS_QUALITY_DRAFT; /* of maps no larger than requested */
     s.view.shadow_size = 512;
     if (point)
         check_add_point(&s, -1, 0.5, 3, 9);
@@ -364,7 +364,7 @@ static void check_shadow_edge(int point, double angle) {
         if (!CHECK(found >= 0) ||
             !CHECK_NEAR((found - 31.5) * pitch + s.view.camera.target[0], exact, 0.5 * texel * 1.25 + 0.5 * pitch))
             printf("    point %d, angle %g, row %d\n", point, angle, row);
-        CHECK(image_a[4 * (64 * row + 8)] <= 0 && full > 0); /* the roof is seen at some pixels farther left */
+        CHECK(image_a[4 * (64 * row + 8)] <= 0 && full > 0); /* the roof is visible at some pixels farther left */
     }
 }
 
@@ -376,7 +376,7 @@ static void test_shadow_edges(void) {
     }
 }
 
-/* A lit plane shades no spot of itself, however grazing the light and coarse the map. */
+/* A lit plane shades no spot of itself, however grazing the light and however coarse the map. */
 static void test_no_acne_on_plane(void) {
     static const double grazing[5] = {0.5, 0.1, 0.02, 0.004, 0.0005};
     for (int n = 0; n < 10; ++n)
@@ -403,7 +403,7 @@ static void test_no_acne_on_plane(void) {
         }
 }
 
-/* A convex body of flat facets: those that face the light are lit, the others turn away, so shadows add nothing. */
+/* A convex body of flat facets: those that face the light are lit, the others face away, so shadows add nothing. */
 static void test_convex_body(void) {
     check_random random = {5};
     for (int n = 0; n < 6; ++n) {
@@ -427,7 +427,7 @@ static void test_convex_body(void) {
     }
 }
 
-/* How many pixels differ by more than `tolerance` of what they would be if nothing shadowed; that goes to image_b. */
+/* The number of pixels that differ by more than `tolerance` from the image without shadows, which goes to image_b. */
 static int count_shadowed(check_scene *s, double tolerance) {
     const int pixels = s->view.width * s->view.height;
     int count = 0;
@@ -441,9 +441,8 @@ static int count_shadowed(check_scene *s, double tolerance) {
     return count;
 }
 
-/* A groove of two planes, open to a light that stands above both: the texels about its crease belong to the other
-   plane, which rises before each, and shades no spot of it. Texels are 4 * 1.4 / 508 or / 1020 wide, and so are most
-   pixels. */
+/* A groove of two planes, open to a light above both: texels around its crease belong to the other plane, which rises
+   in front of each, but shades no spot of it. Texels are 4 * 1.4 / 508 or / 1020 wide, and so are most pixels. */
 static void test_groove(void) {
     for (int n = 0; n < 24; ++n) {
         const double turn = 0.37 * (n / 4) + 0.01, slope = n % 4 < 2 ? 0.25 : 0.9;
@@ -464,8 +463,8 @@ static void test_groove(void) {
     }
 }
 
-/* Steps that rise away from the light, lower than a texel is wide (2.8 / 508 or / 1020) up to some texels: each texel
-   shows another one, whose plane lies before the point's own plane and the point, and yet all is in the light. */
+/* Steps that rise away from the light, from less than a texel's width (2.8 / 508 or / 1020) up to a few texels: each
+   texel shows another step, whose plane lies in front of the point and its own plane, and yet everything is lit. */
 static void test_fine_steps(void) {
     static const double heights[4] = {0.0015, 0.004, 0.009, 0.016};
     for (int n = 0; n < 16; ++n) {
@@ -491,7 +490,7 @@ static void test_fine_steps(void) {
     }
 }
 
-/* Whether a light reaches all, or none, of a pixel and its eight neighbours: image_c over image_b tells its share. */
+/* Whether a light reaches all, or none, of a pixel and its eight neighbours, from the ratio of image_c and image_b. */
 static int evenly_lit(int width, int height, int i) {
     double low = 1, high = 0;
     for (int n = 0; n < 9; ++n) {
@@ -503,9 +502,9 @@ static int evenly_lit(int width, int height, int i) {
     return high - low < 0.01;
 }
 
-/* A box that stands on a floor, seen from either side: where it meets the floor in the light there is no dark spot, and
-   where it meets the floor in the dark there is no light. A texel (4 * 1.4 / 1020) is a quarter of a pixel: beside the
-   shadow's edge one may be half in doubt, which the box may hide from the eye but for a single pixel. */
+/* A box on a floor, seen from either side: where it meets the floor in the light there is no dark spot, and where it
+   meets the floor in the dark there is no light leak. A texel (4 * 1.4 / 1020) is a quarter of a pixel: beside the
+   shadow's edge half a texel is uncertain, which the box may hide from the eye except for a single pixel. */
 static void test_box_on_floor(void) {
     for (int n = 0; n < 12; ++n) {
         const double turn = 0.1 + 0.25 * (n / 2), c = cos(turn), z = sin(turn), up[3] = {0, 0, 0.5};
@@ -544,8 +543,8 @@ static void test_box_on_floor(void) {
     }
 }
 
-/* A roof closer to the floor than a texel is wide (8 * 1.4 / 508) keeps all light from it, be it whole or of pieces as
-   small as a texel. What is nearer than near_distance shadows and is not seen. */
+/* A roof closer to the floor than a texel's width (8 * 1.4 / 508) blocks all light, whether whole or in pieces as small
+   as a texel. Polygons nearer than near_distance cast shadows and are not seen. */
 static void test_thin_roof(void) {
     static const double heights[4] = {0.02, 0.004, 0.0005, 0.00005};
     for (int n = 0; n < 16; ++n) {
@@ -578,7 +577,7 @@ static void test_thin_roof(void) {
     }
 }
 
-/* A smooth sphere: lit by its normals up to where its facets turn away, which is within one facet (0.25 radians) of the
+/* A smooth sphere: lit by its normals up to where its facets face away, which is within one facet (0.25 radians) of the
    terminator; nothing is lit beyond. */
 static void test_terminator(void) {
     const double centre[3] = {0, 0, 0}, toward[3] = {0.8, 0.36, 0.48};
@@ -595,7 +594,7 @@ static void test_terminator(void) {
         if (p[2] < 0.1) continue; /* the outline is a polygon's */
         p[2] = sqrt(p[2]);
         cosine = spsi_dot(p, toward);
-        /* normals of facets stray from the sphere's by their sag, (0.25 / 2)^2 / 2 / cos of the view */
+        /* normals of facets deviate from the sphere's by their sag, (0.25 / 2)^2 / 2 / cos of the view */
         if (cosine > 0.3) CHECK_NEAR((double)image_a[4 * i], cosine, 0.008 / p[2]);
         if (cosine < -0.25) CHECK(image_a[4 * i] <= 0);
         CHECK((double)image_a[4 * i] <= fmax(0, cosine) + 0.008 / p[2]);
@@ -621,7 +620,7 @@ static void look_inside(check_scene *s, int side) {
     check_perspective(&s->view.camera, 1.6);
 }
 
-/* What a pixel of that camera sees: a point on a wall; gives the distance. */
+/* The point on a wall that a pixel of that camera sees. Returns its distance. */
 static double wall_point(const check_scene *s, int i, double at[3]) {
     const double pitch = 2 * tan(0.5 * s->view.camera.field_of_view) / s->view.height;
     const double x = (i % s->view.width - 0.5 * (s->view.width - 1)) * pitch;
@@ -637,15 +636,15 @@ static double wall_point(const check_scene *s, int i, double at[3]) {
     return t * spsi_length(ray);
 }
 
-/* How far a point on a wall is from the next wall. */
+/* The distance from a point on a wall to the next wall. */
 static double to_corner(const double at[3]) {
     double gap[3];
     for (int c = 0; c < 3; ++c) gap[c] = 1 - fabs(at[c]);
     return gap[0] + gap[1] + gap[2] - fmax(gap[0], fmax(gap[1], gap[2])) - fmin(gap[0], fmin(gap[1], gap[2]));
 }
 
-/* A point light within a closed box lights all six walls: intensity / pi * cosine / distance^2. Within a texel of where
-   walls meet (2.6 away, of which each face of the map has 512 on twice that) one may take some light from the other. */
+/* A point light inside a closed box lights all six walls: intensity / pi * cosine / distance^2. Within a texel of where
+   walls meet (2.6 away, where each face of the map has 512 texels on twice that), one may shade the other. */
 #define BOX_TEXEL (2 * 2.6 / 509)
 static void test_light_in_box(void) {
     for (int side = 0; side < 6; ++side) {
@@ -675,8 +674,8 @@ static void test_light_in_box(void) {
     }
 }
 
-/* No light comes into a closed box, be it the sun's or a lamp's close by; but within a texel of where walls meet,
-   for a map's edges are only that sharp. */
+/* No light gets into a closed box, from the sun or from a lamp close by, except within a texel of where walls meet, as
+   a map's edges are only that sharp. */
 static void test_closed_box_is_dark(void) {
     for (int n = 0; n < 18; ++n) {
         check_scene s;
@@ -700,9 +699,9 @@ static void test_closed_box_is_dark(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------- surfaces and media */
+/* ----------------------------------------------------------------------------------------------- surfaces and media */
 
-/* A slab of cubic voxels of 1/8 (exact in binary) about the origin. */
+/* A slab of cubic voxels of 1/8 (exact in binary) around the origin. */
 static sps_volume *add_slab(check_scene *s, int side, int layers, double extinction) {
     const double w = side / 16.0, h = layers / 16.0;
     sps_volume *volume = check_add_volume(s, side, side, layers, check_box(-w, -w, -h, w, w, h));
@@ -716,7 +715,7 @@ static sps_volume *add_slab(check_scene *s, int side, int layers, double extinct
 static double slab_radiance(double te, double tl) { return te > 0 ? te * -expm1(-te - tl) / (te + tl) : 0; }
 
 /* A slab with a polygon in it at height z; light from the eye's side at `angle`, or none; radiance of emission,
-   scattering and surface, all at once and exact where z is 2.5 voxels within. */
+   scattering and surface together, exact if z is 2.5 voxels inside. */
 static double slab_with_polygon(double z, double sigma, double angle, double emission, double irradiance, double rho) {
     const double te = sigma * (1.25 - z), tl = te / cos(angle);
     double sum = emission / sigma * -expm1(-te) + irradiance * ISOTROPIC * slab_radiance(te, tl);
@@ -726,7 +725,7 @@ static double slab_with_polygon(double z, double sigma, double angle, double emi
 /* Renders it: a slab of 20 layers, 2.5 high. */
 static int render_slab_with_polygon(double z, double sigma, double angle, double slab, int lit, sps_quality quality,
                                     float *image) {
-    const int side = angle > 0.6 ? 41 : angle > 0 ? 33 : 9; /* as wide as slanting light needs */
+    const int side = angle > 0.6 ? 41 : angle > 0 ? 33 : 9; /* wide enough for slanted light */
     check_scene s;
     sps_volume *volume;
     start(&s, 5, 5, 0.3);
@@ -743,9 +742,10 @@ static int render_slab_with_polygon(double z, double sigma, double angle, double
     return check_render(context, &s, image);
 }
 
-/* A polygon at depths that include the very planes between sheets (every half voxel, whatever margin is laid round the
-   voxels) is exact: in front of it all, of what is behind it nothing, itself once. Texels of a third of a voxel follow
-   the light's depth by straight lines, whose bend at the slab's face costs tl / 20 / 1.6 / 3^2 / 8 when oblique. */
+/* A polygon at depths that include the very planes between sheets (every half voxel, for any margin around the voxels)
+   is exact: all of the gas in front of it, none of that behind it, itself once. Texels of a third of a voxel
+   interpolate the light's depth linearly, whose bend at the slab's face costs tl / 20 / 1.6 / 3^2 / 8 in oblique light.
+ */
 static void test_polygon_in_slab(void) {
     static const double angles[2] = {0, 0.7}, slabs[3] = {1, 3, 0.5};
     for (int a = 0; a < 2; ++a)
@@ -764,13 +764,13 @@ static void test_polygon_in_slab(void) {
             }
 }
 
-/* Moved in small steps through the whole of it and out on both sides, brightness never jumps: at most by the change
-   that extinction 0.8 makes along a step, for eye and light, of all there is (the surface 0.67, emission and scattering
-   0.24 + 0.25 per unit of length), and the ripple that some other part of a kernel shows. */
+/* A polygon moved in small steps through the whole slab and out on both sides: brightness never jumps. It changes at
+   most by the effect of extinction 0.8 over a step, for eye and light, on everything (the surface 0.67, emission and
+   scattering 0.24 + 0.25 per unit of length), and by the ripple of another part of a kernel. */
 static void test_polygon_slides(void) {
     for (int lit = -1; lit <= 1; ++lit)
         for (int n = 0; n < 1 + (lit > 0); ++n) {
-            const double step = n ? 1.0 / 20 : 1.0 / 16; /* half a voxel meets every plane between sheets */
+            const double step = n ? 1.0 / 20 : 1.0 / 16; /* steps of half a voxel meet every plane between sheets */
             double before = -1, sum = 0;
             for (int i = n ? -6 : -27; i <= (n ? 6 : 27); ++i) {
                 const double z = i * step;
@@ -779,9 +779,9 @@ static void test_polygon_slides(void) {
                     printf("    at %g, light %d, tilted %d\n", z, lit, n);
                 before = (double)image_a[48];
                 sum += before;
-                if (lit < 1) { /* dark on the eye's side: emission alone, none of the light behind leaks */
+                if (lit < 1) { /* dark on the eye's side: emission alone, no light leaks from behind */
                     const double te = 0.8 * fmin(fmax(1.25 - z, 0), 2.5);
-                    /* near the faces the kernel smooths the slab: at most 0.4 of its width is missing or more */
+                    /* near the faces the kernel smooths the slab: at most 0.4 of its width is missing or too much */
                     CHECK_NEAR(before, 0.25 * -expm1(-te),
                                0.2 * (fabs(fabs(z) - 1.25) < 0.32 ? 0.4 * 0.65 / 8 : 0) +
                                    0.25 * 0.37 * RIPPLE_DRAFT); /* te exp(-te) <= 0.37 */
@@ -791,7 +791,8 @@ static void test_polygon_slides(void) {
         }
 }
 
-/* A surface under a slab: dimmed by exp(-tau / cos) on light's way, and again on the eye's if that leads through. */
+/* A surface under a slab: dimmed by exp(-tau / cos) on the light's way, and again on the eye's if that passes through
+   it. */
 static void test_volume_shadow_on_plane(void) {
     for (int n = 0; n < 4; ++n) {
         const double angle = n & 1 ? 0.6 : 0, tl = 0.9 / cos(angle), te = n & 2 ? 0.9 : 0;
@@ -811,10 +812,10 @@ static void test_volume_shadow_on_plane(void) {
     }
 }
 
-/* A roof over part of a slab: shadow fills what lies behind it along the light. Along the eye's upright ray at x the
-   part above 1.5 - x is lit. Half a texel of the map (8 / 2044 across, seen at 45 degrees) moves the edge by 0.003; a
-   quarter of a sheet (0.0625 / 4) that the edge crosses is lit by a share that may be off by half of that, 0.008; and
-   the smooth face of the slab makes 0.4 of a kernel's width of medium be where none is, or the reverse. */
+/* A roof over part of a slab: its shadow fills the gas behind it along the light. Along the eye's upright ray at x the
+   part above 1.5 - x is lit. Half a texel of the map (8 / 2044 across, seen at 45 degrees) moves the edge by 0.003; the
+   lit share of a quarter of a sheet (0.0625 / 4) that the edge crosses may be off by half of that, 0.008; and the
+   smooth face of the slab adds or removes 0.4 of a kernel's width of medium. */
 static void test_polygon_shadow_in_medium(void) {
     const double sigma = 1.1, root = sqrt(2.0);
     const double origin[3] = {-4, -4, 1.5}, u[3] = {4, 0, 0}, v[3] = {0, 8, 0};
@@ -838,7 +839,7 @@ static void test_polygon_shadow_in_medium(void) {
     }
 }
 
-/* What a column at x sends: gas of 1 in height over a floor, lit where rays of slope 0.75 pass a roof at 1.5 beyond
+/* Radiance of a column at x: gas of height 1 over a floor, lit where rays of slope 0.75 pass a roof at 1.5 beyond
    `edge`. */
 static double half_lit_column(double x, double edge, double sigma) {
     const double lit = fmin(fmax(0.5 - (1.5 - (x - edge) / 0.75), 0), 1);
@@ -846,14 +847,14 @@ static double half_lit_column(double x, double edge, double sigma) {
     return 3 * ISOTROPIC * slab_radiance(sigma * lit, 1.25 * sigma * lit) + surface;
 }
 
-/* A roof over gas and floor, once of polygons, once of voxels all but solid, one layer of them: both shadow both. Where
-   the polygons' edge lies is known to half a texel and to a quarter of a sheet, as above. The voxels' is soft: kernels
-   reach 2.5 / 8 along and up, so 1.25 times that on a slanted ray; a texel of half a voxel and, by the eye's way
-   through it, a sheet of half a voxel are added. The image lies between those with the edge as far to either side. */
+/* A roof over gas and floor, once of polygons, once of a layer of nearly solid voxels: either shades both. The
+   position of the polygons' edge is known to half a texel and to a quarter of a sheet, as above. That of the voxels is
+   soft: kernels reach 2.5 / 8 along and up, so 1.25 times that on a slanted ray; a texel of half a voxel and, along the
+   eye's ray, a sheet of half a voxel are added. The image lies between those with the edge that far to either side. */
 static void test_dense_stand_in(void) {
     for (int voxels = 0; voxels < 2; ++voxels) {
         const double sigma = 0.6, reach = voxels ? 2.5 / 8 * 1.25 + 0.0625 * 1.25 + 0.0625 * 0.75 * 1.2 : 0.011 * 0.75;
-        /* light need not be followed past an optical depth of 16; polygons leave none */
+        /* light is not followed beyond an optical depth of 16; behind polygons there is none */
         const double left = voxels ? exp(-16.0) * half_lit_column(10, 0, sigma) : 0;
         const double origin[3] = {-3, -1, 1.5}, u[3] = {3, 0, 0}, v[3] = {0, 2, 0};
         check_scene s;
@@ -869,7 +870,7 @@ static void test_dense_stand_in(void) {
             sps_volume *roof = check_add_volume(&s, 24, 16, 1, check_box(-3, -1, 1.5 - 0.0625, 0, 1, 1.5 + 0.0625));
             roof->read_fn = check_read_constant;
             roof->user = &one;
-            roof->extinction = 800; /* 100 in all */
+            roof->extinction = 800; /* 100 in total */
         } else {
             check_add_quad(&body, origin, u, v);
             check_add_mesh(&s, &body, 0.5);
@@ -904,10 +905,10 @@ static double blob(const void *user, const double p[3]) {
     return exp(-7 * spsi_dot(q, q));
 }
 
-/* Gas, a ball half within it, ground, sun and lamp. The shadow's edges on surfaces are steps: of the 40 pixels of an
-   edge half a texel (1/500 of the scene, 1/15 of a pixel) may put one in 15 on the other side of it, which by sqrt(40 /
-   15 / 768) would be 0.06 of the surface's brightness were that step not mostly the gas's soft one; for the other
-   pixels the kernel's floor of 3e-4 holds. So: all but 8 pixels to 0.004 of the brightest, and RMS 0.01. */
+/* Gas, a ball half inside it, ground, sun and lamp. Edges of shadows on surfaces are steps: of the 40 pixels of an
+   edge, half a texel (1/500 of the scene, 1/15 of a pixel) may put one in 15 on the other side, which by sqrt(40 / 15 /
+   768) would be 0.06 of the surface's brightness if that step were not mostly the gas's soft one; for the other pixels
+   the kernel's floor of 3e-4 holds. So: all pixels except for 8 to 0.004 of the brightest, and RMS 0.01. */
 static void test_mixed_scene(void) {
     const double centre[3] = {0.3, -0.2, 0.1};
     check_field field;

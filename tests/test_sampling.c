@@ -1,6 +1,6 @@
-/* Transmittance maps sampled by the code of examples/shaders/ against sps_tmap_query, and what docs/shadow_maps.md says
-   of maps. As C this runs transmittance_map.h; as C++ with SAMPLING_GLSL or SAMPLING_HLSL defined it runs
-   transmittance_map.glsl or .hlsl. */
+/* Transmittance maps sampled by the code of examples/shaders/ against sps_tmap_query, and the statements of
+   docs/shadow_maps.md about maps. As C this runs transmittance_map.h; as C++ with SAMPLING_GLSL or SAMPLING_HLSL
+   defined it runs transmittance_map.glsl or .hlsl. */
 
 #include "check.h"
 
@@ -9,7 +9,7 @@
 #else
 #include "shaders/transmittance_map.h"
 
-/* What the shaders have as a uniform block and as buffers. */
+/* The shaders' uniform block and buffers. */
 static tmap tmap_bound;
 
 static void bind(const float *texels, const float *surfaces, const float *planes, const uint32_t *starts) {
@@ -27,15 +27,15 @@ static void bind_texels(const float *list) {
     bind(texels, surfaces, planes, starts);
 }
 
-/* ------------------------------------------------------------------------------------------------------ the scene */
+/* -------------------------------------------------------------------------------------------------------- the scene */
 
 enum { WIDTH = 23, HEIGHT = 17, SIDE = 19, EVEN = 40, SOFT = 30, OPAQUE = 5, GLASS = 4, POINTS = 1000 };
 
 typedef enum light_kind { SPOT, SUN, SIX_FACES, SPOT_BY_MATRIX, SUN_BY_MATRIX, KINDS } light_kind;
 
-/* Gas in two sets of particles and some of them dense, opaque triangles and translucent ones, all of it within 4 of
-   the origin along each axis. The light is outside, or, of six faces, in the midst of it; some of the gas and of the
-   points looked at lie before near_depth. */
+/* Gas in two sets of particles, some of them dense, opaque triangles and translucent ones, all within 4 of the origin
+   along each axis. The light is outside, or, with six faces, amid it; some of the gas and of the query points lie
+   before near_depth. */
 typedef struct fixture {
     sps_tmap_light light;
     sps_tmap_settings settings;
@@ -94,8 +94,8 @@ static void fixture_fill(fixture *f) {
     f->scene.meshes = f->meshes, f->scene.mesh_count = 2;
 }
 
-/* Row-major, with a column that turns the world by some angle and moves it 8 before the light; perspective as OpenGL
-   has it, from 2 to 20, and orthographic as Direct3D has it, 7 by 6 world units and 16 deep. */
+/* Row-major; the world is rotated by some angle and moved 8 in front of the light; perspective as in OpenGL, from 2 to
+   20, and orthographic as in Direct3D, 7 by 6 world units and 16 deep. */
 static void fill_matrix(double m[16], int perspective) {
     const double c = cos(0.4), s = sin(0.4), x = perspective ? 2.2 : 2 / 7.0, y = perspective ? 2.9 : 2 / 6.0;
     const double view[3][4] = {{c, s, 0, 0.2}, {-s, c, 0, 0.1}, {0, 0, 1, 8}};
@@ -135,10 +135,9 @@ static sps_tmap *fixture_build(const fixture *f, sps_context *context) {
     return NULL;
 }
 
-/* ------------------------------------------------------------------------------------- what a program hands a shader
- */
+/* ------------------------------------------------------------------------------------------- constants for a shader */
 
-/* An engine that has drawn the map itself, with a clip matrix of its own, hands over the same. */
+/* An engine that has drawn the map itself, with its own clip matrix, passes the same constants. */
 static void check_own_matrix(const fixture *f, const double matrix[16]) {
     const double *m = f->light.camera.world_to_clip, *w = m + 12;
     for (int i = 0; i < 4; ++i) {
@@ -182,15 +181,14 @@ static tmap_place locate(const fixture *f, const double position[3]) {
     return tmap_project_to_cube(tmap_bound, p);
 }
 
-/* -------------------------------------------------------------------------------------------- against sps_tmap_query
- */
+/* ------------------------------------------------------------------------------------------- against sps_tmap_query */
 
-/* Between what a floating-point evaluation may come to lies, for certain, between low and high. */
+/* The range that contains every possible result of a floating-point evaluation. */
 typedef struct span {
     double low, high;
 } span;
 
-/* By what optical depth, as `depth`, may be off because transmittance is, by `error`, cut below at `least`. */
+/* The error of optical depth `depth` due to an error of transmittance by `error`, with T clamped to `least`. */
 static span span_of_through(double depth, double error, double least) {
     span s;
     const double through = exp(-depth), low = fmax(through - error, least);
@@ -199,9 +197,9 @@ static span span_of_through(double depth, double error, double least) {
     return s;
 }
 
-/* Moments are solved for by a matrix close to singular. In floats that gives the exact answer to a matrix whose
-   elements are off by about its size times 6e-8 [Wilkinson 1968]; what this means for the answer is found out by doing
-   that to them: three times as much as the most that eight tries show. */
+/* Moments are solved for with a nearly singular matrix. In floats the result is exact for a matrix whose elements are
+   off by about its size times 6e-8 [Wilkinson 1968]; the effect on the result is found by perturbing them: three times
+   the maximum of eight tries. */
 static span span_of_moments(int texel, float u, double depth) {
     const float *kept = texels;
     check_random random = {(uint64_t)texel + 1};
@@ -221,10 +219,9 @@ static span span_of_moments(int texel, float u, double depth) {
     return s;
 }
 
-/* One texel at one u. Sums of up to 17 terms, angles of up to 50 radians good to 6e-8 of themselves, each term less
-   than the whole: 2e-6 of that. Lines between nodes of T: three roundings. Cosines: 8 terms of up to 1 with angles of
-   up to
-   22. The floor of a cosine map's T is given in the code in six digits. */
+/* One texel at one u. Sums of up to 17 terms, angles of up to 50 radians with a relative error of 6e-8, each term less
+   than the total: 2e-6 of that. Lines between nodes of T: three roundings. Cosines: 8 terms of up to 1 with angles of
+   up to 22. The code has the minimum T of a cosine map to six digits. */
 static span span_of_texel(int texel, float u) {
     const double depth = (double)tmap_gas_depth(tmap_bound, texel, u),
                  whole = (double)tmap_gas_depth(tmap_bound, texel, 1);
@@ -239,8 +236,8 @@ static span span_of_texel(int texel, float u) {
     return s;
 }
 
-/* Everything between u - 8e-7 and u + 8e-7: depths are up to 30, of one rounding, and sums of three products of up to
-   12, in a range of 4 that is not as far away or of 8.5. Curves are straight over so little, or jump. */
+/* All results between u - 8e-7 and u + 8e-7: depths are up to 30, with one rounding, and sums of three products of up
+   to 12, over a range of 4 that is nearer, or of 8.5. Over so little, curves are straight, or jump. */
 static span span_about(int texel, float u) {
     span s = span_of_texel(texel, u);
     for (int i = -1; i <= 1; i += 2) {
@@ -252,12 +249,12 @@ static span span_about(int texel, float u) {
 
 static double overlap(double x, int texel) { return fmax(1 - fabs(x - texel), 0); }
 
-/* What the code may give at a place. Texel coordinates are sums of three products of up to 12 in units of at most 5
-   texels, each good to 6e-8: 2e-5. A point whose u is this close to a surface may be before or behind it. */
+/* The allowed results of the code at a point. Texel coordinates are sums of three products of up to 12 in units of at
+   most 5 texels, each accurate to 6e-8: 2e-5. A point whose u is this close to a surface may be before or behind it. */
 static span span_of_transmittance(const tmap_place *p) {
     const double bias = (double)((tmap_bound.bias + tmap_bound.bias_per_distance * p->distance) /
                                  (tmap_bound.far_depth - tmap_bound.near_depth));
-    const double beyond = (double)p->u; /* of far_depth, perhaps: surfaces may lie there */
+    const double beyond = (double)p->u; /* possibly of far_depth: surfaces may lie there */
     const float u = fminf(p->u, 1);
     span depth = {0, 0}, lit = {0, 0}, s;
     for (int i = 0; i < 4; ++i) {
@@ -281,13 +278,13 @@ static int outside(const tmap_place *p) {
              p->y <= (float)tmap_bound.height - 0.5f);
 }
 
-/* What random points came to. */
+/* Statistics of random points. */
 typedef struct tally {
     int outside, between, seen, dark;
     double slack; /* widths of spans, summed */
 } tally;
 
-/* Whether both transmittances are right at a place on the map. */
+/* Whether both transmittances are right at a point of the map. */
 typedef int (*judge_fn)(const tmap_place *p, double sampled, double query, tally *points);
 
 static int judge_between(const tmap_place *p, double sampled, double query, tally *points) {
@@ -297,7 +294,7 @@ static int judge_between(const tmap_place *p, double sampled, double query, tall
     return query >= s.low && query <= s.high && sampled >= s.low && sampled <= s.high;
 }
 
-/* Behind far_depth, up to three times as far from the middle of things. Texel coordinates are off by three times as
+/* Behind far_depth, up to three times as far from the centre of the scene. Texel coordinates are off by three times as
    much there, 6e-5, weights by 1.2e-4, and that of the largest optical depth, 30, is 4e-3 of T. */
 static int judge_beyond(const tmap_place *p, double sampled, double query, tally *points) {
     if (p->u < 1.01f) return 1;
@@ -308,8 +305,7 @@ static int judge_beyond(const tmap_place *p, double sampled, double query, tally
     return fabs(sampled - query) <= 4e-3;
 }
 
-/* Lets points be judged that lie anywhere within `reach` of the middle along each axis. Outside of the map both
-   transmittances are 1. */
+/* Checks random points within `reach` of the centre along each axis. Outside the map both transmittances are 1. */
 static tally check_points(const char *name, const fixture *f, const sps_tmap *map, uint64_t seed, double reach,
                           judge_fn judge) {
     check_random random = {seed};
@@ -330,8 +326,8 @@ static tally check_points(const char *name, const fixture *f, const sps_tmap *ma
     return points;
 }
 
-/* At random points the code gives what sps_tmap_query does, but for rounding, which on average over all points on the
-   map is allowed no more than 5e-4. One in five points at least is neither lit nor dark. */
+/* At random points the code agrees with sps_tmap_query except for round-off, which may be at most 5e-4 on average over
+   all points on the map. At least one in five points is neither lit nor dark. */
 static void check_map(const char *name, const fixture *f, const sps_tmap *map) {
     hand_over(map, f);
     const tally near = check_points(name, f, map, 5, 4, judge_between);
@@ -344,8 +340,7 @@ static void check_map(const char *name, const fixture *f, const sps_tmap *map) {
         printf("    %s, light %d: of %d points behind far_depth %d are dark\n", name, (int)f->kind, far.seen, far.dark);
 }
 
-/* ---------------------------------------------------------------------------------------------------- all techniques
- */
+/* --------------------------------------------------------------------------------------------------- all techniques */
 
 typedef struct variant {
     const char *name;
@@ -401,7 +396,7 @@ static void test_techniques(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int kind = 0; kind < KINDS; ++kind)
         for (size_t i = 0; i < sizeof variants / sizeof *variants; ++i) {
-            /* what a matrix says is the same for all: two will do */
+            /* matrices do not depend on the technique: two are enough */
             if (kind >= SPOT_BY_MATRIX && variants[i].technique != SPS_TMAP_COMPRESSED) continue;
             fixture_begin(&f, &variants[i], (light_kind)kind);
             sps_tmap *map = fixture_build(&f, context);
@@ -411,7 +406,7 @@ static void test_techniques(void) {
     sps_destroy(context);
 }
 
-/* Nothing opaque: no surfaces are handed over. */
+/* Nothing opaque: no surfaces are passed. */
 static void test_gas_alone(void) {
     static fixture f;
     sps_context *context = sps_create(NULL, NULL);
@@ -423,9 +418,9 @@ static void test_gas_alone(void) {
     sps_destroy(context);
 }
 
-/* ------------------------------------------------------------------------------------------ what else the page says */
+/* ----------------------------------------------------------------------------------------- other claims of the page */
 
-/* Mixes component `component` of the four texels of a place, as a texture's filter does. */
+/* Interpolates component `component` of four texels, as a texture's bilinear filter does. */
 static double filtered(tmap_place p, int component) {
     double sum = 0;
     for (int i = 0; i < 4; ++i) {
@@ -457,8 +452,8 @@ static double filtered_fourier(tmap_place p) {
     return fmin(fmax(depth, 0), 0.5 * (double)mixed[0]);
 }
 
-/* The shortcuts give what four texels' results do: floats of up to 40, sums of 7. A Fourier map's series of four texels
-   must for that be where none is cut, which is the case for most. */
+/* The shortcuts agree with the results of four texels: floats of up to 40, sums of 7. For a Fourier map this requires
+   that none of the four series is clamped, which is the case for most. */
 static void test_shortcuts(void) {
     static fixture f;
     for (int fourier = 0; fourier < 2; ++fourier) {
@@ -485,7 +480,7 @@ static void test_shortcuts(void) {
     }
 }
 
-/* What section 6 says that a stretch adds to a texel of a technique: floats, in the end, of one stretch alone. */
+/* A stretch's contribution to a texel of a technique by section 6 of the page, as floats. */
 static void insert_as_told(double u0, double u1, double depth, int soft, double *out) {
     const double pi = 3.14159265358979323846, m = 0.5 * (u0 + u1), e = 0.5 * (u1 - u0);
     const double z = 2 * m - 1, h = 2 * e;
@@ -505,13 +500,13 @@ static void insert_as_told(double u0, double u1, double depth, int soft, double 
     if (tmap_bound.technique_id != SPS_TMAP_MOMENT) return;
     out[0] = depth, out[1] = z, out[2] = z * z + h * h / 3, out[3] = z * z * z + z * h * h;
     out[4] = pow(z, 4) + 2 * z * z * h * h + pow(h, 4) / 5;
-    for (int k = 1; k < n; ++k) /* the other formula says the same */
+    for (int k = 1; k < n; ++k) /* the other formula agrees */
         CHECK_NEAR((pow(z + h, k + 1) - pow(z - h, k + 1)) / ((k + 1) * 2 * h), out[k], 1e-12);
 }
 
-/* One particle before one light, and each texel's chord through it by hand. u0 and u1 are floats, good to 3e-8, and the
-   shortest chord looked at is 1/37 of the depth: 2e-6 for what is divided by its length, 1e-5 with the library's own
-   rounding of chords. */
+/* One particle in front of one light, with each texel's chord computed by hand. u0 and u1 are floats, accurate to 3e-8,
+   and the shortest chord used is 1/37 of the depth: 2e-6 for quotients by its length, 1e-5 with the library's own
+   round-off of chords. */
 static void test_insertion(void) {
     static const int which[] = {3, 11, 19, 23}; /* opacity, Fourier, 4 moments, Beer */
     static fixture f;
@@ -519,7 +514,7 @@ static void test_insertion(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int i = 0; i < 8; ++i) {
         const int soft = i >= 4;
-        if (soft && which[i % 4] == 19) continue; /* the page has moments of even stretches */
+        if (soft && which[i % 4] == 19) continue; /* the page has moments of uniform stretches */
         fixture_begin(&f, &variants[which[i % 4]], SUN);
         memset(&ball, 0, sizeof ball);
         ball.position[0] = 0.3f, ball.position[1] = -0.2f, ball.position[2] = 0.4f;
@@ -547,10 +542,9 @@ static void test_insertion(void) {
     sps_destroy(context);
 }
 
-/* ---------------------------------------------------------------------------------------- what half precision leaves
- */
+/* --------------------------------------------------------------------------------------------------- half precision */
 
-/* Rounds to 11 digits, to even, as storing in half precision does; what is too large becomes the largest. */
+/* Rounds to 11 bits, to even, as storing in half precision does; larger numbers become the maximum. */
 static float half_of(float x) {
     int exponent;
     frexp((double)x, &exponent);
@@ -558,13 +552,13 @@ static float half_of(float x) {
     return (float)fmin(fmax(nearbyint((double)x / step) * step, -65504), 65504);
 }
 
-/* The most that transmittance changes when a map's texels are rounded to half precision: what docs/shadow_maps.md says
-   of each technique. */
+/* The maximum change of transmittance when a map's texels are rounded to half precision, as docs/shadow_maps.md has it
+   for each technique. */
 static void test_half(void) {
     static const struct {
         const char *name;
         double most;
-        int fails; /* 1: it is off by more than that */
+        int fails; /* 1: the change is larger than that */
     } rows[] = {{"opacity", 5e-4, 0},          {"opacity, cubic", 5e-4, 0}, {"Fourier", 5e-3, 0},
                 {"Fourier, Lanczos", 5e-3, 0}, {"cosine", 5e-3, 0},         {"adaptive", 5e-3, 0},
                 {"deep opacity", 5e-3, 0},     {"Beer", 5e-3, 0},           {"4 moments", 0.02, 1},
@@ -596,12 +590,11 @@ static void test_half(void) {
     sps_destroy(context);
 }
 
-/* --------------------------------------------------------------------------------- what the page quotes from maps.md
- */
+/* --------------------------------------------------------------------------------------- errors quoted from maps.md */
 
 enum { SCENES = 6 };
 
-/* The error in the gas that maps.md has for a technique with 8 floats; -1 if it has none. */
+/* The error in gas of a technique with 8 floats in maps.md; -1 if it has none. */
 static double error_with_8(const char *maps, const char *scene, const char *technique) {
     char heading[32], row[64];
     snprintf(heading, sizeof heading, "\n## %s: ", scene);
@@ -612,7 +605,7 @@ static double error_with_8(const char *maps, const char *scene, const char *tech
     return strtod(strchr(at, '|') + 1, NULL);
 }
 
-/* One row of the page's table: its name, its errors, and which of these are bold. Returns 0 behind the last row. */
+/* One row of the page's table: its name, its errors, and which of these are bold. Returns 0 after the last row. */
 static int read_row(const char *row, char name[32], double errors[SCENES], int bold[SCENES]) {
     if (sscanf(row, "| %31[^|]|", name) != 1) return 0;
     name[strlen(name) - 1] = 0; /* the space before the bar */
@@ -624,7 +617,7 @@ static int read_row(const char *row, char name[32], double errors[SCENES], int b
     return 1;
 }
 
-/* The page's table of errors is that of maps.md, and the least error of each scene is bold. */
+/* The page's table of errors is that of maps.md, and the smallest error of each scene is bold. */
 static void test_quotes(void) {
     static const char *const scenes[SCENES] = {"Puff", "Wind", "Clumps", "Shell", "Core", "Ball"};
     char *page = read_text("docs/shadow_maps.md"), *maps = read_text("docs/maps.md"), name[32];

@@ -18,7 +18,7 @@ static float depth_a[PIXELS_MOST], depth_b[PIXELS_MOST];
 static sps_context *context;
 static float one = 1;
 
-/* ------------------------------------------------------------------------------------------------------ helpers */
+/* ---------------------------------------------------------------------------------------------------------- helpers */
 
 typedef struct difference {
     double rms, bias; /* of the mean of the reference's radiance */
@@ -172,8 +172,7 @@ static void test_grazing_rays(void) {
     }
 }
 
-/* ---------------------------------------------------------------------------------------------------- lamps, turning
- */
+/* --------------------------------------------------------------------------------------------------- lamps, turning */
 
 /* A lamp within thin gas that fills a slab of half a unit, moved by a tenth of a pixel at a time: each pixel's radiance
    is phase * extinction * (the angle under which the lamp sees the ray's way through the slab) / its distance q from
@@ -242,7 +241,7 @@ static void test_turning_light(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------- pairs of features */
+/* ------------------------------------------------------------------------------------------------ pairs of features */
 
 /* A constant grid is constant to 0.2 %: a transfer function that sets in 0.5 % above its value shows nothing of it, one
    that sets in 0.5 % below shows all of it, and the steep onset must not be smoothed away. */
@@ -494,7 +493,7 @@ static void test_faces_of_volume(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------------------- seams */
+/* ------------------------------------------------------------------------------------------------------------ seams */
 
 /* The largest difference between two pictures, of the brightest pixel. */
 static double apart(const float *image, const float *other, int pixels) {
@@ -601,7 +600,7 @@ static void test_brick_seams(void) {
                         printf("    from %d, %s, padded by %d\n", from, surface ? "surface" : "gas", pad);
 }
 
-/* --------------------------------------------------------------------------------------- cut and lit from behind */
+/* ------------------------------------------------------------------------------------------ cut and lit from behind */
 
 /* Gas lit from behind is composited back to front: pictures and depths as the reference has them. */
 static void test_back_to_front(void) {

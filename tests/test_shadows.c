@@ -1,6 +1,6 @@
 /* Shadows of polygons, on polygons and in gas, at every scale: rays through the tree of triangles against plain loops
-   over all of them; grounds up to a million times as wide as what stands on them; meshes far from the origin; and what
-   a revision keeps. */
+   over all of them; grounds up to a million times as wide as the objects on them; meshes far from the origin; and what
+   is kept by a revision. */
 
 #include "check.h"
 
@@ -59,7 +59,7 @@ static void add_globe(check_triangles *triangles, const double centre[3], double
         }
 }
 
-/* ------------------------------------------------------------------------------ the tree against plain loops */
+/* ------------------------------------------------------------------------------------- the tree against plain loops */
 
 typedef long double real;
 
@@ -67,8 +67,8 @@ static real side_of(const real a[3], const real b[3], const real d[3]) {
     return d[0] * (a[1] * b[2] - a[2] * b[1]) + d[1] * (a[2] * b[0] - a[0] * b[2]) + d[2] * (a[0] * b[1] - a[1] * b[0]);
 }
 
-/* Whether a face stops a ray: 0 or 1, or 2 where rounding decides. Doubles lose 1e-15 of what is summed up: products
-   of three lengths, of which a few ulps of the largest are let pass. */
+/* Whether a face blocks a ray: 0 or 1, or 2 where round-off decides. Doubles lose 1e-15 of the terms: products of three
+   lengths, of which a few ulps of the largest are tolerated. */
 static int stops(const spsi_face *face, const double origin[3], const double toward[3], double reach, double room) {
     real a[3][3], d[3], n[3], sides[3], largest = 0, facing = 0, ahead = 0, across = 0;
     int above = 0, below = 0, near_edge = 0;
@@ -101,7 +101,7 @@ static int stops(const spsi_face *face, const double origin[3], const double tow
     return 1;
 }
 
-/* Rays from points on faces and in the air, to lights near and far, one packet after the other. */
+/* Rays from points on faces and in the air, to lights near and far, one packet after another. */
 static void check_rays(spsi_faces *faces, int rays, int crowded, check_random *random, const char *name) {
     int wrong = 0, decided = 0, stopped_count = 0;
     for (int first = 0; first < rays; first += SPSI_PACKET) {
@@ -138,7 +138,7 @@ static void check_rays(spsi_faces *faces, int rays, int crowded, check_random *r
             wrong += (packet.open >> i & 1) == stopped;
         }
     }
-    /* a few in a hundred begin within rounding of a face or an edge; in a crowd, many are stopped, and many are not */
+    /* a few in a hundred begin within round-off of a face or an edge; in a crowd, many are blocked, and many are not */
     if (!CHECK(wrong == 0 && decided > rays * 3 / 4) ||
         (crowded && !CHECK(stopped_count > rays / 20 && stopped_count < decided - rays / 20)))
         printf("    %s: %d of %d wrong, %d decided, %d stopped\n", name, wrong, rays, decided, stopped_count);
@@ -197,7 +197,7 @@ static void test_tree_against_loops(void) {
         }
 }
 
-/* Every face is in one leaf, each box holds what is below it, and no node has two parents: at any number of faces, with
+/* Every face is in one leaf, each box contains its subtree, and no node has two parents: for any number of faces, with
    all in one place, and with one far away. */
 static void test_tree_holds_all(void) {
     check_random random = {3};
@@ -243,7 +243,7 @@ static void test_tree_holds_all(void) {
         }
 }
 
-/* A closed body is dark inside, whatever corner, edge or face a ray from there goes through. */
+/* A closed body is dark inside, for rays through any corner, edge or face. */
 static void test_closed_body_is_tight(void) {
     const double centre[3] = {0.1, 0.2, -0.3}, offset[3] = {3e4, 7, -2e3};
     check_random random = {11};
@@ -273,9 +273,9 @@ static void test_closed_body_is_tight(void) {
     if (!CHECK(leaks == 0)) printf("    %d of 40000 rays leave a closed body\n", leaks);
 }
 
-/* ----------------------------------------------------------------------------------------- pictures, at any scale */
+/* ------------------------------------------------------------------------------------------- pictures, at any scale */
 
-/* Pixels that differ by more than a float can, of those whose ray passes no edge. */
+/* Pixels that differ by more than float round-off, of those whose ray passes no edge. */
 static int differing(const check_scene *s) {
     int count = 0;
     if (!check_render(context, s, image_a) || !check_march(context, s, 1, image_b, NULL)) return -1;
@@ -290,8 +290,8 @@ static double mean_of(const float *image, int side) {
     return sum / (side * side);
 }
 
-/* A ball over a ground of any width: no pixel differs from the reference, whose shadow rays share the rule by which
-   faces stop them, and nothing else; and none from the smallest ground's picture, where that is seen alone. */
+/* A ball over a ground of any width: no pixel differs from the reference, whose shadow rays share only the rule by
+   which faces block them; and none from the smallest ground's picture, where only that is seen. */
 static void test_ground_of_any_width(void) {
     const double centre[3] = {0, 0.5, 0};
     static float smallest[4 * SIDE * SIDE];
@@ -313,7 +313,7 @@ static void test_ground_of_any_width(void) {
                 check_add_directional(&s, -1, -1, 0.1, 3);
             wrong = differing(&s);
             if (half < 5) memcpy(smallest, image_a, sizeof smallest);
-            /* an edge on a pixel's ray to within the eye's rounding, 1e-13 of a pixel, is not met by chance */
+            /* an edge within the eye's round-off of a pixel's ray, 1e-13 of a pixel, does not occur by chance */
             if (!CHECK(wrong == 0)) printf("    ground of %g: %d pixels differ from the reference\n", half, wrong);
             /* the ground's own float corners put the plane where it is exactly: y = 0 */
             CHECK(check_largest(image_a, smallest, 4 * SIDE * SIDE) <= 1e-5);
@@ -326,7 +326,7 @@ static double puff(const void *user, const double p[3]) {
     return exp(-16 * (p[0] * p[0] + (p[1] - 0.55) * (p[1] - 0.55) + p[2] * p[2]));
 }
 
-/* Error of a picture against the reference, in shares of the mean. */
+/* Error of a picture against the reference, relative to the mean. */
 static double relative_error(const check_scene *s, const float *reference) {
     double sum = 0;
     if (!check_render(context, s, image_a)) return HUGE_VAL;
@@ -411,7 +411,7 @@ static void test_town(void) {
     }
 }
 
-/* A smooth globe shades none of what its normals say is lit, and all that is behind another. */
+/* A smooth globe shades nothing that is lit by its normals, and everything behind another globe. */
 static void test_smooth_terminator(void) {
     const double centre[3] = {0, 0, 0};
     for (int n = 4; n <= 32; n *= 2) {
@@ -431,8 +431,8 @@ static void test_smooth_terminator(void) {
     }
 }
 
-/* A lamp close to a coarse smooth globe: which side of it a surface is on is told from the surface, not from where its
-   rays begin, which may be behind the lamp. */
+/* A lamp close to a coarse smooth globe: the side of a surface that is lit depends on the surface, not on the origin of
+   its rays, which may be behind the lamp. */
 static void test_lamp_near_coarse_mesh(void) {
     const double centre[3] = {0, 0, 0};
     for (int n = 0; n < 12; ++n) {
@@ -448,8 +448,8 @@ static void test_lamp_near_coarse_mesh(void) {
     }
 }
 
-/* Gas just below a ground of any width is dark, to whoever asks how it is lit: a point of no face has no rounding to
-   be allowed for. The ground is 1 % of the gas's height above it, and 1e-8 of its own width. */
+/* Gas just below a ground of any width is dark, in every kind of picture: a point that is not on a face needs no
+   allowance for round-off. The ground is 1 % of the gas's height above it, and 1e-8 of its own width. */
 static void test_gas_under_ground(void) {
     static float one = 1;
     for (double half = 2; half < 2e6; half *= 100) {
@@ -470,7 +470,8 @@ static void test_gas_under_ground(void) {
     }
 }
 
-/* Twins in one plane, at odd places and turns, shade each other nowhere; a sheet just above their rounding does. */
+/* Duplicates in one plane, at odd positions and angles, shade each other nowhere; a sheet just above their round-off
+   does. */
 static void test_twins(void) {
     for (int n = 0; n < 6; ++n) {
         const double far_away[6] = {0, 1, 1e3, 1e5, 1e7, 3e8};
@@ -502,7 +503,7 @@ static void test_twins(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------ what is kept */
+/* -------------------------------------------------------------------------------------------------- reuse of meshes */
 
 static void test_revision(void) {
     const double centre[3] = {0, 0.5, 0};
@@ -537,7 +538,7 @@ static void test_revision(void) {
             sps_destroy(other);
         }
     }
-    s.mesh[1].revision = 0; /* one that has none: all are read, each time */
+    s.mesh[1].revision = 0; /* one without a revision: all are read, each time */
     for (int n = 0; n < 2; ++n) {
         if (!check_render(context, &s, image_a)) return;
         sps_get_stats(context, &stats);

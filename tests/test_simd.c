@@ -8,7 +8,7 @@
 
 enum { WIDTH = 70, HEIGHT = 45, FLOATS = 5 * WIDTH * HEIGHT, SCENES = 6 };
 
-/* ---------------------------------------------------------------------------------------------- operations */
+/* ------------------------------------------------------------------------------------------------------- operations */
 
 static check_random numbers = {7};
 
@@ -16,7 +16,7 @@ static float between(double low, double high) { return (float)(low + (high - low
 
 static int same_bits(float a, float b) { return memcmp(&a, &b, sizeof a) == 0; }
 
-/* Four vectors of inputs, and what one operation makes of the first three. */
+/* Four vectors of inputs, and the result of one operation on the first three. */
 typedef struct lanes {
     float a[SPSI_LANES], b[SPSI_LANES], c[SPSI_LANES], out[SPSI_LANES];
 } lanes;
@@ -119,7 +119,7 @@ static void test_quads(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------------- functions */
+/* -------------------------------------------------------------------------------------------------------- functions */
 
 static double exp_of(double x) {
     float out[SPSI_LANES];
@@ -127,7 +127,7 @@ static double exp_of(double x) {
     return (double)out[0];
 }
 
-/* What its comment says: 2e-7 of itself from -86 to 88, and exactly 0 below. */
+/* As its comment says: a relative error of 2e-7 from -86 to 88, and exactly 0 below. */
 static void test_exp(void) {
     double worst = 0, at = 0;
     for (int i = 0; i <= 400000; ++i) {
@@ -143,7 +143,7 @@ static void test_exp(void) {
     }
     CHECK_NEAR(exp_of(0), 1, 0);
     CHECK(exp_of(-86.001) == 0 && exp_of(-1e3) == 0 && exp_of(-1e30) == 0 && exp_of(-HUGE_VAL) == 0);
-    CHECK(exp_of(100) > 1e38 && exp_of(1e30) <= (double)FLT_MAX); /* held at the end of the range */
+    CHECK(exp_of(100) > 1e38 && exp_of(1e30) <= (double)FLT_MAX); /* clamped to the end of the range */
 }
 
 static double share_of(double v) {
@@ -152,8 +152,8 @@ static double share_of(double v) {
     return (double)out[0];
 }
 
-/* Rising from 0 to 1, odd about a half, near to the cut Gaussian's. What is not exact is rounding: each of seven steps
-   rounds twice, by 6e-8 of coefficients that add up to 37, so 4e-6. */
+/* Increasing from 0 to 1, odd about one half, close to that of the cut Gaussian. Round-off: each of seven steps rounds
+   twice, by 6e-8 of coefficients that add up to 37, so 4e-6. */
 static void test_kernel_share(void) {
     const double cut = SPSI_CUT, whole = erf(cut / sqrt(2.0));
     double before = 0, fell = 0, worst = 0, odd = 0;
@@ -191,7 +191,7 @@ static void test_mean_transmittance(void) {
             CHECK_NEAR(mean_of((double)a, (double)b), exact, 1.2e-6 * exact + 1e-37);
             CHECK(same_bits((float)mean_of((double)a, (double)b), (float)mean_of((double)b, (double)a)));
         }
-    for (int i = 0; i < 1000; ++i) { /* about the change from series to quotient */
+    for (int i = 0; i < 1000; ++i) { /* around the change from series to quotient */
         const double d = 0.2 + 1e-4 * i, real = (double)(float)d;
         CHECK_NEAR(mean_of(0, d), -expm1(-real) / real, 1.2e-6);
     }
@@ -209,7 +209,7 @@ static void test_phase(void) {
         }
 }
 
-/* -------------------------------------------------------------------------------------------------- pictures */
+/* --------------------------------------------------------------------------------------------------------- pictures */
 
 static int read_bumps(void *user, const int lo[3], const int size[3], float *out) {
     (void)user;
@@ -270,7 +270,7 @@ static void render_pictures(void) {
     }
 }
 
-/* What the second program does. */
+/* The second program. */
 static int write_pictures(const char *path) {
     FILE *file = fopen(path, "wb");
     int written;
@@ -289,8 +289,8 @@ static int read_pictures(const char *path, float out[SCENES][FLOATS]) {
     return got;
 }
 
-/* Translates this file without vectors and at a level of optimisation, runs it, and takes its pictures. Gives 0, and
-   says so, where there is no compiler or no source to be had. */
+/* Compiles this file without vectors and at a level of optimisation, runs it, and reads its pictures. Returns 0, and
+   says so, if there is no compiler or no source. */
 static int plain_pictures(const char *self, const char *level, float out[SCENES][FLOATS]) {
     static const char *const compilers[] = {"cc", "gcc", "clang"};
     static char command[2048], program[600], output[600];
@@ -315,8 +315,9 @@ static int plain_pictures(const char *self, const char *level, float out[SCENES]
     return got;
 }
 
-/* The same arithmetic but for fused multiply-add: each number is the result of a few hundred roundings of 6e-8, so 2e-5
-   of the largest; and, in one pixel of a thousand, of a ring of one kernel, 6e-4 of what one voxel of a dozen adds. */
+/* The same arithmetic except for fused multiply-add: each number is the result of a few hundred roundings of 6e-8, so
+   2e-5 of the largest; and, in one pixel of a thousand, of a ring of one kernel, 6e-4 of the contribution of one voxel
+   of a dozen. */
 static void check_picture(int n) {
     double most = 0, worst = 0;
     int differing = 0;
@@ -338,8 +339,8 @@ static void check_picture(int n) {
     CHECK(most > 0.1);
 }
 
-/* This program against plain C; and where it is plain C itself, that with little optimisation (none in test-long, which
-   takes its time) against that with much: the same arithmetic gives the same bits. */
+/* This program against plain C; and if it is plain C itself, low optimisation (none in test-long, which takes time)
+   against high: the same arithmetic has the same bits. */
 static void test_pictures(const char *self) {
     render_pictures();
     if (!plain_pictures(self, getenv("SPLATSHADOW_LONG") ? "-O0" : "-O1", plain)) return;

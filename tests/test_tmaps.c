@@ -22,7 +22,7 @@ enum { SIDE = 9, MOST = 256, TECHNIQUES = SPS_TMAP_BEER }; /* but for the defaul
 
 static float one = 1;
 
-/* ------------------------------------------------------------------------------------------------------- fixture */
+/* ---------------------------------------------------------------------------------------------------------- fixture */
 
 /* Ways to see: all but the last two look along -z from (0,0,10) at texels of size 1 in the plane z = 0. */
 enum { ORTHO, SPOT, ORTHO_MATRIX, SPOT_MATRIX, ORTHO_TURNED, SPOT_TURNED, ROUND, WAYS };
@@ -161,7 +161,7 @@ static sps_mesh *add_mesh(fixture *f, int mesh, double transparency) {
     return m;
 }
 
-/* -------------------------------------------------------------------------------------------------- exact answers */
+/* ---------------------------------------------------------------------------------------------------- exact answers */
 
 typedef struct answer {
     double depth, slack; /* slack: how far floats may be off */
@@ -248,7 +248,7 @@ static answer exact_particles(const fixture *f, const double point[3]) {
 
 static double normal_share(double x) { return 0.5 * erfc(-x / sqrt(2.0)); }
 
-/* ------------------------------------------------------------------------------------------------------ particles */
+/* -------------------------------------------------------------------------------------------------------- particles */
 
 /* Chords from every side: particles cross near_depth and far_depth and the light's plane, and one holds the light. */
 static void test_particles(void) {
@@ -418,7 +418,7 @@ static void test_small_particles_around(void) {
     sps_destroy(context);
 }
 
-/* -------------------------------------------------------------------------------------------------------- volumes */
+/* ---------------------------------------------------------------------------------------------------------- volumes */
 
 /* A box of even gas, turned about z and x by an angle. */
 static sps_volume *add_box(fixture *f, int n, double half, double angle, double extinction) {
@@ -719,7 +719,7 @@ static void test_blob(void) {
     sps_destroy(context);
 }
 
-/* ------------------------------------------------------------------------------------------------------- polygons */
+/* --------------------------------------------------------------------------------------------------------- polygons */
 
 /* What is opaque is so in every technique: nothing before, all behind, from the bias on, which is two texels' width
    unless it is given; a share where only some of the four texels are covered. */
@@ -984,7 +984,7 @@ static void test_watertight(void) {
     sps_destroy(context);
 }
 
-/* -------------------------------------------------------------------------------- all of it in every technique */
+/* ------------------------------------------------------------------------------------- all of it in every technique */
 
 /* A turned blob, even and soft particles, a sheet that lets some through, and an opaque one below half of that. */
 static void begin_mixed(fixture *f, int technique) {
@@ -1231,7 +1231,7 @@ static void test_texels(void) {
     sps_destroy(context);
 }
 
-/* ---------------------------------------------------------------------------------------------------------- order */
+/* ------------------------------------------------------------------------------------------------------------ order */
 
 static size_t float_count(const sps_tmap *map) {
     const size_t texels = (size_t)map->rays[0].width * (size_t)map->rays[0].height * (size_t)map->face_count;
@@ -1328,7 +1328,7 @@ static void test_shuffled(void) {
     sps_destroy(context);
 }
 
-/* ------------------------------------------------------------------------------------------------------ six faces */
+/* -------------------------------------------------------------------------------------------------------- six faces */
 
 /* Two points of a pair on either side of a cube's edge, or all three at a corner, 1e-9 apart: faces share their rays,
    so each technique says the same but for floats, which see the ray in other numbers: a chord's CHORD of 4 texels' 30
@@ -1422,7 +1422,7 @@ static void test_gas_around(void) {
     sps_destroy(context);
 }
 
-/* --------------------------------------------------------------------------------------------------------- memory */
+/* ----------------------------------------------------------------------------------------------------------- memory */
 
 /* A smaller mixed scene, for what is done many times. */
 static void begin_little(fixture *f, int technique) {
@@ -1675,7 +1675,7 @@ static void test_memory_limit(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------- states and refusals */
+/* ---------------------------------------------------------------------------------------------- states and refusals */
 
 static void check_refused(fixture *f, const char *text) {
     sps_context *context = sps_create(NULL, NULL);
@@ -2728,7 +2728,7 @@ static void test_callbacks(void) {
             }
 }
 
-/* -------------------------------------------------------------------------------------------------------- extremes */
+/* --------------------------------------------------------------------------------------------------------- extremes */
 
 /* Nothing but numbers, and T = exp(-depth), at random places in and about a map. */
 static void check_sane(const sps_tmap *map, uint64_t seed) {
@@ -3018,7 +3018,7 @@ static void test_stray(void) {
     sps_destroy(context);
 }
 
-/* ---------------------------------------------------------------------------------- images that shade by maps */
+/* ---------------------------------------------------------------------------------------- images that shade by maps */
 
 enum { WIDE = 32, HIGH = 24, PIXELS = WIDE * HIGH };
 

@@ -73,7 +73,7 @@ static void columns_fill(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------ the exact answer */
+/* ------------------------------------------------------------------------------------------------- the exact answer */
 
 /* The share of a whole soft chord in its first s. */
 static double chord_share(double s) { return s * s * (3 - 2 * s); }
@@ -108,7 +108,7 @@ static double curve_at(const spsi_node *nodes, int count, double u) {
 
 static float sample(int i) { return (float)i / SAMPLES; }
 
-/* ------------------------------------------------------------------------------------------------------ harness */
+/* ---------------------------------------------------------------------------------------------------------- harness */
 
 static spsi_node curve[SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST) + 1];
 static spsi_stretch scratch[SPSI_CURVE_SCRATCH(MOST, SPSI_SOFT_MOST) + 1], sorted[MOST];
@@ -546,7 +546,7 @@ static void test_compressed_size(void) {
     CHECK_NEAR((double)spsi_compressed_depth(compressed, (uint32_t)nodes, 1), 3, 3e-6); /* e^3 half units */
 }
 
-/* ------------------------------------------------------------------------------------------------- opacity */
+/* ---------------------------------------------------------------------------------------------------------- opacity */
 
 /* Roundings of `count` sums and of shares, see test_before; of what lies before u, and of nothing behind it. */
 static double sum_rounding(const column *c, double exact) { return (c->count + 10) * half_ulp * exact; }
@@ -630,7 +630,7 @@ static void test_cubic(void) {
     CHECK(worst[1] < 0.5 * worst[0]);
 }
 
-/* ------------------------------------------------------------------------------------------------- Fourier */
+/* ---------------------------------------------------------------------------------------------------------- Fourier */
 
 static double window_of(sps_tmap_window window, int k, int n) {
     const double x = pi * k / (n + 1);
@@ -746,7 +746,7 @@ static void test_running_maximum(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------- cosine */
+/* ----------------------------------------------------------------------------------------------------------- cosine */
 
 /* Simpson's rule over each piece of a curve, in steps of 1/20 of what exponential and cosine take to change:
    0.05^4 / 2880 is 2e-9. */
@@ -795,7 +795,7 @@ static void test_cosine(void) {
         }
 }
 
-/* ------------------------------------------------------------------------------------------------- moments */
+/* ---------------------------------------------------------------------------------------------------------- moments */
 
 /* Legendre's nodes for polynomials up to degree 11. */
 static double moment_exact(const spsi_stretch *s, int k) {
@@ -961,7 +961,7 @@ static void test_moment_uniform(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------- depth, adaptive, Beer */
+/* -------------------------------------------------------------------------------------------- depth, adaptive, Beer */
 
 static void test_depth(void) {
     for (int n = 0; n < COLUMNS; ++n) {
@@ -1098,7 +1098,7 @@ static void test_beer(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------- insertion */
+/* -------------------------------------------------------------------------------------------------------- insertion */
 
 /* Every lane gets stretches of its own; each lane must come to what it comes to alone in the others' absence. */
 static void test_lanes(void) {
@@ -1167,7 +1167,7 @@ static void test_order(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------- extremes */
+/* --------------------------------------------------------------------------------------------------------- extremes */
 
 static void check_answers(const sps_tmap_settings *settings, const column *c, const char *what) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
@@ -1255,7 +1255,7 @@ static void test_table(void) {
     }
 }
 
-/* ------------------------------------------------------------------------------------------------- the table */
+/* -------------------------------------------------------------------------------------------------------- the table */
 
 static double table_error(const column *c, int t) {
     const spsi_technique *technique = &spsi_techniques[t];

@@ -21,7 +21,7 @@ static float depth_a[PIXELS_MOST], depth_b[PIXELS_MOST];
 static sps_context *context;
 static float one = 1;
 
-/* ------------------------------------------------------------------------------------------------------ helpers */
+/* ---------------------------------------------------------------------------------------------------------- helpers */
 
 /* An orthographic camera that looks along `way` at the origin. */
 static void aim(check_scene *s, const double way[3], double height) {
@@ -74,7 +74,7 @@ static double slab_slack(double te, double tl, int same, double share) {
            fabs(slab_radiance(te, tl * (1 + share), same) - exact);
 }
 
-/* ------------------------------------------------------------------------------------------- absorption in slabs */
+/* ---------------------------------------------------------------------------------------------- absorption in slabs */
 
 /* Line integral through a lattice of unit kernels at (x,y), each cut at `reach` voxels and divided by what it keeps. */
 static double lattice_sum(double x, double y, double reach) {
@@ -158,7 +158,7 @@ static void test_box_at_all_tilts(void) {
     }
 }
 
-/* --------------------------------------------------------------------------------------------- scattering in slabs */
+/* ---------------------------------------------------------------------------------------------- scattering in slabs */
 
 typedef struct slab_case {
     double tau, albedo, eye_tilt, light_angle, azimuth; /* degrees; light_angle: between the ways of eye and light */
@@ -275,7 +275,7 @@ static void test_thin_sheets(void) {
     CHECK_NEAR(farthest(image_a, 9, 3, tau), tau, tau * (RIPPLE + 2000 * ROUNDING));
 }
 
-/* ----------------------------------------------------------------------------------------------------------- blobs */
+/* ------------------------------------------------------------------------------------------------------------ blobs */
 
 static double gaussian(const void *user, const double p[3]) {
     const double width = *(const double *)user;
@@ -568,7 +568,7 @@ static void test_light_inside(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------------- a lively scene */
+/* --------------------------------------------------------------------------------------------------- a lively scene */
 
 static double two_blobs(const void *user, const double p[3]) {
     const double a[3] = {p[0] + 0.25, p[1] - 0.1, p[2] + 0.15}, b[3] = {p[0] - 0.35, p[1] + 0.3, p[2] - 0.2};
@@ -678,7 +678,7 @@ static void test_constant_is_procedural(void) {
     sps_destroy(other);
 }
 
-/* ------------------------------------------------------------------------------------------------------- placement */
+/* -------------------------------------------------------------------------------------------------------- placement */
 
 /* The slab 0 <= z <= 0.6 of the world, wide in x and y, by voxels of some other shape. Rays and light are along z but
    for a small tilt, so that the sides do not show. */
@@ -751,7 +751,7 @@ static void test_turned_scene(void) {
     CHECK_NEAR(check_largest(image_a, image_b, 4 * 480), 0, 0.002 * most);
 }
 
-/* --------------------------------------------------------------------------------------------------------- cameras */
+/* ---------------------------------------------------------------------------------------------------------- cameras */
 
 /* Rays of a camera far away part by 1e-4 radians at most: points move by 1e-4 * 2 units, or 2.4e-3 voxels, and the
    image by that times its steepest change per voxel, a third of its largest value here. */
@@ -856,7 +856,7 @@ static void test_reversed_orthographic_matrix(void) {
     }
 }
 
-/* -------------------------------------------------------------------------------------------------- phase function */
+/* --------------------------------------------------------------------------------------------------- phase function */
 
 static double phase_exact(const sps_lobe *lobes, int count, double cosine) {
     double sum = 0, weights = 0;
@@ -945,8 +945,7 @@ static void test_reciprocity(void) {
     CHECK_NEAR(seen[0], seen[1], seen[0] * 2 * RIPPLE); /* each has a ripple of its own */
 }
 
-/* ------------------------------------------------------------------------------------------------ both orders, error
- */
+/* ----------------------------------------------------------------------------------------------- both orders, error */
 
 /* Where eye and light are square to each other, slabs turn by a right angle from one order to the other. What jumps is
    the method's own error, so the jump is below the sum of both errors; and it shrinks with them. */

@@ -20,7 +20,7 @@ static const step steps[STEPS] = {
     {"5_progressive", 384, 256, {245, 208}, {60, 208}}, /* likewise */
     {"6_shadow_map", 320, 240, {190, 162}, {60, 162}}}; /* likewise */
 
-/* -------------------------------------------------------------------------------------------------------- quotes */
+/* ----------------------------------------------------------------------------------------------------------- quotes */
 
 static const char *next_line(const char *line) {
     line += strcspn(line, "\n");
@@ -96,7 +96,7 @@ static void test_runs(void) {
     CHECK(find_run(file, "e\nf\n```\n") == NULL);
 }
 
-/* ------------------------------------------------------------------------------------------------------ pictures */
+/* --------------------------------------------------------------------------------------------------------- pictures */
 
 /* Runs a step. Returns 1 if it has left a picture of its size, whose channels, rows from the bottom, are then in
    `channels`. */

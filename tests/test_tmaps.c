@@ -1,9 +1,9 @@
 /* Transmittance maps: particles, voxels and triangles against sums and integrals in double precision, in maps of every
-   technique, then what may go wrong, and images whose gas shades by maps. What each technique makes of one ray is
-   tested by test_transmittance. Tolerances are derived where they stand; the parts they are made of:
+   technique, then failures, and images whose gas shades by maps. The result of each technique for one ray is tested by
+   test_transmittance. Tolerances are derived where they are used, from
    CHORD    a ball's chord is a polynomial in floats of some 16 operations, 6e-8 each, of numbers up to 1: its squared
             half length per radius is off by 1e-6, which is 1e-6 / (2 share) of the share s, and 1e-3 where s is 0;
-   U        u is a float, good to 6e-8 of the range at either end of a stretch and at the place that is asked about;
+   U        u is a float, accurate to 6e-8 of the range at either end of a stretch and at the query point;
    RIPPLE   a constant grid's optical depth is constant to 0.2 % only (kernels as for high quality), and the kernel's
             share of a slab is good to 2e-4 at both ends: 0.24 %. */
 
@@ -24,7 +24,8 @@ static float one = 1;
 
 /* ---------------------------------------------------------------------------------------------------------- fixture */
 
-/* Ways to see: all but the last two look along -z from (0,0,10) at texels of size 1 in the plane z = 0. */
+/* Views of the light: all except for the last two look along -z from (0,0,10) at texels of size 1 in the plane z = 0.
+ */
 enum { ORTHO, SPOT, ORTHO_MATRIX, SPOT_MATRIX, ORTHO_TURNED, SPOT_TURNED, ROUND, WAYS };
 
 typedef struct crowd {
@@ -90,8 +91,8 @@ static void add(fixture *f, int set, double x, double y, double z, double radius
     p->radius = (float)radius, p->optical_depth = (float)depth;
 }
 
-/* None has a radius of less than 1.5 texels, also where a spot's are widest: those are weighed (test_small_particles).
- */
+/* None has a radius of less than 1.5 texels, even where a spot's are widest: smaller ones are weighted
+   (test_small_particles). */
 static void scatter(fixture *f, int set, int count, double reach, uint64_t seed) {
     check_random random;
     random.state = seed;
@@ -110,7 +111,7 @@ static void complete(fixture *f) {
     }
 }
 
-/* NULL: failed; the context knows why. */
+/* Returns NULL on failure, with the error in the context. */
 static sps_tmap *build(fixture *f, sps_context *context) {
     sps_tmap *map = NULL;
     complete(f);
@@ -144,7 +145,7 @@ static double through(const sps_tmap *map, double x, double y, double z) {
     return (double)transmittance;
 }
 
-/* A point on the ray of a texel; the map's own rays say only where it is, not what is there. */
+/* A point on the ray of a texel; only its position comes from the map's own rays. */
 static void on_ray(const sps_tmap *map, int face, int x, int y, double t, double point[3]) {
     spsi_ray_point(&map->rays[face], x, y, t, point);
 }
@@ -164,11 +165,11 @@ static sps_mesh *add_mesh(fixture *f, int mesh, double transparency) {
 /* ---------------------------------------------------------------------------------------------------- exact answers */
 
 typedef struct answer {
-    double depth, slack; /* slack: how far floats may be off */
+    double depth, slack; /* slack: tolerance for floats */
 } answer;
 
-/* The ray from the light through a point: its beginning, its unit direction, the point's depth along the axis, and the
-   length of the ray per unit of that. `from`: where along the ray light begins. */
+/* The ray from the light through a point: its origin, its unit direction, the point's depth along the axis, and the
+   length of the ray per unit of depth. `from`: where light begins on the ray. */
 typedef struct ray {
     double origin[3], direction[3], t, length, from;
 } ray;
@@ -250,7 +251,7 @@ static double normal_share(double x) { return 0.5 * erfc(-x / sqrt(2.0)); }
 
 /* -------------------------------------------------------------------------------------------------------- particles */
 
-/* Chords from every side: particles cross near_depth and far_depth and the light's plane, and one holds the light. */
+/* Chords from every side: particles cross near_depth, far_depth and the light's plane, and one contains the light. */
 static void test_particles(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4 * WAYS; ++n) {
@@ -282,7 +283,7 @@ static void test_particles(void) {
     sps_destroy(context);
 }
 
-/* The same in plain numbers, where nothing but the answer itself is computed: halves, wholes, nothing. */
+/* The same with literal numbers: halves, wholes, zeros. */
 static void test_plain_numbers(void) {
     sps_context *context = sps_create(NULL, NULL);
     fixture f;
@@ -299,7 +300,7 @@ static void test_plain_numbers(void) {
     CHECK_NEAR(query(map, 4.4, 0, -5), query(map, 4, 0, -5), 0); /* the outer half of the last texel is its own */
     sps_tmap_destroy(map);
     f.crowds[0].count = 0;
-    for (int soft = 0; soft < 2; ++soft) { /* the light in the middle of a particle sees half of it */
+    for (int soft = 0; soft < 2; ++soft) { /* a light at the centre of a particle sees half of it */
         see(&f, SPOT, SIDE);
         f.crowds[0].count = f.crowds[1].count = 0;
         add(&f, soft, 0, 0, 10, 2, 4);
@@ -308,7 +309,7 @@ static void test_plain_numbers(void) {
         CHECK_NEAR(query(map, 0, 0, 12), 0, 0); /* behind the light */
         sps_tmap_destroy(map);
         f.crowds[soft].count = 0;
-        add(&f, soft, 0, 0, 13, 2, 4); /* wholly behind it */
+        add(&f, soft, 0, 0, 13, 2, 4); /* entirely behind it */
         add(&f, soft, 0, 0, 0, 0, 1e18);
         map = must_build(&f, context);
         CHECK_NEAR(query(map, 0, 0, 0), 0, 0);
@@ -318,8 +319,8 @@ static void test_plain_numbers(void) {
     sps_destroy(context);
 }
 
-/* Between texels the answer is bilinear in those of four texels at the point's own depth; beyond the outermost texels'
-   centres the last of them goes on for half a texel, and there is nothing outside of that. */
+/* Between texels the result is bilinear in those of four texels at the point's own depth; it is clamped for half a
+   texel beyond the outermost texels' centres, and 0 outside. */
 static void test_between_texels(void) {
     sps_context *context = sps_create(NULL, NULL);
     check_random random = {3};
@@ -347,10 +348,10 @@ static void test_between_texels(void) {
 }
 
 /* A particle smaller than a texel becomes a ball of 3/4 of a texel, R, of the same mass; and up to a radius of one
-   texel, wherever it lies among the texels, its chords add up to the mass that it has, 2/3 pi r^2 depth, or 2/5 if it
-   is soft. Point samples alone would be 41 % less (even, 0.9 texels) to 45 % more. What is left are CHORD's 1e-3 at up
-   to four rims, of a sum of 1.17 at least in the map and of the same that it was weighed by. From 1.5 texels on chords
-   are what they are (test_particles). */
+   texel, wherever it lies between texels, its chords add up to its mass, 2/3 pi r^2 depth, or 2/5 if it is soft. Point
+   samples alone would have 41 % less (uniform, 0.9 texels) to 45 % more. What remains are CHORD's 1e-3 at up to four
+   rims, of a sum of at least 1.17 in the map and in its weight. From 1.5 texels on chords are unchanged
+   (test_particles). */
 static void test_small_particles(void) {
     static const double radii[4] = {0.01, 0.5, 0.9, 1};
     sps_context *context = sps_create(NULL, NULL);
@@ -382,8 +383,8 @@ static void test_small_particles(void) {
     sps_destroy(context);
 }
 
-/* The same about a light, by cubes' edges and corners: texels count by their solid angle, those on an edge for half of
-   it in either face. What is weighed and what is measured is the same sum. */
+/* The same around a light, at cubes' edges and corners: texels count by their solid angle, those on an edge for half of
+   it in either face. The weights and the measurement use the same sum. */
 static void test_small_particles_around(void) {
     enum { FACE = 33 };
     sps_context *context = sps_create(NULL, NULL);
@@ -420,7 +421,7 @@ static void test_small_particles_around(void) {
 
 /* ---------------------------------------------------------------------------------------------------------- volumes */
 
-/* A box of even gas, turned about z and x by an angle. */
+/* A box of uniform gas, rotated about z and x by an angle. */
 static sps_volume *add_box(fixture *f, int n, double half, double angle, double extinction) {
     const double c = cos(angle), s = sin(angle);
     const double axes[3][3] = {{c, s, 0}, {-s * c, c * c, s}, {s * s, -c * s, c}};
@@ -447,8 +448,8 @@ static double transfer_at(const sps_transfer *transfer, double value) {
     return (double)p[transfer->point_count - 1].extinction;
 }
 
-/* The sum of a row of kernels that begins at a face, `at` voxels behind that. Not quite a Gaussian's integral: voxels
-   are points, which have less variance than their cells, by 1/12. */
+/* The sum of a row of kernels that begins at a face, `at` voxels behind that. It is not exactly a Gaussian's integral:
+   voxels are points, with a variance smaller than that of their cells by 1/12. */
 static double face_at(double at) {
     static float table[8 * 64 + 2];
     const double x = fmin(fmax(at + 4, 0), 7.99) * 64;
@@ -460,7 +461,7 @@ static double face_at(double at) {
     return (double)table[i] + (x - i) * ((double)table[i + 1] - (double)table[i]);
 }
 
-/* Extinction of the fixture's boxes at a point: a lattice of kernels is even inside, and fades at its faces. */
+/* Extinction of the fixture's boxes at a point: a lattice of kernels is uniform inside, and fades out at its faces. */
 static double boxes_at(const fixture *f, const double point[3]) {
     double sum = 0;
     for (int i = 0; i < f->s.scene.volume_count; ++i) {
@@ -477,7 +478,7 @@ static double boxes_at(const fixture *f, const double point[3]) {
     return sum;
 }
 
-/* Along a ray to a point by the midpoint rule, in steps of 0.02; what counts is within 5 of the origin. */
+/* Along a ray to a point by the midpoint rule, in steps of 0.02; all gas is within 5 of the origin. */
 static double exact_boxes(const fixture *f, const ray *r, double end) {
     const double middle = -spsi_dot(r->origin, r->direction), low = fmax(middle - 5, r->from);
     const double high = fmin(middle + 5, end);
@@ -519,9 +520,9 @@ static void check_boxes(const fixture *f, const sps_tmap *map, double slab, doub
     }
 }
 
-/* Even boxes, one and two that overlap, classified ones, upright and turned, seen by every light, in slabs from a
-   quarter of a voxel to one that holds everything. A box's density rises by no more than that of a Gaussian of 0.65
-   voxels at its faces, once for each that a ray meets at one place: two, where it is turned. */
+/* Uniform boxes, one and two that overlap, classified ones, upright and rotated, seen by every light, in slabs from a
+   quarter of a voxel to one that contains everything. A box's density rises no faster than a Gaussian of 0.65 voxels at
+   its faces, once for each face that a ray meets at one point: two if it is rotated. */
 static void test_boxes(void) {
     static const sps_transfer_point points[3] = {{0.2f, {0, 0, 0}, 0}, {0.7f, {0, 0, 0}, 1}, {1.2f, {0, 0, 0}, 1.2f}};
     static const box_case cases[] = {
@@ -561,7 +562,7 @@ static void test_boxes(void) {
     sps_destroy(context);
 }
 
-/* A box of voxels that are about as fine as texels, and fill the map: every texel holds what its ray meets. */
+/* A box of voxels that are about as fine as texels, and fill the map: every texel has the optical depth of its ray. */
 static void test_fine_voxels(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int spot = 0; spot < 2; ++spot) {
@@ -593,11 +594,10 @@ static void test_fine_voxels(void) {
 
 static double blob(const void *user, const double p[3]) { return exp(-0.5 * spsi_dot(p, p)) + 0 * !user; }
 
-/* A Gaussian of variance 1, sampled at voxels of 0.25 and made of kernels, is one of variance 1 + 0.65^2 / 16 whose
-   whole is the same; its integral along any ray is an error function. Lines between slabs, which bend by what the
-   density's steepest slope, e^-1/2, says; the box ends at 4 standard deviations, behind which 4e-4 is left. */
-/* The kernels that reach a place from farther than a cut, in standard deviations, at most, at any place among voxels.
- */
+/* A Gaussian of variance 1, sampled at voxels of 0.25 and convolved with kernels, is one of variance 1 + 0.65^2 / 16
+   and the same mass; its integral along any ray is an error function. Errors: interpolation between slabs, by the
+   density's steepest slope, e^-1/2; and the box's end at 4 standard deviations, beyond which 4e-4 is left. */
+/* The maximum sum of kernels from beyond a cut, in standard deviations, at any position between voxels. */
 static double beyond_cut(double cut) {
     double most = 0;
     for (int place = 0; place < 17 * 17; ++place) {
@@ -612,7 +612,7 @@ static double beyond_cut(double cut) {
     return most;
 }
 
-/* A box of voxels from an array in a map of one component, which holds the whole depth of its gas. */
+/* A box of voxels from an array in a map of one component, which has the total depth of its gas. */
 static sps_volume *begin_voxels(fixture *f, check_array *array, int quality) {
     sps_volume *volume;
     begin(f, SPS_TMAP_OPACITY);
@@ -623,11 +623,11 @@ static sps_volume *begin_voxels(fixture *f, check_array *array, int quality) {
     return volume;
 }
 
-/* "Exact" maps of volumes are as exact as kernels are: quality cuts these where a footprint has lost the share e =
-   exp(-cut^2 / 2) of its mass, and raises the rest by as much. So a ray loses what comes from beyond the cut, the sum
-   of such kernels times the fullest column of voxels at most, and gains e of its own: the map and the field f(p) are no
-   farther apart, but for 4e-4 that the closed form of kernels is off. A checkered gas, and single voxels amid nothing,
-   are as uneven as can be. */
+/* "Exact" maps of volumes are as exact as their kernels: quality cuts these where a footprint has lost the share
+   e = exp(-cut^2 / 2) of its mass, and rescales the rest to compensate. So a ray loses what comes from beyond the cut,
+   at most the sum of such kernels times the fullest column of voxels, and gains e of its own: the map and the field
+   f(p) are no farther apart, except for 4e-4, the error of the closed form of kernels. A checkered gas, and isolated
+   voxels, are the most uneven cases. */
 static void test_cut_kernels(void) {
     enum { VOXELS = 12 };
     static const double cuts[5] = {3.3, 2.8, 3.3, 2.5 / 0.65, 2.5 / 0.65};
@@ -664,8 +664,9 @@ static void test_cut_kernels(void) {
     sps_destroy(context);
 }
 
-/* Maps cut the kernels of what is classified where they cut those of a gas, not where a light's sheets do: a voxel
-   shows on a ray that passes it 2.12 voxels away, at medium, whose kernels end at 2.15, and not at draft: at 1.82. */
+/* Maps cut the kernels of classified volumes where they cut those of a gas, not where a light's sheets do: a voxel
+   contributes to a ray 2.12 voxels away at medium, whose kernels end at 2.15, but not at draft, where they end at
+   1.82. */
 static void test_classified_kernels(void) {
     const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1}};
     const sps_transfer transfer = {points, 2, NULL, NULL, 0};
@@ -721,8 +722,8 @@ static void test_blob(void) {
 
 /* --------------------------------------------------------------------------------------------------------- polygons */
 
-/* What is opaque is so in every technique: nothing before, all behind, from the bias on, which is two texels' width
-   unless it is given; a share where only some of the four texels are covered. */
+/* Opaque surfaces in every technique: nothing before, everything behind, beginning at the bias, which is two texels'
+   width by default; a fraction if only some of the four texels are covered. */
 static void test_opaque(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
@@ -733,13 +734,13 @@ static void test_opaque(void) {
         begin(&f, 1 + n / 4);
         see(&f, spot ? SPOT : ORTHO, SIDE);
         if (given) f.settings.surface_bias = bias;
-        if (given) add_square(&f, 0, -30, -0.5, 30, -6); /* behind the first, which is the one that counts */
+        if (given) add_square(&f, 0, -30, -0.5, 30, -6); /* behind the first surface, which counts */
         add_square(&f, 0, -30, -0.5, 30, 0);
         if (!given) add_square(&f, 0, -30, -0.5, 30, -6);
         add_mesh(&f, 0, 0);
         map = must_build(&f, context);
         if (map) {
-            const double behind = spot ? 1.5 : 1; /* where rays have parted to, at z = -5 */
+            const double behind = spot ? 1.5 : 1; /* the position of diverged rays at z = -5 */
             CHECK_NEAR(query(map, -1, 0, 1e-3), 0, 0);
             CHECK_NEAR(query(map, -1, 0, -0.99 * bias), 0, 1e-15); /* the logarithm of a sum of weights */
             CHECK_NEAR(query(map, -1.5, 0, -1.01 * bias), DARK, 0);
@@ -756,7 +757,7 @@ static void test_opaque(void) {
     sps_destroy(context);
 }
 
-/* Where texels are not square, the bias is that of their longer side. */
+/* If texels are not square, the bias is that of their longer side. */
 static void test_bias_of_oblong_texels(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
@@ -778,8 +779,8 @@ static void test_bias_of_oblong_texels(void) {
     sps_destroy(context);
 }
 
-/* What is behind a light that sees by perspective shades nothing before it, and what reaches from there to before it
-   does so as far as it is before it. */
+/* Polygons behind a light in perspective shade nothing in front of it, and those that extend from behind it to its
+   front shade by the part in front. */
 static void test_behind_the_light(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
@@ -811,11 +812,11 @@ static void test_behind_the_light(void) {
     sps_destroy(context);
 }
 
-/* Surfaces before near_depth stand at it, and those close before far_depth shade what is behind that; so do what they
-   let through. */
+/* Surfaces before near_depth count at it, and those just before far_depth shade points behind that; so do translucent
+   ones. */
 static void test_surfaces_at_the_ends(void) {
     sps_context *context = sps_create(NULL, NULL);
-    { /* and where there is none, nothing shades however far behind */
+    { /* without a surface, nothing shades at any depth */
         fixture f;
         sps_tmap *map;
         begin(&f, SPS_TMAP_OPACITY);
@@ -855,8 +856,8 @@ static void test_surfaces_at_the_ends(void) {
     sps_destroy(context);
 }
 
-/* A sheet that lets half through casts T = 1/2, two of a quarter a sixteenth, one of all nothing: exactly where lists
-   or planes are asked, and behind everything for all techniques that are exact there. -log T is a float. */
+/* A sheet of transparency 1/2 has T = 1/2, two of 1/4 a sixteenth, one of 1 no shadow: exactly at any point for lists,
+   at planes for opacity maps, and behind everything for all techniques that are exact there. -log T is a float. */
 static void test_translucent(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
@@ -912,7 +913,7 @@ static void test_across_the_light(void) {
             CHECK(starts[i + 1] - starts[i] == (opaque ? 0 : 1));
             CHECK_NEAR((double)(opaque ? sps_tmap_surfaces(map)[i] : sps_tmap_texels(map)[4 * starts[i]]), exact, U);
         }
-        for (int i = 0; i < 800 && map; ++i) { /* darkness begins at the sheet, in directions all about the light */
+        for (int i = 0; i < 800 && map; ++i) { /* the shadow begins at the sheet, in directions all around the light */
             double point[3], t;
             on_ray(map, round ? i % 6 : 0, i / 6 % SIDE, i / 54 % SIDE, 18.0 * (i % 97 + 1) / 97, point);
             t = 10 - point[2] - 2 * point[0];
@@ -925,7 +926,7 @@ static void test_across_the_light(void) {
     sps_destroy(context);
 }
 
-/* A net of triangles with shared corners, some of which lie exactly at the middles of texels. */
+/* A net of triangles with shared corners, some of which lie exactly at the centres of texels. */
 static void add_net(fixture *f, const double origin[3], const double u[3], const double v[3], int n, double jitter) {
     check_random random = {77};
     double point[20][20][3], normal[3];
@@ -948,7 +949,7 @@ static void add_net(fixture *f, const double origin[3], const double u[3], const
         }
 }
 
-/* Every ray meets a closed net once, also those exactly through edges and corners; triangles of no area do nothing. */
+/* Every ray meets a closed net once, even exactly through edges and corners; triangles without area have no effect. */
 static void test_watertight(void) {
     static const double nowhere[2][3] = {{-1, -1, 1}, {3, 2, 1}};
     sps_context *context = sps_create(NULL, NULL);
@@ -986,7 +987,7 @@ static void test_watertight(void) {
 
 /* ------------------------------------------------------------------------------------- all of it in every technique */
 
-/* A turned blob, even and soft particles, a sheet that lets some through, and an opaque one below half of that. */
+/* A rotated blob, uniform and soft particles, a translucent sheet, and an opaque one below half of that. */
 static void begin_mixed(fixture *f, int technique) {
     const double slope[2][3] = {{30, 0, 9}, {0, 30, 4}}, corner[3] = {-15, -15, -8}, shelf[3] = {0, 40, 0};
     const double edge[3] = {0.3, -20, -6}, across[3] = {20, 0, -2};
@@ -1006,11 +1007,10 @@ static void begin_mixed(fixture *f, int technique) {
     add_mesh(f, 1, 0);
 }
 
-/* What each technique says of itself: T = exp(-depth), no depth below 0, and the bracket it gives holds itself and the
-   deep map's answer. Sums of the 25 stretches that a ray meets, and of the planes, are floats: 1e-5 of the depth; u is
-   one: the densest gas here, a particle of 0.4 across 3.4, has 5 per u at most, and a sheet that may count before or
-   behind, which no depth that is asked for comes near. A compressed map's T is within
-   epsilon of the deep map's. */
+/* Properties of each technique: T = exp(-depth), no depth below 0, and its bracket contains its own result and the deep
+   map's. Sums of the 25 stretches that a ray meets, and of the planes, are floats: 1e-5 of the depth; so is u: the
+   densest gas here, a particle of 0.4 across 3.4, has at most 5 per u, and no query comes near the sheet, which might
+   count as before or behind. A compressed map's T is within epsilon of the deep map's. */
 static void check_technique(const sps_tmap *map, const sps_tmap *deep, float epsilon) {
     const int technique = (int)map->settings.technique;
     int bracketed = 0;
@@ -1063,8 +1063,8 @@ static void test_techniques(void) {
     sps_destroy(context);
 }
 
-/* Soft particles are curves, of which lines keep within epsilon, too, be they thin or thick, alone or one in another;
-   0.001 is the least that is promised for these, and a bracket that holds the truth for whatever is asked. */
+/* Soft particles are curves, which the polyline approximates within epsilon, too, thin or thick, alone or one inside
+   another; 0.001 is the minimum promised for these, with a bracket that contains the true value for any epsilon. */
 static void test_soft_compressed(void) {
     static const double depths[5] = {0.05, 0.8, 6, 50, 3000};
     static const float epsilons[4] = {0.2f, 0, 0.001f, 1e-8f};
@@ -1096,7 +1096,7 @@ static void test_soft_compressed(void) {
     sps_destroy(context);
 }
 
-/* Particles that near_depth, far_depth or the light cut, soft and even, thin and thick. */
+/* Particles cut by near_depth, far_depth or the light, soft and uniform, thin and thick. */
 static void begin_cut(fixture *f, int way, int technique, double depth) {
     begin(f, technique);
     see(f, way, SIDE);
@@ -1112,9 +1112,9 @@ static void begin_cut(fixture *f, int way, int technique, double depth) {
     }
 }
 
-/* The exact map of such particles is exact (test_particles), so what brackets and epsilon promise is held against it.
-   Sums of nine stretches are floats, and u is one: depths are good to 1e-6 of the whole, 9.6 depths at most, and where
-   a stretch may begin before or behind, to what it has within U of a range of 16.5, 1.5 U 16.5 / (2 0.75) of it. */
+/* The deep map of such particles is exact (test_particles), so brackets and epsilon are compared with it. Sums of nine
+   stretches are floats, and so is u: depths are accurate to 1e-6 of the total, at most 9.6, and where a stretch may
+   begin before or behind, to its depth within U of a range of 16.5, 1.5 U 16.5 / (2 0.75) of it. */
 static void test_cut_particles(void) {
     static const int techniques[7] = {SPS_TMAP_COMPRESSED, SPS_TMAP_COMPRESSED, SPS_TMAP_OPACITY, SPS_TMAP_DEEP_OPACITY,
                                       SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT,     SPS_TMAP_MOMENT};
@@ -1173,7 +1173,7 @@ static void test_cut_sums(void) {
             const float *made = sps_tmap_texels(map) + (size_t)texel * (size_t)f.settings.components;
             const double first = range ? (double)made[0] : 0, length = range ? (double)made[1] - first : 1;
             double sums[2 * HARMONICS + 1] = {0}, before = 0, whole;
-            for (int i = -1; i <= STEPS; ++i) { /* the first and the last are what lies before and behind */
+            for (int i = -1; i <= STEPS; ++i) { /* the first and the last are the parts before and behind */
                 const double u = first + length * fmin((double)(i + 1), (double)STEPS) / STEPS;
                 const double at = i < 0 ? 0 : i == STEPS ? 1 : (i + 0.5) / STEPS;
                 double point[3], depth;
@@ -1197,7 +1197,7 @@ static void test_cut_sums(void) {
     sps_destroy(context);
 }
 
-/* Texels are where an engine looks for them: rows from the top, faces in order, lists by their starts. */
+/* Texels are where an engine expects them: rows from the top, faces in order, lists by their starts. */
 static void test_texels(void) {
     sps_context *context = sps_create(NULL, NULL);
     fixture f;
@@ -1249,7 +1249,7 @@ static int same_map(const sps_tmap *a, const sps_tmap *b) {
     return !sps_tmap_starts(a) || memcmp(sps_tmap_starts(a), sps_tmap_starts(b), (texels + 1) * sizeof(uint32_t)) == 0;
 }
 
-/* The same bits for any number of workers, on every run, and if what is in the scene comes in several calls. */
+/* The same bits for any number of workers, on every run, and for a scene added in several calls. */
 static void test_same_bits(void) {
     static const int workers[5] = {0, 0, 1, 2, 7};
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
@@ -1296,7 +1296,8 @@ static void test_same_bits(void) {
         }
 }
 
-/* Shuffled particles: the same bits from lists, which are sorted, and the same to the rounding of sums of 25 floats. */
+/* Shuffled particles: the same bits from lists, which are sorted, and the same up to the round-off of sums of 25
+   floats. */
 static void test_shuffled(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
@@ -1330,10 +1331,10 @@ static void test_shuffled(void) {
 
 /* -------------------------------------------------------------------------------------------------------- six faces */
 
-/* Two points of a pair on either side of a cube's edge, or all three at a corner, 1e-9 apart: faces share their rays,
-   so each technique says the same but for floats, which see the ray in other numbers: a chord's CHORD of 4 texels' 30
-   particles; where a technique bends its answer by a line's slope of up to 30 (Beer, adaptive) or takes roots
-   (moments), by as much more. Deep maps are also compared with the exact sum. */
+/* Two points on either side of a cube's edge, or all three at a corner, 1e-9 apart: faces share their rays, so each
+   technique has the same result except for float round-off, as the ray has different coordinates: a chord's CHORD of 4
+   texels' 30 particles; techniques with line slopes of up to 30 (Beer, adaptive) or roots (moments) amplify that. Deep
+   maps are also compared with the exact sum. */
 static void check_seams(const fixture *f, const sps_tmap *map, double slack, int exact_is_known) {
     check_random random = {41};
     const int n = f->light.width - 1;
@@ -1355,7 +1356,7 @@ static void check_seams(const fixture *f, const sps_tmap *map, double slack, int
     }
 }
 
-/* Particles finer than texels are spread over one alike, whichever face sees them. */
+/* Particles smaller than a texel are widened to the same size by all faces. */
 static void test_seams_of_fine_particles(void) {
     sps_context *context = sps_create(NULL, NULL);
     fixture f;
@@ -1389,8 +1390,8 @@ static void test_seams(void) {
     sps_destroy(context);
 }
 
-/* A light in the middle of even gas, and off it: in every direction, what the ray has gone through, as for other boxes;
-   where the light stands, the slab that holds it is counted from its own place, a quarter of a slab off at most. */
+/* A light in the middle of uniform gas, and off-centre: in every direction, the ray's own optical depth, as for other
+   boxes; the slab that contains the light counts from the light's position, at most a quarter of a slab off. */
 static void test_gas_around(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 2; ++n) {
@@ -1424,7 +1425,7 @@ static void test_gas_around(void) {
 
 /* ----------------------------------------------------------------------------------------------------------- memory */
 
-/* A smaller mixed scene, for what is done many times. */
+/* A smaller mixed scene, for many repetitions. */
 static void begin_little(fixture *f, int technique) {
     begin_mixed(f, technique);
     f->light.width = f->light.height = SIDE;
@@ -1432,8 +1433,8 @@ static void begin_little(fixture *f, int technique) {
     f->crowds[0].count = f->crowds[1].count = 4;
 }
 
-/* Every technique holds what it says, to the byte; where a texel's size is fixed it says so from the beginning, but for
-   surfaces, which only the occluders tell. */
+/* Every technique holds the bytes that it reports; if a texel's size is fixed, it reports them from the beginning,
+   except for surfaces, which depend on the occluders. */
 static void test_bytes(void) {
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
         const int technique = 1 + n / 4, opaque = n % 2, round = n / 2 % 2;
@@ -1468,8 +1469,8 @@ static void test_bytes(void) {
     }
 }
 
-/* Of maps made from lists a half holds nothing: where lists are kept, the map takes what is in them and no more,
-   however they grew from band to band of 64 rows, and where they are not, an empty texel takes what the others do. */
+/* Maps made from lists, half of them empty: if lists are kept, the map has exactly their size, however they grew from
+   band to band of 64 rows; if not, an empty texel has the same size as the others. */
 static void test_bytes_of_half_empty_maps(void) {
     static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
                                       SPS_TMAP_ADAPTIVE};
@@ -1513,8 +1514,8 @@ static void test_bytes_of_half_empty_maps(void) {
     }
 }
 
-/* A budget takes components away that are left to the technique, one step after another, to its least, and keeps room
-   for surfaces, of which nobody knows yet, if it can; what was asked for by number it does not touch. */
+/* A budget reduces a default number of components step by step, down to the technique's minimum, and reserves room for
+   surfaces, which are not known yet, if possible; an explicit number is not changed. */
 static void test_budget_of_components(void) {
     static const int least[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 3, 3, 2, 5, 4, 3},
                                         step[TECHNIQUES + 1] = {0, 0, 0, 1, 1, 1, 2, 1, 2, 2, 1};
@@ -1557,8 +1558,8 @@ static void test_budget_of_components(void) {
     sps_destroy(context);
 }
 
-/* What only the occluders tell, lists and surfaces, is refused when it is known, with the number of bytes that it
- * takes. */
+/* Lists and surfaces, whose size depends on the occluders, are refused when it is known, with the number of bytes
+   needed. */
 static void test_budget_of_lists(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique) {
@@ -1589,7 +1590,7 @@ static void test_budget_of_lists(void) {
     sps_destroy(context);
 }
 
-/* The context can still do what it could. */
+/* The context is still usable. */
 static void check_renders(sps_context *context) {
     static float rgba[4 * 64];
     check_scene s;
@@ -1601,8 +1602,8 @@ static void check_renders(sps_context *context) {
     if (check_render(context, &s, rgba)) CHECK(rgba[4 * 36 + 3] > 0.5f);
 }
 
-/* Each allocation fails in turn: an error, nothing lost, and all goes on. The first failure of an add leaves the map as
-   it was. */
+/* Each allocation fails in turn: an error, no leak, and the context is usable. A failure of sps_tmap_add leaves the map
+   unchanged. */
 static void test_allocations(void) {
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int last = 0, n = 1; !last; ++n) {
@@ -1646,7 +1647,7 @@ static void test_allocations(void) {
         }
 }
 
-/* A limit of memory is an error until there is enough, and is never passed. */
+/* A memory limit is an error until it is large enough, and is never exceeded. */
 static void test_memory_limit(void) {
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 3) {
         int built = 0, refused = 0;
@@ -1692,8 +1693,8 @@ static void check_refused(fixture *f, const char *text) {
     sps_destroy(context);
 }
 
-/* Settings of zeros, but for the range, are deep opacity by cubics in 8 components, in a map of its own and in a
-   light's; sps_tmap_get_info says so. More components may be wished for, and planes be given. */
+/* Zeroed settings, except for the range, are deep opacity with cubics in 8 components, in a separate map and in a
+   light's; sps_tmap_get_info reports that. More components may be requested, and planes be set. */
 static void test_default_technique(void) {
     static const float planes[4] = {0.1f, 0.3f, 0.6f, 1};
     sps_context *context = sps_create(NULL, NULL);
@@ -1724,7 +1725,7 @@ static void test_default_technique(void) {
     sps_destroy(context);
 }
 
-/* Settings, each with the sentence that says what is wrong. */
+/* Invalid settings, each with its error sentence. */
 static void test_settings(void) {
     static const struct {
         const char *text;
@@ -1771,14 +1772,14 @@ static void test_settings(void) {
         check_refused(&f, texts[i]);
     }
     {
-        fixture f; /* texel_range takes two of them */
+        fixture f; /* two of them are for texel_range */
         begin(&f, SPS_TMAP_FOURIER);
         f.settings.texel_range = 1, f.settings.components = 3;
         check_refused(&f, "settings.components is 3; a Fourier map with texel_range has 5, 7 .. 65");
     }
 }
 
-/* Planes must rise from above 0 to 1; they are copied, and serve. */
+/* Planes must increase from above 0 to 1; they are copied and used. */
 static void test_planes(void) {
     static const float wrong[5][3] = {
         {0, 0.5f, 1}, {0.5f, 0.5f, 1}, {0.5f, 0.4f, 1}, {0.2f, 0.5f, 0.9f}, {0.2f, 1.5f, 1}};
@@ -1900,7 +1901,7 @@ static void test_scenes(void) {
     }
 }
 
-/* replace_invalid makes the same of particles that are no numbers as leaving them out. */
+/* replace_invalid treats particles with NaN as if they were absent. */
 static void test_replaced(void) {
     sps_context *context = sps_create(NULL, NULL);
     fixture f, whole;
@@ -1921,9 +1922,7 @@ static void test_replaced(void) {
     sps_destroy(context);
 }
 
-/* A point's answer does not depend on the company in which it is asked, nor on whether texels are looked up a vector at
-   a time, which very large maps' are not: the same bits. */
-/* What one of several scenes asks for holds for the map, whichever comes first; and what none asks for is refused. */
+/* A flag of one of several scenes applies to the map, whichever comes first; without it, invalid data are refused. */
 static void test_replaced_of_several(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) { /* bit 0: the scene without a flaw asks, bit 1: it comes first */
@@ -1949,8 +1948,8 @@ static void test_replaced_of_several(void) {
     sps_destroy(context);
 }
 
-/* So many particles across all tiles that none are listed by tile: the same answers as of each chord. 5 x 4 tiles of 60
-   particles, 1200, are more than 8 (60 + 20). */
+/* Particles that span so many tiles that none are listed by tile: the same results as the sum of chords. 5 x 4 tiles of
+   60 particles, 1200, are more than 8 (60 + 20). */
 static void test_crowded_tiles(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = 0; technique < 2; ++technique) {
@@ -1977,6 +1976,8 @@ static void test_crowded_tiles(void) {
     sps_destroy(context);
 }
 
+/* A query's result does not depend on the other points of the call, nor on whether texels are looked up a vector at a
+   time, which those of very large maps are not: the same bits. */
 static void test_company(void) {
     enum { POINTS = 3 * 16 + 5 }; /* some vectors of any width, and a part of one */
     for (int n = 0; n < 4 * TECHNIQUES; ++n) {
@@ -2011,7 +2012,7 @@ static void test_company(void) {
     }
 }
 
-/* The answers in the neighbourhood of a point, to within what floats tell of where it is. */
+/* The results around a point, within the float round-off of its position. */
 static void answers_about(const sps_tmap *map, const double point[3], double range[2]) {
     const double apart = 2e-5;
     range[0] = 1, range[1] = 0;
@@ -2025,7 +2026,7 @@ static void answers_about(const sps_tmap *map, const double point[3], double ran
     }
 }
 
-/* A vector of points as pictures look them up, in floats. */
+/* A vector of points in floats, as looked up for pictures. */
 static void check_lookup(const sps_tmap *map, const double (*points)[3]) {
     float lanes[3][SPSI_LANES], depths[SPSI_LANES];
     spsi_v q[3];
@@ -2042,14 +2043,14 @@ static void check_lookup(const sps_tmap *map, const double (*points)[3]) {
         const double through = exp(-(double)depths[i]);
         double range[2];
         answers_about(map, points[i], range);
-        /* and rounding of optical depths up to 16, of T */
+        /* and the round-off of optical depths up to 16, in T */
         if (!CHECK(through >= range[0] - 2e-6 && through <= range[1] + 2e-6))
             printf("    %s at %g %g %g: %g, not %g .. %g\n", map->technique->name, points[i][0], points[i][1],
                    points[i][2], through, range[0], range[1]);
     }
 }
 
-/* What shades the gas of a picture is what sps_tmap_query says, also beyond the map's edges, behind the light, before
+/* The shadow on a picture's gas agrees with sps_tmap_query, even beyond the map's edges, behind the light, before
    near_depth, and where faces meet. */
 static void test_lookups(void) {
     static const int ways[] = {ORTHO, SPOT, SPOT_TURNED, ROUND};
@@ -2071,7 +2072,7 @@ static void test_lookups(void) {
             for (int i = 0; i < SPSI_LANES; ++i) {
                 const int kind = (run + i) % 8, axis = i % 3;
                 for (int k = 0; k < 3; ++k) points[i][k] = 16 * check_next(&random) - 8;
-                if (kind == 0) points[i][2] = 9 + 6 * check_next(&random); /* about the light of all but ROUND */
+                if (kind == 0) points[i][2] = 9 + 6 * check_next(&random); /* around the light, except for ROUND */
                 if (way != ROUND || kind > 2) continue;
                 for (int k = 0; k < 3; ++k) /* close to it, or on an edge or a corner of the cube */
                     points[i][k] = kind == 0                ? f.light.camera.position[k] + check_next(&random) - 0.5
@@ -2085,7 +2086,7 @@ static void test_lookups(void) {
     }
 }
 
-/* A position that is not finite is outside of every map. */
+/* A position that is not finite is outside every map. */
 static void test_no_numbers(void) {
     const double infinite = HUGE_VAL, bad[] = {infinite, -infinite, infinite - infinite};
     for (int way = 0; way < WAYS; ++way)
@@ -2112,7 +2113,7 @@ static void test_no_numbers(void) {
         }
 }
 
-/* A face that is not there, or no map, or one that is not finished: an error, and nothing is written. */
+/* A face that does not exist, no map, or an unfinished one: an error, and nothing is written. */
 static void check_unanswered(const sps_tmap *map, int face) {
     static const double at[3] = {0, 0, -5};
     static const float at_floats[3] = {0, 0, -5};
@@ -2132,8 +2133,7 @@ static void check_unanswered(const sps_tmap *map, int face) {
     CHECK(constants.row_x[0] >= 7);
 }
 
-/* Positions in floats, packed, among other members of a vertex, and where no float may be: the same bits as in doubles.
- */
+/* Positions in floats, packed, interleaved in a vertex, and unaligned: the same bits as in doubles. */
 static void test_float_positions(void) {
     enum { COUNT = 3 * 16 + 5 };
     sps_context *context = sps_create(NULL, NULL);
@@ -2169,8 +2169,8 @@ static void test_float_positions(void) {
     sps_destroy(context);
 }
 
-/* What sps_tmap_get_info says of every technique's size: floats are as many as an upload would read, and bytes are
-   those and little else (test_bytes has them exactly). */
+/* The sizes in sps_tmap_get_info for every technique: the number of floats is that of an upload, and bytes are those
+   and little else (test_bytes has them exactly). */
 static void test_info(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
@@ -2280,7 +2280,7 @@ static void project(const double m[16], const double point[3], double out[4]) {
     out[0] /= out[3], out[1] /= out[3];
 }
 
-/* Texels of size 1 at z = 0, ten from the light, whose middle is texel (4, 4); rounding alone is allowed for. */
+/* Texels of size 1 at z = 0, ten from the light, whose middle is texel (4, 4); the tolerance is round-off alone. */
 static void test_projection(void) {
     const double at[2][3] = {{2.5, -1, 0}, {2.5, -1, 5}}, rounding = 1e-12;
     sps_context *context = sps_create(NULL, NULL);
@@ -2313,7 +2313,7 @@ static void test_projection(void) {
     sps_destroy(context);
 }
 
-/* Six faces: the middles of the outermost texels lie on the cube's edges. */
+/* Six faces: the centres of the outermost texels lie on the cube's edges. */
 static int messages_told;
 static char last_message[256];
 
@@ -2323,7 +2323,8 @@ static void take_message(void *user, const char *text) {
     snprintf(last_message, sizeof last_message, "%s", text);
 }
 
-/* Gas beyond a map's depths is counted, and said: particles that reach beyond either end, but not behind the light. */
+/* Gas beyond a map's depths is counted and reported: particles that reach beyond either end, but not behind the light.
+ */
 static void test_outside(void) {
     static const double depths[5][2] = {{0, 20}, {0, 10.5}, {9.5, 20}, {9.5, 10.5}, {0, 5}};
     sps_config config;
@@ -2341,7 +2342,7 @@ static void test_outside(void) {
         f.settings.near_depth = depths[n % 5][0], f.settings.far_depth = depths[n % 5][1];
         add(&f, 0, 0, 0, 0, 2, 1);
         add(&f, 1, 1, 1, 0, 2, 1);
-        if (way == SPOT) add(&f, 0, 0, 0, 10, 2, 1); /* the light is in it, which is no loss at near_depth 0 */
+        if (way == SPOT) add(&f, 0, 0, 0, 10, 2, 1); /* it contains the light, which loses nothing at near_depth 0 */
         if (voxels) add_box(&f, 4, 1, 0, 1);
         messages_told = 0;
         map = must_build(&f, context);
@@ -2355,7 +2356,7 @@ static void test_outside(void) {
     sps_destroy(context);
 }
 
-/* Particles that several of six faces see count once, and nothing that there is none of is said. */
+/* Particles seen by several of six faces count once, and messages mention only what there is. */
 static void test_outside_around(void) {
     static const double toward[4][3] = {{1, 1, 1}, {1, -1, 0.2}, {0, 0, -1}, {-1, 0.1, 0}};
     sps_config config;
@@ -2389,8 +2390,8 @@ static void test_outside_around(void) {
     sps_destroy(context);
 }
 
-/* A light amid voxels lights what its one view leaves out: message_fn is told of `omnidirectional`, unless the view has
-   that, is outside of the voxels, or is of parallel rays, which pass all of them. */
+/* A light amid voxels lights everything outside its single view: message_fn is told of `omnidirectional`, unless that
+   is set, the light is outside the voxels, or its rays are parallel and pass all of them. */
 static void test_light_amid(void) {
     sps_config config;
     sps_context *context;
@@ -2414,7 +2415,7 @@ static void test_light_amid(void) {
     sps_destroy(context);
 }
 
-/* A surface before near_depth shades all that is behind it and behind near_depth. */
+/* A surface before near_depth shades everything behind it and behind near_depth. */
 static void test_surface_before_near(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int spot = 0; spot < 2; ++spot)
@@ -2468,7 +2469,7 @@ static void test_projection_round(void) {
 }
 
 /* clip = projection * camera of a spot at `from` that looks at (0,0,0) and sees 0.4 on either side of its axis per unit
-   of depth; row-major, or as many a maths library keeps it, column by column. */
+   of depth; row-major, or column-major as in many maths libraries. */
 static void spot_matrix(const double from[3], int by_columns, double matrix[16]) {
     double axes[3][3], rows[4][4];
     for (int i = 0; i < 3; ++i) axes[2][i] = -from[i];
@@ -2483,8 +2484,8 @@ static void spot_matrix(const double from[3], int by_columns, double matrix[16])
 }
 
 /* A matrix that was not transposed sees the world at odd angles, from most lights near the plane z = 0 at such wide
-   ones that volumes are refused: then the sentence asks about it. A view that is too wide in itself is told to be
-   narrowed, and not asked about a matrix that it does not have. */
+   ones that volumes are refused: then the sentence mentions it. For a view that is too wide by itself, the sentence
+   says to narrow it, and mentions no matrix. */
 static void test_untransposed(void) {
     static const double from[3][3] = {{7, -3, 1}, {1, 7, 2}, {4, 6, -1}};
     sps_context *context = sps_create(NULL, NULL);
@@ -2509,8 +2510,8 @@ static void test_untransposed(void) {
     sps_destroy(context);
 }
 
-/* A light that is told to look at where it is wants a map all round: the sentence says which setting makes one. With
-   that, or with a matrix, the target does not count. */
+/* A light whose target is its own position probably needs an omnidirectional map: the sentence names the setting. With
+   that, or with a matrix, the target is not used. */
 static void test_looks_nowhere(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) { /* as a spot; parallel; all round; by a matrix */
@@ -2538,7 +2539,7 @@ static void leave(int number) {
     _exit(3);
 }
 
-/* A context that is destroyed before its maps is an error that SPS_ASSERT tells of; here in a process of its own. */
+/* Destroying a context before its maps is an error that SPS_ASSERT catches; here in a separate process. */
 static void test_context_before_maps(void) {
     for (int kept = 0; kept < 2; ++kept) {
         sps_context *context = sps_create(NULL, NULL);
@@ -2564,7 +2565,7 @@ static void test_context_before_maps(void) {
     }
 }
 
-/* What a map answers to when it is not its turn. */
+/* Calls on a map in the wrong state. */
 static void test_states(void) {
     const double points[6] = {0, 0, -5, 1, 1, -5};
     float depths[2] = {7, 7}, passes[2] = {7, 7}, least[2] = {7, 7}, most[2] = {7, 7};
@@ -2654,7 +2655,7 @@ static int failing_progress(void *user, float fraction) {
 }
 
 static int rising_progress(void *user, float fraction) {
-    float *seen = (float *)user; /* the last one, and how many between what is read and the end there were */
+    float *seen = (float *)user; /* the last value, and the number of values between reading and the end */
     CHECK(fraction >= seen[0] && fraction <= 1);
     if (fraction > seen[0] && fraction > 0.2f && fraction < 1) seen[1] += 1;
     seen[0] = fraction;
@@ -2683,8 +2684,8 @@ static void test_progress(void) {
         }
 }
 
-/* Every call of every provider fails in turn, then every look at progress says stop: a failed map answers nothing, and
-   the context goes on. */
+/* Every call of every callback fails in turn, then every call of progress_fn cancels: a failed map cannot be queried,
+   and the context is still usable. */
 static void test_callbacks(void) {
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 3)
         for (int cancels = 0; cancels < 2; ++cancels)
@@ -2730,7 +2731,7 @@ static void test_callbacks(void) {
 
 /* --------------------------------------------------------------------------------------------------------- extremes */
 
-/* Nothing but numbers, and T = exp(-depth), at random places in and about a map. */
+/* Finite numbers only, and T = exp(-depth), at random points in and around a map. */
 static void check_sane(const sps_tmap *map, uint64_t seed) {
     check_random random;
     random.state = seed;
@@ -2749,7 +2750,7 @@ static void check_sane(const sps_tmap *map, uint64_t seed) {
     }
 }
 
-/* Faintest and thickest gas: what is behind all of it is right to the rounding of a chord and a sum of two. */
+/* Faintest and densest gas: behind all of it, results are right up to the round-off of a chord and a sum of two. */
 static void test_depths(void) {
     static const double depths[5] = {1e-8, 1e-3, 1e8, 1e18, 0};
     sps_context *context = sps_create(NULL, NULL);
@@ -2774,7 +2775,7 @@ static void test_depths(void) {
     sps_destroy(context);
 }
 
-/* Sizes that are no multiple of a tile, or of a vector, or of anything. */
+/* Sizes that are not multiples of a tile, a vector, or anything. */
 static void test_sizes(void) {
     static const int sizes[6][2] = {{1, 1}, {67, 65}, {130, 3}, {3, 130}, {64, 64}, {65, 1}};
     sps_context *context = sps_create(NULL, NULL);
@@ -2811,7 +2812,7 @@ static void test_sizes(void) {
     sps_destroy(context);
 }
 
-/* Ranges of no width to speak of, or far from all gas: it is before or behind as a whole. */
+/* Ranges of almost no width, or far from all gas, which is then entirely before or behind. */
 static void test_ranges(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
@@ -2869,8 +2870,8 @@ static void test_nothing(void) {
     sps_destroy(context);
 }
 
-/* Scaled worlds, and ones far from the origin: the same answers. Particles' own places are floats, so far away they are
-   rounded to 1/16; the exact answer takes them where they are. */
+/* Scaled worlds, and ones far from the origin: the same results. Particles' positions are floats, so far away they are
+   rounded to 1/16; the exact result uses the rounded positions. */
 static void test_worlds(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 8; ++n) {
@@ -2952,7 +2953,7 @@ static void test_far_away(void) {
     sps_destroy(context);
 }
 
-/* The longest map there is, and the widest spot: all right for particles; volumes are refused with a cosine. */
+/* The longest map, and the widest spot: right for particles; volumes are refused, with a cosine in the sentence. */
 static void test_wide(void) {
     sps_context *context = sps_create(NULL, NULL);
     fixture f;
@@ -2983,7 +2984,7 @@ static void test_wide(void) {
         on_ray(map, 0, i * 7 % 151, i * 31 % 151, i % 19 + 0.5, point);
         exact = exact_particles(&f, point);
         CHECK_NEAR(query_at(map, point), exact.depth,
-                   5 * exact.slack); /* near ones' places are floats of up to 10 radii */
+                   5 * exact.slack); /* positions of near ones are floats of up to 10 radii */
     }
     sps_tmap_destroy(map);
     add_box(&f, 4, 1, 0, 1);
@@ -2997,7 +2998,7 @@ static void test_wide(void) {
     sps_destroy(context);
 }
 
-/* Slabs are for volumes: no particle far off, nor a crowd of ones much smaller than voxels, makes them others. */
+/* Slabs are for volumes: neither a distant particle, nor many that are much smaller than voxels, change them. */
 static void test_stray(void) {
     sps_context *context = sps_create(NULL, NULL);
     sps_tmap *maps[3];
@@ -3043,7 +3044,7 @@ static void begin_picture(picture *p, int width, int height, int voxels) {
     check_clear(&p->s, width, height);
     check_set3(p->s.view.camera.position, 1, 3, 7);
     check_perspective(&p->s.view.camera, 0.45);
-    p->s.view.quality = SPS_QUALITY_DRAFT; /* smaller depth maps; what matters to gas is set */
+    p->s.view.quality = SPS_QUALITY_DRAFT; /* smaller depth maps; the settings for gas are explicit */
     p->s.view.slab = 1;
     p->s.view.shadow_size = 2 * voxels;
     volume = check_add_volume(&p->s, voxels, voxels, voxels, check_box(-1, -1, -1, 1, 1, 1));
@@ -3085,11 +3086,11 @@ static double brightest(const float *image, int pixels) {
     return most;
 }
 
-/* A deep map says what the sheets say, from slabs that lie elsewhere. Both are off by what lines between the planes of
-   slabs leave: of a slab of 0.5 voxels, 0.042, an eighth of its square times the steepest slope of extinction, 12: 0.26
-   % of the light in a pixel at most. Slopes rise as much as they fall along a ray, so that hardly anything of it is
-   left: 2e-5 of the brightest radiance in the mean was measured, and 5e-5 is asked for. Balls have rims, where slopes
-   are not bounded: a slab's thickness to the power of 1.5 of what is even, and the less the thinner. */
+/* A deep map agrees with the sheets, from slabs in other positions. The error of both is that of linear interpolation
+   between the planes of slabs: for a slab of 0.5 voxels, 0.042, an eighth of its square times the steepest slope of
+   extinction, 12: at most 0.26 % of the light in a pixel. Slopes rise as much as they fall along a ray, so that it
+   nearly cancels: a mean of 2e-5 of the brightest radiance was measured, and 5e-5 is required. Balls have rims, where
+   slopes are not bounded: a slab's thickness to the power of 1.5 for uniform ones, less for thinner slabs. */
 static void test_map_against_sheets(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 4; ++n) {
@@ -3118,8 +3119,8 @@ static void test_map_against_sheets(void) {
     sps_destroy(context);
 }
 
-/* Every technique makes an image, and those that keep most details come close to the deep map's. A depth map rounds T
-   to 0 or 1, which is 12^-1/2 rms where all T are alike many. */
+/* Every technique makes an image, and those that keep most detail come close to the deep map's. A depth map rounds T to
+   0 or 1, which is 12^-1/2 rms if T is uniformly distributed. */
 static void test_pictures(void) {
     static const double error[TECHNIQUES + 1] = {0, 0, 4e-3, 0.29, 2e-2, 1e-2, 3e-2, 1e-2, 2e-2, 4e-3, 5e-2};
     sps_context *context = sps_create(NULL, NULL);
@@ -3148,12 +3149,11 @@ static void test_pictures(void) {
     sps_destroy(context);
 }
 
-/* A light inside the gas, without a map refused, with one as by brute force. Kernels' ripple is a quarter of a per
-   cent, slabs' lines less; but close to the light, where its irradiance grows as 1 / r^2, one look at it per slab
-   stands for all of that: 5 % of the brightest in the four pixels about the light, which is 0.5 % in the mean of 432.
- */
-/* A light's own map lies about the gas, and leaves a Fourier series a twentieth of that free at either end, but where
-   each texel has a range of its own. */
+/* A light inside the gas is refused without a map, and agrees with the reference with one. Kernels' ripple is a quarter
+   of a per cent, interpolation between slabs less; but close to the light, where its irradiance grows as 1 / r^2, there
+   is one sample per slab: 5 % of the brightest in the four pixels around the light, 0.5 % in the mean of 432. */
+/* A light's own map is fitted to the gas, and leaves a Fourier series a twentieth of the range free at either end,
+   unless each texel has its own range. */
 static void test_fitted_range(void) {
     sps_context *context = sps_create(NULL, NULL);
     double depths[4][2];
@@ -3165,7 +3165,7 @@ static void test_fitted_range(void) {
         p.settings.texel_range = n == 2;
         lit_by_map(&p, n == 3 ? check_add_point(&p.s, 0.2, 6, 0.1, 20) : check_add_directional(&p.s, 0, -1, 0, 3));
         check_render(context, &p.s, image_a);
-        map = (const sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data; /* as it was filled */
+        map = (const sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data; /* as the render left it */
         depths[n][0] = map->settings.near_depth, depths[n][1] = map->settings.far_depth;
         check_free_triangles(&p.floor);
     }
@@ -3181,8 +3181,8 @@ static void test_fitted_range(void) {
     sps_destroy(context);
 }
 
-/* Six faces whose size is left to the library show what large ones do: texels are as wide as voxels where gas is
-   farthest, of which an opacity map of 64 planes sees a blob of that width to the percent. */
+/* Six faces of default size agree with large ones: texels are as wide as voxels where gas is farthest, at which an
+   opacity map of 64 planes resolves a blob of that width to one per cent. */
 static void test_default_size(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int n = 0; n < 2; ++n) {
@@ -3198,7 +3198,7 @@ static void test_default_size(void) {
         check_render(context, &p.s, n ? image_b : image_a);
         {
             const sps_tmap *map = (const sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
-            const double voxel = 2.0 / 16, farthest = 1.45; /* kernels reach 2.5 voxels farther at most */
+            const double voxel = 2.0 / 16, farthest = 1.45; /* kernels reach at most 2.5 voxels farther */
             CHECK(map->face_count == 6);
             CHECK(n ? map->rays[0].width == 128
                     : map->rays[0].width >= 2 * farthest / voxel &&
@@ -3240,7 +3240,7 @@ static void test_light_inside(void) {
     sps_destroy(context);
 }
 
-/* Renders the lights of `mask` alone, and returns the number of sweeps that are planned for them. */
+/* Renders only the lights of `mask`, and returns the number of sweeps planned for them. */
 static int render_lights(sps_context *context, picture *p, int mask, float *image) {
     sps_plan_report plan;
     for (int i = 0; i < 4; ++i)
@@ -3250,7 +3250,7 @@ static int render_lights(sps_context *context, picture *p, int mask, float *imag
     return plan.sweep_count;
 }
 
-/* The largest difference between one image and the sum of two others, in red, and that of their means. */
+/* The maximum difference between one image and the sum of two others, in red, and that of their means. */
 static void off_sum(const float *whole, const float *a, const float *b, double off[2]) {
     double sum = 0, worst = 0;
     for (int i = 0; i < 4 * PIXELS; i += 4) {
@@ -3260,12 +3260,11 @@ static void off_sum(const float *whole, const float *a, const float *b, double o
     off[0] = worst, off[1] = fabs(sum) / PIXELS;
 }
 
-/* Lights add up, whether they have maps or sheets, in a scene of gas and polygons, and of balls in the end. Those with
-   maps take one sweep together, and their picture is the sum of their own to rounding: some
-   30 additions a pixel (slabs and lights), each off by 6e-8 of the sum at most and by half of that in the mean.
-   A light with sheets carries the others in its sweep; these are looked up in its slabs then, and not in those that
-   face the eye: each is off by 1 % of the light at most, and a fiftieth of that in the mean (as in
-   test_map_against_sheets, in slabs twice as thick). */
+/* Lights add up, with maps or sheets, in a scene of gas and polygons, and of balls in the end. Those with maps share
+   one sweep, and their picture is the sum of their own up to round-off: about 30 additions per pixel (slabs and
+   lights), each off by at most 6e-8 of the sum and by half of that in the mean. A light with sheets carries the others
+   in its sweep; these are then looked up in its slabs instead of those that face the eye: each is off by at most 1 % of
+   the light, and a fiftieth of that in the mean (as in test_map_against_sheets, in slabs twice as thick). */
 static void test_lights_together(void) {
     sps_context *context = sps_create(NULL, NULL);
     picture p;
@@ -3286,7 +3285,7 @@ static void test_lights_together(void) {
     CHECK_NEAR(off[1], 0, 2e-4 * brightest(image_b, PIXELS));
     CHECK(render_lights(context, &p, 8, image_a) == 1 && render_lights(context, &p, 15, image_c) == 2);
     off_sum(image_c, image_b, image_a, off);
-    CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS)); /* the last one's own sweep is what it is alone */
+    CHECK_NEAR(off[0], 0, 1e-6 * brightest(image_c, PIXELS)); /* the last light's own sweep is the same as alone */
     CHECK(render_lights(context, &p, 1, image_b) == 1 && render_lights(context, &p, 9, image_c) == 1);
     off_sum(image_c, image_a, image_b, off);
     CHECK_NEAR(off[0], 0, 0.01 * brightest(image_c, PIXELS));
@@ -3300,15 +3299,15 @@ static void test_lights_together(void) {
     sps_destroy(context);
 }
 
-/* A light far from its gas has one face, or six if it says so, which take more memory and show the same. Slabs are off
-   by 0.26 % either way (test_map_against_sheets). Between texels of a face, 0.036 wide where the gas is, optical depth
-   is off by 1/8 of that squared times the most that it bends, 16 * 3.1: 0.8 %. */
+/* A light far from its gas has one face, or six on request, which need more memory and make the same picture. Slabs are
+   off by 0.26 % either way (test_map_against_sheets). Between texels of a face, 0.036 wide at the gas, optical depth is
+   off by 1/8 of that squared times its maximum curvature, 16 * 3.1: 0.8 %. */
 static void test_omnidirectional_light(void) {
     sps_stats_report stats[4];
     picture p;
     begin_picture(&p, WIDE, HIGH, 16);
     lit_by_map(&p, check_add_point(&p.s, 2, 4, 1, 20))->shadow_map_size = 256;
-    for (int i = 3; i >= 0; --i) { /* with 8 numbers a texel, and as long lists as it takes */
+    for (int i = 3; i >= 0; --i) { /* with 8 numbers per texel, and with lists */
         sps_context *context = sps_create(NULL, NULL);
         p.settings.technique = i < 2 ? SPS_TMAP_DEEP : SPS_TMAP_OPACITY;
         p.s.light[0].shadow_map_omnidirectional = i % 2;
@@ -3322,7 +3321,7 @@ static void test_omnidirectional_light(void) {
     check_free_triangles(&p.floor);
 }
 
-/* A light's settings of zeros are those of test_default_technique, in its plan as well. */
+/* A light's zeroed settings are those of test_default_technique, in its plan as well. */
 static void test_default_picture(void) {
     sps_context *context = sps_create(NULL, NULL);
     sps_plan_report plans[2];
@@ -3341,7 +3340,7 @@ static void test_default_picture(void) {
     sps_destroy(context);
 }
 
-/* Polygons alone take one sweep, however many lights shine on them, and no maps, nor are any planned. */
+/* Polygons alone need one sweep for any number of lights, and no maps, nor are any planned. */
 static void test_lights_on_polygons(void) {
     sps_context *context = sps_create(NULL, NULL);
     sps_plan_report plan[2];
@@ -3365,7 +3364,7 @@ static void test_lights_on_polygons(void) {
     sps_destroy(context);
 }
 
-/* Lights that are black, or shine through everything, need no map. */
+/* Lights that are black, or cast no shadows, need no map. */
 static void test_needless_maps(void) {
     sps_context *context = sps_create(NULL, NULL);
     picture p;
@@ -3380,8 +3379,8 @@ static void test_needless_maps(void) {
     sps_destroy(context);
 }
 
-/* The same bits for any number of workers, and a region is a part of the whole, with any map; voxels that are held from
-   one call to the next serve maps and images alike. */
+/* The same bits for any number of workers, and for a region as part of the whole, with any map; voxels that are held
+   from one call to the next are used by maps and images alike. */
 static void test_picture_bits(void) {
     static const int workers[4] = {0, 1, 2, 7};
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; technique += 3)
@@ -3440,7 +3439,7 @@ static void test_held_voxels(void) {
     sps_destroy(fresh);
 }
 
-/* A light's settings are refused by name; so is a mesh that lets light pass, in all that makes an image. */
+/* A light's invalid settings are refused by name; so is a translucent mesh, in every call that makes an image. */
 static void test_picture_refusals(void) {
     static const char *const texts[] = {"light[0].shadow_map.technique is 11",
                                         "light[0].shadow_map.components is 2",
@@ -3494,9 +3493,9 @@ static void test_picture_refusals(void) {
 
 static double half_blob(const void *user, const double p[3]) { return p[0] > 0 ? small_blob(user, p) : 0; }
 
-/* What is planned for maps that are made from lists holds them, their bands of 64 rows and the numbers of stretches of
-   these, whose tiles have room beside them; lists themselves and what is fitted to them are not planned. Six faces
-   about a light, so that the map's size is what was asked for; half of the gas is empty. */
+/* The plan for maps made from lists includes their bands of 64 rows and the numbers of stretches of these, whose tiles
+   have room beside them; lists themselves and what is fitted to them are not planned. Six faces around a light, so that
+   the map has the requested size; half of the gas is empty. */
 static void test_planned_lists(void) {
     static const int techniques[5] = {SPS_TMAP_DEEP, SPS_TMAP_COMPRESSED, SPS_TMAP_DEPTH, SPS_TMAP_COSINE,
                                       SPS_TMAP_ADAPTIVE};

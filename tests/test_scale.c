@@ -1,9 +1,8 @@
-/* Volumes at every scale: seen small and large, of flat and sheared voxels, under lamps within gas and lights that
-   turn; and pairs of features that other tests do not look at together. What is compared with sps_reference is bounded
-   by what the quality in use owes it on every scene: MEDIUM of the picture's mean, rms, for gas at medium, SHADED for
-   what is classified and shaded, where kernels are cut at 3.3 standard deviations and slabs are 0.7 of a voxel. Each
-   error that a test is about changes its picture by several times that; where it does not, the bound is derived on the
-   spot. */
+/* Volumes at every scale: small and large on screen, of flat and sheared voxels, under lamps amid gas and rotating
+   lights; and pairs of features that other tests do not combine. Comparisons with sps_reference have the bound of the
+   quality for any scene: MEDIUM of the picture's mean, rms, for gas at medium, SHADED for classified and shaded
+   volumes, whose kernels are cut at 3.3 standard deviations and whose slabs are 0.7 of a voxel. Each error that a test
+   is about changes its picture by several times that; otherwise the bound is derived on the spot. */
 
 #include "check.h"
 
@@ -53,7 +52,7 @@ static int within(difference d, double rms, double bias, const char *what) {
     return good;
 }
 
-/* A ball of radius 0.36 about the origin whose value rises from 0 to 1 within 0.1 of its rim. */
+/* A ball of radius 0.36 around the origin whose value rises from 0 to 1 within 0.1 of its rim. */
 static double ball(const void *user, const double p[3]) {
     const double r = sqrt(p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
     (void)user;
@@ -67,7 +66,7 @@ static double bumps(const void *user, const double p[3]) {
     return fmax(0, (1 - 2.2 * r) * (1 + 0.4 * sin(9 * p[0] + 1) * sin(8 * p[1]) * cos(10 * p[2])));
 }
 
-/* A volume of n[0] x n[1] x n[2] voxels that holds a formula; `field` must stay. */
+/* A volume of n[0] x n[1] x n[2] voxels with the values of a formula; `field` must outlive it. */
 static sps_volume *add_field(check_scene *s, check_field *field, double (*value)(const void *, const double *),
                              const int n[3], sps_placement placement) {
     sps_volume *volume = check_add_volume(s, n[0], n[1], n[2], placement);
@@ -94,7 +93,8 @@ static sps_transfer layers = {layer_points, 4, NULL, NULL, 0};
 
 /* --------------------------------------------------------------------------------------------- seen small and large */
 
-/* A shaded ball of 20 voxels at a quarter to four pixels a voxel: its mean within 1 % of the reference's at each. */
+/* A shaded ball of 20 voxels at a quarter to four pixels per voxel: its mean is within 1 % of the reference's at each.
+ */
 static void test_image_sizes(void) {
     static const int n[3] = {20, 20, 20};
     for (int pixels = 5; pixels <= 80; pixels *= 2)
@@ -116,8 +116,8 @@ static void test_image_sizes(void) {
         }
 }
 
-/* Flat voxels, upright and sheared as by a gantry's tilt, seen at 45 degrees to their planes: no worse than 1.5 times
-   what cubes of their breadth are. */
+/* Flat voxels, upright and sheared as by a gantry's tilt, seen at 45 degrees to their planes: errors are at most 1.5
+   times those of cubes of the same breadth. */
 static void test_flat_voxels(void) {
     static const int flat[3][3] = {{40, 40, 40}, {40, 40, 5}, {40, 40, 4}};
     for (int quality = SPS_QUALITY_MEDIUM; quality <= SPS_QUALITY_HIGH; ++quality) {
@@ -143,10 +143,10 @@ static void test_flat_voxels(void) {
     }
 }
 
-/* A wide camera within a classified volume. Its corner rays cross the slabs, which face its axis, at a cosine c. Slabs
-   are a voxel thick here, a half below c = 0.35, a quarter below half of that: the bounds, with 2.5 voxels of margin
-   either side, take 15, 30 and 60. A surface then comes out as sharp as it does in the middle: coverage to 0.01 (as in
-   random_scene.h), which would be 0.06 and 0.08 at the lower two. */
+/* A wide camera inside a classified volume. Its corner rays cross the slabs, which face its axis, at a cosine c. Slabs
+   are a voxel thick here, a half below c = 0.35, a quarter below half of that: the bounds, with 2.5 voxels of margin on
+   either side, need 15, 30 and 60. A surface is then as sharp as in the middle: coverage to 0.01 (as in
+   random_scene.h), which would otherwise be 0.06 and 0.08 at the lower two. */
 static void test_grazing_rays(void) {
     static const int n[3] = {10, 10, 10};
     for (int i = 0; i < 3; ++i) {
@@ -174,10 +174,10 @@ static void test_grazing_rays(void) {
 
 /* --------------------------------------------------------------------------------------------------- lamps, turning */
 
-/* A lamp within thin gas that fills a slab of half a unit, moved by a tenth of a pixel at a time: each pixel's radiance
-   is phase * extinction * (the angle under which the lamp sees the ray's way through the slab) / its distance q from
-   the ray, which is 0.28364 pixels at least. The slab's soft faces change an angle by 0.4 %, its ripple by 0.2 %. The
-   sum over the image must go as that of the closed forms does, to 0.2 %: errors that come and go would flicker. */
+/* A lamp amid thin gas that fills a slab of half a unit, moved by a tenth of a pixel at a time: each pixel's radiance
+   is phase * extinction * (the angle that the ray's path through the slab subtends at the lamp) / its distance q from
+   the ray, which is at least 0.28364 pixels. The slab's soft faces change an angle by 0.4 %, its ripple by 0.2 %. The
+   sum over the image must follow that of the closed forms to 0.2 %: varying errors would flicker. */
 static void test_lamp(void) {
     static const int n[3] = {31, 31, 10};
     double before = 0, exact_before = 0;
@@ -209,8 +209,8 @@ static void test_lamp(void) {
     }
 }
 
-/* A light that turns through a right angle to the view, where slabs turn over, and counts of texels change: from frame
-   to frame the picture's error changes by less than the reference itself does. */
+/* A light that rotates through a right angle to the view, where slabs flip and the numbers of texels change: from frame
+   to frame the picture's error changes by less than the reference itself. */
 static void test_turning_light(void) {
     static const int n[3] = {14, 14, 14};
     float *image[2] = {image_a, image_c}, *exact[2] = {image_b, image_d};
@@ -243,8 +243,8 @@ static void test_turning_light(void) {
 
 /* ------------------------------------------------------------------------------------------------ pairs of features */
 
-/* A constant grid is constant to 0.2 %: a transfer function that sets in 0.5 % above its value shows nothing of it, one
-   that sets in 0.5 % below shows all of it, and the steep onset must not be smoothed away. */
+/* A constant grid is constant to 0.2 %: a transfer function that begins 0.5 % above its value shows nothing of it, one
+   that begins 0.5 % below shows all of it, and the steep onset must not be smoothed away. */
 static void test_steep_onset(void) {
     for (int shows = 0; shows < 2; ++shows) {
         const float onset = shows ? 0.995f : 1.005f;
@@ -270,7 +270,7 @@ static void test_steep_onset(void) {
     }
 }
 
-/* Two gases side by side that differ in their lobes alone: the phase functions are 4 and 1/9 of isotropic along the
+/* Two gases side by side that differ only in their lobes: the phase functions are 4 and 1/9 of isotropic along the
    view, and each keeps its own. Thin, so that a pixel is phase * optical depth to 1 %. */
 static void test_lobes_alone(void) {
     static const sps_lobe lobes[2] = {{0.5f, 1}, {-0.5f, 1}};
@@ -292,7 +292,7 @@ static void test_lobes_alone(void) {
     }
 }
 
-/* Slabs and texels are those of the finest voxels, whichever volume has them, and along whichever axis. */
+/* Slabs and texels are those of the finest voxels, in whichever volume and along whichever axis. */
 static void test_finest_counts(void) {
     int slabs[4], texels[4];
     for (int i = 0; i < 4; ++i) {
@@ -309,7 +309,8 @@ static void test_finest_counts(void) {
             check_color(gas->albedo, 1, 1, 1);
         }
         check_add_directional(&s, 1, -1, -1, 1);
-        check_set3(s.view.camera.position, 5, 5, 5); /* each axis alike, for the eye, the light and the slabs' normal */
+        check_set3(s.view.camera.position, 5, 5,
+                   5); /* each axis the same, for the eye, the light and the slabs' normal */
         check_set3(s.light[0].direction, -1, -1, -1);
         if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
         slabs[i] = plan.slab_count, texels[i] = plan.shadow_width * plan.shadow_height;
@@ -320,10 +321,9 @@ static void test_finest_counts(void) {
     }
 }
 
-/* Gas in long voxels that lie aslant in the picture, so slender (1 : 9.6) that rows of pixels cannot share factors: the
-   exponents of these reach 3.85^2 / 2 / (1 - r^2), 170, beyond floats, r^2 = 0.957 being the square of the correlation
-   of x and y within a footprint. The thinnest are a pixel wide (0.65 * 0.28 / 12 units), so that no filter rounds them.
- */
+/* Gas in long voxels at an angle in the picture, so thin (1 : 9.6) that rows of pixels cannot share factors: their
+   exponents reach 3.85^2 / 2 / (1 - r^2), 170, beyond floats, where r^2 = 0.957 is the square of the correlation of x
+   and y within a footprint. The thinnest are a pixel wide (0.65 * 0.28 / 12 units), so that no filter widens them. */
 static void test_slender_voxels(void) {
     static const int n[3] = {12, 12, 12};
     check_scene s;
@@ -343,7 +343,7 @@ static void test_slender_voxels(void) {
     within(against_reference(&s, 0.3), MEDIUM, MEDIUM, "slender");
 }
 
-/* The value of a large box of voxels of value 1, `at` voxels before its face: that of the layers about there. */
+/* The value of a large box of voxels of value 1, `at` voxels before its face: the sum of the layers around there. */
 static double face_value(double at) {
     const int last = (int)floor(fmax(at, 0)) + 4;
     double sum = 0;
@@ -354,8 +354,8 @@ static double face_value(double at) {
     return sum;
 }
 
-/* What a box of 14 voxels, one unit, deep sends towards the eye, of extinction sigma at value 1 and lit sideways
-   through an optical depth `light` at value 1: light passes through as little gas as the value is low. */
+/* Radiance towards the eye of a box of 14 voxels, one unit, deep, with extinction sigma at value 1, lit sideways
+   through an optical depth `light` at value 1: where the value is lower, so is the light's optical depth. */
 static double sent_by_box(double sigma, double light) {
     const double step = 0.01;
     double sum = 0, before = 0;
@@ -368,11 +368,12 @@ static double sent_by_box(double sigma, double light) {
     return 0.9 * ISOTROPIC * sum;
 }
 
-/* Two classified volumes one behind the other in the light, of different transfer functions: each dims by its own.
-   These are straight lines from 0, so that soft faces take as much light as hard ones, and each pixel's radiance is an
-   integral over one depth. It is off by ripple of what is in the light's and the eye's way, and by what straight lines
-   between the planes of slabs, which lie 0.57 voxels apart along the view, leave of light's depth: an eighth of their
-   square times light * 0.242 / 0.65^2, 0.023 light, within two standard deviations of a face: in 5.2 of 14 voxels. */
+/* Two classified volumes, one behind the other in the light, with different transfer functions: each dims by its own.
+   These are straight lines from 0, so that soft faces absorb as much light as hard ones, and each pixel's radiance is
+   an integral over one depth. Its error is the ripple of the light's and the eye's optical depth, and that of linear
+   interpolation of the light's depth between the planes of slabs, which lie 0.57 voxels apart along the view: an eighth
+   of their square times light * 0.242 / 0.65^2, 0.023 light, within two standard deviations of a face: in 5.2 of 14
+   voxels. */
 static void test_two_tables(void) {
     static const double sigmas[2] = {3, 0.75}, ripple = 0.002;
     sps_transfer_point points[2][2];
@@ -410,8 +411,8 @@ static void test_two_tables(void) {
     }
 }
 
-/* A deep flat skin that faces the eye, lit at an angle: all it sends is the response of its surface times
-   m / (1 + m), m the light's cosine, in closed form: r / pi m + specular (n + 8) / (8 pi) (n . h)^n m. */
+/* A deep flat skin that faces the eye, lit at an angle: its radiance is the response of its surface times m / (1 + m),
+   where m is the light's cosine, in closed form: r / pi m + specular (n + 8) / (8 pi) (n . h)^n m. */
 static void test_highlight(void) {
     static const sps_transfer_point points[3] = {
         {0.2f, {0.5f, 0.5f, 0.5f}, 0}, {0.3f, {0.5f, 0.5f, 0.5f}, 40}, {1, {0.5f, 0.5f, 0.5f}, 40}};
@@ -432,7 +433,7 @@ static void test_highlight(void) {
         volume->specular = 0.6f, volume->shininess = (float)shininess;
         check_add_directional(&s, sin(angle), 0, -cos(angle), 1);
         if (!check_render(context, &s, image_a)) return;
-        /* extinction sets in within a voxel, 4 deep: the light's depth between texels and slabs is good to 1 % */
+        /* extinction begins within a voxel, 4 deep: the light's depth between texels and slabs is accurate to 1 % */
         if (!CHECK_NEAR((double)image_a[4 * 40], exact, 0.015 * exact)) printf("    at %g radians\n", angle);
     }
 }
@@ -441,13 +442,12 @@ static double rim_extinction(double value) {
     return 8 * fmax(0, fmin(fmin(1, (value - 0.2) / 0.15), (0.7 - value) / 0.1));
 }
 
-/* Optical depth of two faces of a box of voxels of 0.05 units, and what it may be off by. A value is good to 0.003,
-   ripple and the kernel's shares at both ends of a slab of 0.4 voxels, and to 0.068 * 0.4^3 of the third derivative: in
-   the middle of an outer part that is what a parabola lacks that has the means of three slabs. Extinctions in the
-   profile may be those of any value within that. Parts are a tenth of a voxel: where extinction bends, the middle of
-   one is off by an eighth of its square times the change of slope: 53 per value at 0.2 and 0.35, 80 at 0.6 and 0.7,
-   where values change by 0.43, 0.57, 0.59 and 0.54 a voxel. What bends up takes away, what bends down adds: 78 in
-   either face at most. */
+/* Optical depth of two faces of a box of voxels of 0.05 units, and its tolerance. A value is accurate to 0.003, for
+   ripple and the kernel's shares at both ends of a slab of 0.4 voxels, and to 0.068 * 0.4^3 of the third derivative:
+   the error, in the middle of an outer part, of a parabola with the means of three slabs. Extinctions in the profile
+   may be those of any value within that. Parts are a tenth of a voxel: where extinction bends, the middle of one is off
+   by an eighth of its square times the change of slope: 53 per value at 0.2 and 0.35, 80 at 0.6 and 0.7, where values
+   change by 0.43, 0.57, 0.59 and 0.54 per voxel. Upward bends subtract, downward bends add: at most 78 in either face. */
 static double rims_of_box(double *room) {
     const double step = 0.001;
     double exact = 0;
@@ -466,8 +466,8 @@ static const sps_transfer_point rim_points[4] = {
     {0.2f, {0.8f, 0.8f, 0.8f}, 0}, {0.35f, {0.8f, 0.8f, 0.8f}, 8}, {0.6f, {0.8f, 0.8f, 0.8f}, 8}, {0.7f, {0, 0, 0}, 0}};
 static const sps_transfer rim = {rim_points, 4, NULL, NULL, 1};
 
-/* What is shown lies in the faces of a box alone, where values fall from 1 to 0 outside: none of it may be missed, on
-   any side. Coverage is that of two faces, in closed form. */
+/* Only the faces of a box are visible, where values fall from 1 to 0 outside: none of them may be missed, on any side.
+   Coverage is that of two faces, in closed form. */
 static void test_faces_of_volume(void) {
     double room;
     const double exact = rims_of_box(&room);
@@ -495,14 +495,14 @@ static void test_faces_of_volume(void) {
 
 /* ------------------------------------------------------------------------------------------------------------ seams */
 
-/* The largest difference between two pictures, of the brightest pixel. */
+/* The largest difference between two pictures, relative to the brightest pixel. */
 static double apart(const float *image, const float *other, int pixels) {
     double brightest = 0;
     for (int i = 0; i < 4 * pixels; ++i) brightest = fmax(brightest, (double)image[i]);
     return (double)check_largest(image, other, (size_t)(4 * pixels)) / brightest;
 }
 
-/* What moves seams, and is too thin to be seen. */
+/* Gas that moves seams, but is too thin to be seen. */
 static const sps_transfer_point faint_points[2] = {{0.3f, {0.8f, 0.8f, 0.8f}, 0}, {1, {0.8f, 0.8f, 0.8f}, 1e-6f}};
 static const sps_transfer faint = {faint_points, 2, NULL, NULL, 0};
 
@@ -513,8 +513,8 @@ static int read_two_balls(void *user, size_t first, size_t count, sps_particle *
     return 0;
 }
 
-/* A ball of classified gas, of a surface or of gas, with particles and a polygon, and a copy of it, as many slabs
-   before it as `shift` says. Returns whether it was rendered. */
+/* A ball of classified gas, of a surface or of gas, with particles and a polygon, and a copy of it `shift` slabs in
+   front of it. Returns whether it was rendered. */
 static int render_shifted(int kind, int shift, float *image) {
     static const int n[3] = {24, 24, 24};
     static const double corner[3] = {-0.6, -0.5, -0.3}, u[3] = {1, 0.2, 0.1}, v[3] = {0.1, 0.3, 0.8};
@@ -550,9 +550,9 @@ static int render_shifted(int kind, int shift, float *image) {
     return good;
 }
 
-/* Nothing tells where chunks of 16 slabs meet: slabs lie where they did, and chunks do not. Slabs are counted in floats
-   up to 64, which is 4e-6 of one, and kernels' sections are straight lines. Extinction of 20 takes 0.4 of the light per
-   slab, so that 1e-5 of the picture is several of these at worst; of the copy 1e-7 shows. */
+/* The seams between chunks of 16 slabs are invisible: the chunks move while slabs stay in place. Slabs are counted in
+   floats up to 64, which is 4e-6 of one, and kernels' sections are straight lines. An extinction of 20 absorbs 0.4 of
+   the light per slab, so that 1e-5 of the picture is several of these at worst; 1e-7 of the copy is visible. */
 static void test_chunk_seams(void) {
     for (int kind = 0; kind < 3; ++kind)
         for (int shift = 0; shift < 16; shift += 3)
@@ -560,8 +560,8 @@ static void test_chunk_seams(void) {
                 if (!CHECK(apart(image_a, image_b, 48 * 48) <= 1e-5)) printf("    kind %d, %d slabs\n", kind, shift);
 }
 
-/* The ball from outside, from its skin inwards or, in thick slabs, outwards, with voxels that hold nothing about it. A
-   faint box about all of that keeps slabs and the light's texels where they are. */
+/* The ball from outside, from its skin inwards or, in thick slabs, outwards, surrounded by empty voxels. A faint box
+   around everything keeps slabs and the light's texels in place. */
 static int render_padded(int from, int surface, int pad, float *image) {
     static const int coarse[3] = {12, 12, 12};
     const int n[3] = {24 + 2 * pad, 24 + 2 * pad, 24 + 2 * pad};
@@ -574,7 +574,7 @@ static int render_padded(int from, int surface, int pad, float *image) {
     volume->transfer = &skin;
     volume->shading = surface ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     volume = add_field(&s, &around, ball, coarse, check_box(-1, -1, -1, 1, 1, 1));
-    around.placement = check_box(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1); /* the ball's core, all over */
+    around.placement = check_box(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1); /* the ball's core, everywhere */
     volume->transfer = &faint;
     check_add_directional(&s, -0.8, -0.1, -0.2, 3)->no_shadow = from > 0;
     if (from > 0) {
@@ -587,10 +587,11 @@ static int render_padded(int from, int surface, int pad, float *image) {
     return check_render(context, &s, image);
 }
 
-/* Nor where bricks begin, which padding moves. Sums of the same kernels in another order: 1e-5 of the picture. Normals
-   are differences of such sums, 1e-7 off each: next to an eye in the skin, where a pixel is 1/80 of a voxel wide, 1e-5
-   a voxel, of the 0.05 at which shading is wholly a surface's, is 2e-4, and of sums 2 or 3 take part. No voxel's centre
-   lies within 0.009 of a voxel of the eye's plane, where rounding is divided by next to nothing. */
+/* The seams between bricks are invisible, too, which padding moves. Sums of the same kernels in another order: 1e-5 of
+   the picture. Normals are differences of such sums, 1e-7 off each: next to an eye in the skin, where a pixel is 1/80
+   of a voxel wide, 1e-5 per voxel, relative to the 0.05 at which shading is all surface, is 2e-4, and 2 or 3 sums
+   contribute. No voxel's centre lies within 0.009 of a voxel of the eye's plane, where round-off is divided by almost
+   nothing. */
 static void test_brick_seams(void) {
     for (int from = 0; from < 3; ++from)
         for (int surface = 0; surface < 2; ++surface)
@@ -602,7 +603,7 @@ static void test_brick_seams(void) {
 
 /* ------------------------------------------------------------------------------------------ cut and lit from behind */
 
-/* Gas lit from behind is composited back to front: pictures and depths as the reference has them. */
+/* Gas lit from behind is composited back to front: pictures and depths agree with the reference. */
 static void test_back_to_front(void) {
     static const int n[3] = {16, 16, 16};
     check_scene s;
@@ -619,18 +620,18 @@ static void test_back_to_front(void) {
     s.view.quality = SPS_QUALITY_HIGH;
     if (!check_render_depth(context, &s, image_a, depth_a) || !check_march(context, &s, 0.25, image_b, depth_b)) return;
     within(compare(image_a, image_b, 32 * 32), MEDIUM, MEDIUM, "back to front");
-    for (int k = 0; k < 32 * 32; ++k) /* where little covers a pixel, cut kernels move its depth */
+    for (int k = 0; k < 32 * 32; ++k) /* at low coverage, cut kernels change the depth */
         if (image_b[4 * k + 3] > 0.05f) worst = fmax(worst, fabs((double)depth_a[k] - (double)depth_b[k]));
     CHECK(worst < 0.5 / 16); /* half a slab */
 }
 
-/* What is seen of a box of even gas, |z| < 0.5, behind a near plane at z = 0.2, in closed form. c: a ray's cosine. */
+/* A box of uniform gas, |z| < 0.5, behind a near plane at z = 0.2, in closed form. c: a ray's cosine. */
 typedef struct behind_near {
     double depth, radiance, distance;
 } behind_near;
 
 static behind_near exact_behind_near(double c, double eye, double sigma, int backlit) {
-    const double way = 0.7, per_z = sigma * (backlit ? 1 / c - 1 : 1 / c + 1); /* optical depth per z on both ways */
+    const double way = 0.7, per_z = sigma * (backlit ? 1 / c - 1 : 1 / c + 1); /* optical depth per z of both paths */
     behind_near exact;
     exact.depth = sigma * way / c;
     /* from in front, light comes through 0.3 before it is at the near plane; from behind, through 0.7 */
@@ -640,9 +641,9 @@ static behind_near exact_behind_near(double c, double eye, double sigma, int bac
     return exact;
 }
 
-/* A near plane amid even gas in slabs of three voxels, of which it leaves a part, lit from in front and from behind
-   (back to front): for parallel rays, for kernels in perspective, and for those so near that each pixel's ray has its
-   own; and the same gas classified, in parts of thin slabs. */
+/* A near plane amid uniform gas in slabs of three voxels, of which it leaves a part, lit from the front and from behind
+   (back to front): for parallel rays, for kernels in perspective, and for kernels so near that they are integrated
+   along each pixel's ray; and the same gas classified, in parts of thin slabs. */
 static void test_near_plane(void) {
     static const double eyes[3] = {2, 5, 2}, angles[3] = {0, 0.08, 0.2};
     static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {2, {1, 1, 1}, 3}};
@@ -671,14 +672,14 @@ static void test_near_plane(void) {
             const double pitch = 2 * tan(0.5 * angle) / 8, x = (i % 8 - 3.5) * pitch, y = (i / 8 - 3.5) * pitch;
             const behind_near exact = exact_behind_near(1 / sqrt(1 + x * x + y * y), eye, sigma, n % 2);
             const double left = exp(-exact.depth), in_and_out = sigma + exact.depth;
-            /* A kernel in perspective is splatted as if rays were parallel throughout it, and as narrow as they are in
-               its middle: a share of 2 s / t is missing or too much at s before or behind that, which adds up to
-               nothing but at a cut, where it comes to twice the variance over t, of a unit of gas. */
+            /* A kernel in perspective is splatted as if rays were parallel throughout it, with the spacing at its
+               middle: a share of 2 s / t is missing or too much at s before or behind that, which cancels except at a
+               cut, where it amounts to twice the variance over t, of a unit of gas. */
             const double cut = view == 1 ? 2 * blur * blur / (eye - 0.2) * sigma : 0;
-            /* Ripple is that of optical depths, on the way in and out. Since light and eye go through the same gas,
-               what they take does not depend on where between the faces it lies: soft faces and thick slabs move
-               distances alone. At the far face what is seen is s T(s) sigma, whose slope times half the variance of
-               the kernel and of a slab is what these move. */
+            /* Ripple is that of optical depths, on the way in and out. Since light and eye pass through the same gas,
+               their attenuation does not depend on its distribution between the faces: soft faces and thick slabs only
+               change distances. At the far face the visible light is s T(s) sigma, whose slope times half the variance
+               of the kernel and of a slab is that change. */
             const double moved = 0.5 * (blur * blur + slab * slab / 12) * sigma * left * (1 + exact.depth);
             const int good = CHECK_NEAR((double)image_a[4 * i + 3], 1 - left, left * (exact.depth * ripple + cut)) &&
                              CHECK_NEAR((double)image_a[4 * i], exact.radiance,
@@ -691,17 +692,18 @@ static void test_near_plane(void) {
     }
 }
 
-/* A plate's shadow whose edge runs aslant through thick slabs of thin gas. The plate lies at height 0.8 behind z =
-   0.514 and its edge along x, so that the shadow begins at z = 0.643 y and pixels see as much gas lit as lies before
-   that. Each of a slab's four parts is lit as it is in its middle: so the lit way is right to half a part, and to two
-   texels of the depth map, 1024 across 2.5 units at most. What the gas itself takes is less than its optical depth on
-   both ways. */
+/* A plate's shadow whose edge runs at an angle through thick slabs of thin gas. The plate lies at height 0.8 behind
+   z = 0.514 with its edge along x, so that the shadow begins at z = 0.643 y and pixels see the lit gas in front of
+   that. Each of a slab's four parts is lit as at its middle: so the lit length is right to half a part, and to two
+   texels of the depth map, 1024 across at most 2.5 units. The gas's own attenuation is less than its optical depth on
+   both paths. */
 static void test_shadow_in_slab(void) {
     static const sps_transfer_point points[2] = {{0, {1, 1, 1}, 0}, {1, {1, 1, 1}, 1e-3f}};
     static const sps_transfer transfer = {points, 2, NULL, NULL, 0};
     static const double corner[3] = {-3, 0.8, -3}, along[3] = {6, 0, 0}, back[3] = {0, 0, 3.0 + 0.45 / 0.7 * 0.8};
     const double sigma = 1e-3, ripple = 0.004, light[3] = {-0.7, -0.7, -0.45};
-    const double steep = sqrt(0.5 + 0.5 * 0.45 / spsi_length(light)); /* the cosine of eye and slabs' normal */
+    const double steep =
+        sqrt(0.5 + 0.5 * 0.45 / spsi_length(light)); /* cosine between the view and the slabs' normal */
     for (int classified = 0; classified < 2; ++classified) {
         const double part = (classified ? 0.7 : 2) / 12 / steep / 4, texels = 2 * 2.5 / 1024 / 0.84;
         check_scene s;

@@ -1,12 +1,11 @@
-/* Light through volumes against exact answers: slabs, blobs, emission, light of every kind, and then what no formula
-   gives against sps_reference. Tolerances are derived where they stand; the parts they are made of:
-   RIPPLE   a constant grid's optical depth is constant to 0.2 % only (kernel of 0.65 voxels cut at 2.5, as for high and
-            ultra quality; test_ripple sums it up);
-   rounding floats: 6e-8 for each operation, so for n sheets added up 6e-8 n of the sum at most;
-   a slab whose extinction depends on z alone needs no more than that along an eye's ray: the in-sheet closed forms are
-   exact for it at any number of sheets and any tilt, because both optical depths are linear in one another there. The
-   light's depth comes from texels, though, and between them straight lines stand for its bend at the slab's faces:
-   TEXELS  per voxel, 4 for ultra: bends of slope t over 2.5 * 0.65 voxels, so t / 1.6 / 4^2 / 8 of a voxel's depth. */
+/* Light through volumes against exact answers: slabs, blobs, emission, lights of every kind; and scenes without a
+   closed form against sps_reference. Tolerances are derived where they are used, from RIPPLE   a constant grid's
+   optical depth is constant to 0.2 % only (kernel of 0.65 voxels cut at 2.5, as for high and ultra quality; test_ripple
+   sums it up); rounding floats: 6e-8 for each operation, so for n sheets added up 6e-8 n of the sum at most; a slab
+   whose extinction depends on z alone needs no more than that along an eye's ray: the in-sheet closed forms are exact
+   for it at any number of sheets and any tilt, because both optical depths are linear in one another there. The light's
+   depth comes from texels, though, and between them straight lines stand for its bend at the slab's faces: TEXELS  per
+   voxel, 4 for ultra: bends of slope t over 2.5 * 0.65 voxels, so t / 1.6 / 4^2 / 8 of a voxel's depth. */
 
 #include "check.h"
 
@@ -23,7 +22,7 @@ static float one = 1;
 
 /* ---------------------------------------------------------------------------------------------------------- helpers */
 
-/* An orthographic camera that looks along `way` at the origin. */
+/* An orthographic camera that looks along `way` towards the origin. */
 static void aim(check_scene *s, const double way[3], double height) {
     const double length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2]);
     for (int i = 0; i < 3; ++i) s->view.camera.position[i] = -10 * way[i] / length;
@@ -32,7 +31,7 @@ static void aim(check_scene *s, const double way[3], double height) {
     check_orthographic(&s->view.camera, height);
 }
 
-/* The value of a channel that is farthest from `exact`, of all pixels. */
+/* The value of a channel that is farthest from `exact` over all pixels. */
 static double farthest(const float *image, int pixels, int channel, double exact) {
     double worst = exact;
     for (int i = 0; i < pixels; ++i) {
@@ -48,7 +47,8 @@ static double largest_of(const float *image, size_t floats) {
     return most;
 }
 
-/* A slab of voxels of 0.1 about the origin: side x side x layers, value 1, optical depth tau along z; rays end late. */
+/* A slab of voxels of 0.1 around the origin: side x side x layers, value 1, optical depth tau along z; rays end late.
+ */
 static sps_volume *add_slab(check_scene *s, int side, int layers, double tau) {
     const double w = 0.05 * side, h = 0.05 * layers;
     sps_volume *volume = check_add_volume(s, side, side, layers, check_box(-w, -w, -h, w, w, h));
@@ -59,15 +59,15 @@ static sps_volume *add_slab(check_scene *s, int side, int layers, double tau) {
     return volume;
 }
 
-/* What a slab sends towards the eye per unit of albedo, phase function and irradiance. te, tl: its optical depth along
-   the eye's and the light's ray; `same`: light enters where the eye looks in. */
+/* Radiance of a slab towards the eye per unit of albedo, phase function and irradiance. te, tl: its optical depth along
+   the eye's and the light's ray; `same`: light enters through the face that the eye sees. */
 static double slab_radiance(double te, double tl, int same) {
     const double d = fabs(te - tl);
     if (same) return te * -expm1(-te - tl) / (te + tl);
     return te * exp(-fmin(te, tl)) * (d > 1e-9 ? -expm1(-d) / d : 1);
 }
 
-/* How far slab_radiance moves when either optical depth is off by `share` of itself. */
+/* The change of slab_radiance if either optical depth has a relative error of `share`. */
 static double slab_slack(double te, double tl, int same, double share) {
     const double exact = slab_radiance(te, tl, same);
     return fabs(slab_radiance(te * (1 + share), tl, same) - exact) +
@@ -88,8 +88,8 @@ static double lattice_sum(double x, double y, double reach) {
     return sum;
 }
 
-/* One voxel of a constant grid under a magnifying glass: its ripple is the lattice's own, and no more. Straight through
-   whole kernels only their footprints count: 1e-5 for the floats of exp and of alpha, 2e-7 / 1.5e-2. */
+/* One voxel of a constant grid, enlarged: its ripple is that of the lattice, and no more. Straight through whole
+   kernels only their footprints matter: 1e-5 for the floats of exp and of alpha, 2e-7 / 1.5e-2. */
 static void test_ripple(void) {
     static const sps_quality qualities[4] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH,
                                              SPS_QUALITY_ULTRA};
@@ -172,9 +172,8 @@ static void slab_ways(const slab_case *c, double eye[3], double light[3]) {
     check_set3(light, sin(b) * cos(turn), sin(b) * sin(turn), -cos(b));
 }
 
-/* How many voxels a slab of six layers is to be wide, so that eye and light cross it from face to face. Kernels reach
-   0.25 beyond every face and stand for a uniform slab from 0.25 within the sides on; the image and the light's texels
-   take 0.11 more. */
+/* The width in voxels of a slab of six layers that eye and light cross from face to face. Kernels reach 0.25 beyond
+   every face and form a uniform slab from 0.25 inside the sides; the image and the light's texels need 0.11 more. */
 static int wide_enough(const double eye[3], const double light[3]) {
     const double face = 0.3 + 0.25, lit_face = light[2] < 0 ? face : -face;
     double most = 0;
@@ -215,8 +214,8 @@ static void check_slab_case(const slab_case *c) {
                c->light_angle, c->azimuth);
 }
 
-/* Rays that graze the slab (within 30 degrees) leave it at its sides: no closed form there. The 1e-4 of the answer is
-   what rays that end at a transmittance of 5e-5 leave out, and rounding. */
+/* Rays that graze the slab (within 30 degrees) leave it at its sides, where there is no closed form. The 1e-4 of the
+   answer is for rays that end at a transmittance of 5e-5, and for round-off. */
 static void test_slab_scattering_angles(void) {
     static const double eyes[2] = {10, 45};
     for (int e = 0; e < 2; ++e)
@@ -241,9 +240,9 @@ static void test_slab_scattering_sheets(void) {
             }
 }
 
-/* A front-lit slab of albedo 1 sends back half of what reaches it (depths of eye and light alike), at any number of
-   sheets: sheets that scatter tau instead of 1 - exp(-tau) would send a multiple. Where it is all but solid, only the
-   outermost tails of kernels count, which are no slab: there is the bound alone, nothing but reflection. */
+/* A front-lit slab of albedo 1 reflects half of the light (with equal depths of eye and light), for any number of
+   sheets: sheets that scatter tau instead of 1 - exp(-tau) would reflect a multiple. If it is nearly solid, only the
+   outermost tails of kernels matter, which are not a slab: there only the bound is checked. */
 static void test_slab_energy(void) {
     static const int sheets[4] = {1, 3, 10, 100};
     for (int n = 0; n < 4; ++n) {
@@ -258,12 +257,12 @@ static void test_slab_energy(void) {
         check_add_directional(&s, 0, 0, -1, 3);
         s.view.slab = 6.0 / sheets[n];
         if (!check_render(context, &s, image_a)) return;
-        CHECK(farthest(image_a, 49, 3, 1) >= 1); /* no less than opaque */
+        CHECK(farthest(image_a, 49, 3, 1) >= 1); /* fully opaque */
         for (int i = 0; i < 49; ++i) CHECK(image_a[4 * i] > 0 && (double)image_a[4 * i] <= 3 * ISOTROPIC);
     }
 }
 
-/* Optical depths of 1e-8 each are not lost, though 1 - 1e-8 is 1 in a float. */
+/* Optical depths of 1e-8 are not lost, although 1 - 1e-8 is 1 in a float. */
 static void test_thin_sheets(void) {
     check_scene s;
     const double way[3] = {0, 0, -1}, tau = 2000 * 1e-8;
@@ -301,8 +300,8 @@ static double blob_depth(double extinction, double b, double z) {
     return peak * exp(-b * b / (2 * wide * wide)) * wide * sqrt(PI / 2) * erfc(z / (wide * sqrt(2.0)));
 }
 
-/* No ripple where the field is smooth; what the cut changes (0.2 % of the mass is moved inwards) and the section's
-   polynomial (2e-4) stay below RIPPLE. The near plane cuts the blob: erf. */
+/* No ripple in a smooth field; the effects of the cut (0.2 % of the mass is moved inwards) and of the section's
+   polynomial (2e-4) are below RIPPLE. The near plane cuts the blob: erf. */
 static void test_blob(void) {
     static const double cuts[4] = {-3, -0.4, 0, 0.3};
     for (int n = 0; n < 4; ++n)
@@ -326,7 +325,7 @@ static void test_blob(void) {
         }
 }
 
-/* Pixels of three voxels: footprints become half a pixel wide, and keep their integral. */
+/* Pixels of three voxels: footprints are widened to half a pixel, and keep their integral. */
 static void test_pixel_filter(void) {
     const double way[3] = {0.3, -0.2, -1}, wide = 0.5 * 0.5 + 0.15 * 0.15;
     check_scene s;
@@ -343,7 +342,7 @@ static void test_pixel_filter(void) {
     }
 }
 
-/* The share of a voxel that a ball of radius 1 about the origin fills, by 8^3 points. */
+/* The share of a voxel that a ball of radius 1 around the origin fills, by 8^3 points. */
 static double ball_share(const void *user, const double p[3]) {
     const double edge = *(const double *)user;
     int inside = 0;
@@ -358,10 +357,10 @@ static double ball_share(const void *user, const double p[3]) {
     return inside / 512.0;
 }
 
-/* A ball's chords, in perspective: 2 sqrt(1 - b^2) on a ray that passes the middle at distance b. Voxels and kernel
-   smooth that by s^2 = edge^2 (1/12 + 0.65^2) each way, which takes s^2 / 2 of the chord's Laplacian, and 2e-4 at most
-   of the fourth order up to b = 0.7. Points are good to half a point's distance at either end, where a face lies as
-   badly as it can: 2 / 16 of a voxel. */
+/* A ball's chords, in perspective: 2 sqrt(1 - b^2) on a ray that passes the centre at distance b. Voxels and kernel
+   smooth that by s^2 = edge^2 (1/12 + 0.65^2) along each axis, an error of s^2 / 2 of the chord's Laplacian, and at
+   most 2e-4 of the fourth order up to b = 0.7. Points are accurate to half their spacing at either end in the worst
+   case: 2 / 16 of a voxel. */
 static void test_ball_chords(void) {
     const double edge = 1.0 / 12, square = edge * edge * (1.0 / 12 + 0.65 * 0.65), pitch = 2 * tan(0.17) / 15;
     int seen = 0;
@@ -393,10 +392,10 @@ static void test_ball_chords(void) {
     CHECK(seen > 50);
 }
 
-/* Thin things do not flicker: the optical depth of all pixels together, times a pixel's area, is the medium's, wherever
-   between the pixels it lies. Footprints become Gaussians of half a pixel, whose sum over pixels one apart varies by 2
-   exp(-2 pi^2 / 4) = 1.44 % in x and in y, and cutting them at 2.5 / 0.65 widths is made up for but for its step at the
-   rim, 6e-4 of the peak on a lattice, less than 1e-3 of the whole. */
+/* Thin objects do not flicker: the total optical depth of all pixels, times a pixel's area, is that of the medium at
+   any position between pixels. Footprints become Gaussians of half a pixel, whose sum over pixels one apart varies by
+   2 exp(-2 pi^2 / 4) = 1.44 % in x and in y, and cutting them at 2.5 / 0.65 widths is compensated except for the step
+   at the rim, 6e-4 of the peak on a lattice, less than 1e-3 of the total. */
 static void test_thin_things_stay(void) {
     const double way[3] = {0.4, -0.3, -1}, depth = 0.02 * 0.02 * 0.02 * 50;
     for (int n = 0; n < 12; ++n) {
@@ -421,7 +420,7 @@ static void test_thin_things_stay(void) {
 
 /* ------------------------------------------------------------------------------------------- several media, sources */
 
-/* Two slabs, either one in front; the light comes from the eye's side or from behind. */
+/* Two slabs, in either order; the light comes from the eye's side or from behind. */
 static void test_two_slabs(void) {
     for (int way = 0; way < 4; ++way) {
         const double tau[2] = {0.6, 1.4}, albedo[2] = {0.9, 0.3}, eye[3] = {0, 0, -1};
@@ -496,7 +495,7 @@ static void test_background(void) {
     }
 }
 
-/* Light from everywhere, unshadowed: albedo * ambient * coverage. */
+/* Ambient light, unshadowed: albedo * ambient * coverage. */
 static void test_ambient(void) {
     const double way[3] = {0.4, 0.1, -1}, tau = 1.1 * sqrt(1.17);
     check_scene s;
@@ -514,9 +513,9 @@ static void test_ambient(void) {
     }
 }
 
-/* A point light before a thin slab: phase * intensity * integral of extinction / distance^2. The smooth faces of the
-   slab change that by the second moment of the kernel, (0.065 / 2)^2 / 2 * 6 < 0.4 %, taken at a middle of a sheet of
-   0.025 it errs by far less; the medium's own depth of 1e-3 dims by that at most. */
+/* A point light in front of a thin slab: phase * intensity * integral of extinction / distance^2. The smooth faces of
+   the slab change that by the second moment of the kernel, (0.065 / 2)^2 / 2 * 6 < 0.4 %; sampling it in the middle of
+   a sheet of 0.025 has a much smaller error; the medium's own depth of 1e-3 dims by at most that. */
 static void test_point_light(void) {
     check_scene s;
     sps_volume *slab;
@@ -534,11 +533,11 @@ static void test_point_light(void) {
     }
 }
 
-/* A light at the very centre of a voxel: refused with shadows, finite without. Along a ray at the distance q the
-   integral of 1 / r^2 is at most pi / q, of which the slab's own half a unit takes 2 atan(0.25 / q) / q or more; q is
-   no less than 0.28364 pixels (>>shading). Kernels reach 4.5 voxels to either side, so that of 1, 3 or 9 sheets one has
-   its middle on the light itself. A single sheet takes the slab as spread over all of its 0.9, which leaves 0.5 / 0.9
-   of the least at most; 0.9 is for the slab's rim, 5 % lower within 1.6 kernel widths of its side, and the tilt. */
+/* A light exactly at the centre of a voxel: refused with shadows, finite without. Along a ray at the distance q the
+   integral of 1 / r^2 is at most pi / q, of which the slab's own half unit accounts for at least 2 atan(0.25 / q) / q;
+   q is at least 0.28364 pixels (>>shading). Kernels reach 4.5 voxels to either side, so that of 1, 3 or 9 sheets one
+   has its middle at the light. A single sheet spreads the slab over all of its 0.9, which leaves at most 0.5 / 0.9 of
+   the minimum; 0.9 is for the slab's rim, 5 % lower within 1.6 kernel widths of its side, and the tilt. */
 static void test_light_inside(void) {
     static const double slabs[3] = {9, 3, 1};
     for (int n = 0; n < 6; ++n) {
@@ -579,7 +578,7 @@ static double two_blobs(const void *user, const double p[3]) {
 
 static check_field blobs_field;
 
-/* 24^3 voxels over (-1,-1,-1)..(1,1,1): nothing is symmetric, and all is smooth. */
+/* 24^3 voxels over (-1,-1,-1)..(1,1,1): smooth, without symmetry. */
 static sps_volume *add_blobs(check_scene *s, double extinction) {
     sps_volume *volume = check_add_volume(s, 24, 24, 24, check_box(-1, -1, -1, 1, 1, 1));
     blobs_field.value_fn = two_blobs;
@@ -591,8 +590,8 @@ static sps_volume *add_blobs(check_scene *s, double extinction) {
     return volume;
 }
 
-/* Gives the blobs' values by index, as they are with their box where add_blobs puts it, so that they stay in their
-   voxels when the box moves or turns. */
+/* Returns the blobs' values by index, as in the box of add_blobs, so that they stay in their voxels when the box moves
+   or rotates. */
 static void hold_blobs(check_scene *s) {
     static float values[24 * 24 * 24];
     static check_array array;
@@ -617,7 +616,7 @@ static void lively(check_scene *s, int width, int height) {
     check_add_directional(s, 1, -0.8, -0.5, 3);
 }
 
-/* Each light by itself adds up to all of them: shadowing ones take sweeps of their own. */
+/* Separate pictures of each light add up to that of all: shadowing ones have sweeps of their own. */
 static void test_lights_add(void) {
     static float sum[4 * 32 * 24];
     double most;
@@ -636,14 +635,14 @@ static void test_lights_add(void) {
         if (!check_render(context, &s, image_b)) return;
         for (size_t k = 0; k < sizeof sum / sizeof *sum; ++k) sum[k] = k % 4 == 3 ? image_b[k] : sum[k] + image_b[k];
     }
-    /* The last light has no shadow, so its sheets are square to the eye alone when it is by itself: its own error in
-       slab thickness, the coverage's included, differs by second order; 1e-3 of the brightest pixel here, as
-       test_convergence shows for slabs of a voxel. */
+    /* The last light has no shadow, so by itself its sheets are perpendicular to the view: its error in slab thickness,
+       including coverage, differs by second order; 1e-3 of the brightest pixel here, as test_convergence shows for
+       slabs of a voxel. */
     CHECK_NEAR(check_largest(image_a, sum, sizeof sum / sizeof *sum), 0, 1e-3 * most);
     CHECK(most > 0.1);
 }
 
-/* Two volumes in one place are one with the sum of their densities; colors mix by extinction. */
+/* Two volumes in one place equal one with the sum of their densities; colors mix by extinction. */
 static void test_overlapping_volumes(void) {
     check_scene s;
     lively(&s, 32, 24);
@@ -655,8 +654,8 @@ static void test_overlapping_volumes(void) {
     CHECK_NEAR(check_largest(image_a, image_b, 4 * 32 * 24), 0, 1e-5); /* sums in another order, values up to 1 */
 }
 
-/* A grid of equal values, read or evaluated, is the same bits. The evaluated one gets a context of its own, with memory
-   that holds no values but its own: what is not asked for would be found wrong. */
+/* A grid of equal values has the same bits, read or evaluated. The evaluated one has its own context, whose memory has
+   no other values: values that are not evaluated would be wrong. */
 static void test_constant_is_procedural(void) {
     const slab_case c = {1.7, 0.8, 25, 40, 20, 7};
     check_hooks hooks;
@@ -726,9 +725,10 @@ static void test_placements(void) {
     check_placed_slab("turned and mirrored", cubes, &p);
 }
 
-/* Turning everything, camera and lights included, leaves the image as it was but for rounding and for how the light's
-   texels lie, whose size is a quarter of a voxel: (1/4)^2 / 8 of the second difference of optical depth along the
-   light, which is at most 4 * 1.2 * 2 * 9 per unit^2 or 0.6 per voxel^2, so 0.005 of a lit sample, 0.002 of a pixel. */
+/* Rotating everything, including camera and lights, does not change the image except for round-off and for the
+   positions of the light's texels, whose size is a quarter of a voxel: (1/4)^2 / 8 of the second difference of optical
+   depth along the light, which is at most 4 * 1.2 * 2 * 9 per unit^2 or 0.6 per voxel^2, so 0.005 of a lit sample,
+   0.002 of a pixel. */
 static void test_turned_scene(void) {
     static const double turn[3][3] = {{0.36, 0.48, -0.8}, {-0.8, 0.6, 0}, {0.48, 0.64, 0.6}};
     check_scene s;
@@ -753,8 +753,8 @@ static void test_turned_scene(void) {
 
 /* ---------------------------------------------------------------------------------------------------------- cameras */
 
-/* Rays of a camera far away part by 1e-4 radians at most: points move by 1e-4 * 2 units, or 2.4e-3 voxels, and the
-   image by that times its steepest change per voxel, a third of its largest value here. */
+/* Rays of a distant camera diverge by at most 1e-4 radians: points move by 1e-4 * 2 units, or 2.4e-3 voxels, and the
+   image changes by that times its steepest change per voxel, a third of its maximum here. */
 static void test_orthographic_limit(void) {
     check_scene s;
     double most;
@@ -809,7 +809,7 @@ static void lively_aslant(check_scene *s) {
     check_set3(s->view.camera.target, 0.1, 0, -0.1);
 }
 
-/* Both ways lead to the same rays in double precision; images differ by rounding of floats. */
+/* Both kinds of camera have the same rays in double precision; images differ by float round-off. */
 static void test_engine_matrices(void) {
     for (int style = 0; style < 5; ++style) {
         check_scene s;
@@ -837,7 +837,7 @@ static void test_engine_matrices(void) {
     }
 }
 
-/* An orthographic matrix whose depth falls away from the viewer sees the same rays from their other ends. */
+/* An orthographic matrix whose depth decreases away from the viewer sees the same rays from their other ends. */
 static void test_reversed_orthographic_matrix(void) {
     check_scene s;
     double matrix[16];
@@ -869,8 +869,8 @@ static double phase_exact(const sps_lobe *lobes, int count, double cosine) {
 }
 
 /* The implementation's own function, integrated over the sphere by 20000 midpoints in the angle, 60 of them in the peak
-   of the sharpest lobe (width 0.01): good to 1e-5. Floats round 1 + g^2 - 2 g c, which is (1 - g)^2 at least, by 2e-7.
- */
+   of the sharpest lobe (width 0.01): accurate to 1e-5. Floats round 1 + g^2 - 2 g c, which is at least (1 - g)^2, by
+   2e-7. */
 static void test_phase_integral(void) {
     static const float asymmetries[6] = {0, 0.3f, -0.6f, 0.9f, -0.95f, 0.99f};
     for (int k = 0; k < 6; ++k) {
@@ -898,8 +898,9 @@ static void test_phase_integral(void) {
     }
 }
 
-/* What a thin slab sends at an angle is the phase function there (light that travels as the eye's rays do comes back,
-   cosine -1): eye and light are turned, the slab is square to neither; 10 voxels of 1e-4 optical depth in all. */
+/* The radiance of a thin slab at an angle is the phase function there (light that travels along the eye's rays comes
+   back, cosine -1): eye and light are rotated, the slab is perpendicular to neither; 10 voxels with a total optical
+   depth of 1e-4. */
 static void test_phase_rendered(void) {
     static const sps_lobe lobes[2] = {{0.7f, 3}, {-0.4f, 1}};
     for (int angle = 0; angle <= 180; angle += 12) {
@@ -947,8 +948,8 @@ static void test_reciprocity(void) {
 
 /* ----------------------------------------------------------------------------------------------- both orders, error */
 
-/* Where eye and light are square to each other, slabs turn by a right angle from one order to the other. What jumps is
-   the method's own error, so the jump is below the sum of both errors; and it shrinks with them. */
+/* Where view and light are perpendicular, slabs turn by a right angle from one compositing order to the other. The jump
+   is due to the method's own error, so it is below the sum of both errors; and it shrinks with them. */
 static void test_orders_agree(void) {
     double jump[2];
     for (int fine = 0; fine < 2; ++fine) {
@@ -972,13 +973,13 @@ static void test_orders_agree(void) {
     CHECK(jump[1] < 0.5 * jump[0]);
 }
 
-/* What the method leaves besides thickness: the cut takes 0.0045 of the kernel's variance of 0.42 square voxels, which
-   on blobs 2.1 to 2.8 voxels wide is 0.0019 / width^2, at most 4e-4 of the optical depth; radiance follows with 0.7 of
-   that. The sections' polynomial (2e-4, of both signs) evens out over the voxels of a ray. */
+/* Errors apart from slab thickness: the cut removes 0.0045 of the kernel's variance of 0.42 square voxels, which on
+   blobs 2.1 to 2.8 voxels wide is 0.0019 / width^2, at most 4e-4 of the optical depth; radiance changes by 0.7 of that.
+   The sections' polynomial (2e-4, of both signs) averages out over the voxels of a ray. */
 #define KERNEL_FLOOR 3e-4
 
-/* The order p for which (coarse^p - finest^p) / (fine^p - finest^p) is `ratio`: how errors against the finest slabs
-   fall where errors against the truth go by thickness^p. */
+/* The order p for which (coarse^p - finest^p) / (fine^p - finest^p) is `ratio`: errors against the finest slabs if true
+   errors are proportional to thickness^p. */
 static double order_of(double ratio, double coarse, double fine, double finest) {
     double low = 0, high = 8;
     for (int i = 0; i < 40; ++i) {
@@ -1027,8 +1028,8 @@ static void middle(check_scene *s) {
     s->view.region[3] = 11;
 }
 
-/* A smooth field, three texels a voxel. The reference's step of half a voxel is right to 1e-5: midpoints of
-   Gaussians more than 2 voxels wide err by exp(-2 (pi 2 / 0.5)^2), and a step of 0.15 gives the same figures. */
+/* A smooth field, three texels per voxel. The reference's step of half a voxel is right to 1e-5: the midpoint rule on
+   Gaussians more than 2 voxels wide has an error of exp(-2 (pi 2 / 0.5)^2), and a step of 0.15 has the same figures. */
 static void test_convergence(void) {
     for (int back = 0; back < 2; ++back) {
         check_scene s;
@@ -1066,7 +1067,7 @@ static void classified(check_scene *s, sps_transfer *transfer, sps_shading shadi
     s->view.shadow_size = 120;
 }
 
-/* As a gas: the mean value of a sheet is classified, second order for a smooth transfer function. */
+/* As a gas: the mean value of a sheet is classified; second order for a smooth transfer function. */
 static void test_transfer_gas(void) {
     check_scene s;
     sps_transfer transfer;
@@ -1075,9 +1076,10 @@ static void test_transfer_gas(void) {
     check_orders("classified, as a gas", &s, MIDDLE, 1.8);
 }
 
-/* As a surface: slopes are differences over two pixels and two sheets. Over a quarter of a voxel to each side they err
-   by (1/4)^2 / 6 * 3 / 2.1^2 = 0.7 % of the slope; half of the brightest light follows the slope, the mean pixel has a
-   third of that. So pixels a fifth as wide, and the reference's rays are the middle ones of every five by five. */
+/* As a surface: slopes are differences over two pixels and two sheets. Over a quarter of a voxel to each side their
+   error is (1/4)^2 / 6 * 3 / 2.1^2 = 0.7 % of the slope; half of the brightest light follows the slope, the mean pixel
+   has a third of that. So pixels are a fifth as wide, and the reference's rays are the middle ones of every five by
+   five. */
 static void test_transfer_surface(void) {
     static float fine[4 * 25 * MIDDLE];
     check_scene s;
@@ -1095,14 +1097,14 @@ static void test_transfer_surface(void) {
     error = check_rms(image_a, image_c, 4 * MIDDLE) / most;
     printf("classified, as a surface: error %.2e\n", error);
     CHECK_NEAR(error, 0, KERNEL_FLOOR + 0.007 / 6);
-    classified(&s, &transfer, SPS_SHADING_GAS); /* and it is not what a gas looks like */
+    classified(&s, &transfer, SPS_SHADING_GAS); /* and it differs from a gas */
     if (!check_march(context, &s, 1, fine, NULL)) return;
     CHECK(check_rms(fine, image_c, 4 * MIDDLE) / most > 10 * (KERNEL_FLOOR + 0.007 / 6));
 }
 
 /* -------------------------------------------------------------------------------------- against the reference alone */
 
-/* A camera within the gas looks along and sideways. */
+/* A camera inside the gas, without and with a near plane. */
 static void test_camera_inside(void) {
     check_scene s;
     lively(&s, 16, 12);
@@ -1121,8 +1123,8 @@ static void test_camera_inside(void) {
     CHECK(check_rms(image_a, image_b, 4 * 192) > 0.02);
 }
 
-/* Random voxels in odd numbers: whatever is flipped, swapped or off by half a voxel shows. Sharp features take thin
-   slabs; errors are those of the cut kernel, which on single voxels shows as it does in a constant grid's ripple. */
+/* Random voxels in odd numbers: anything flipped, swapped or off by half a voxel shows. Sharp features need thin slabs;
+   errors are those of the cut kernel, which on single voxels are as large as a constant grid's ripple. */
 static void test_alignment(void) {
     static float values[7 * 9 * 5];
     check_random random = {12345};
@@ -1160,9 +1162,9 @@ static void test_alignment(void) {
 
 /* ------------------------------------------------------------------------------------------------------------ depth */
 
-/* Mean distance of what is seen of a uniform slab: near face + 1 / extinction - length exp(-tau) / (1 - exp(-tau)).
-   The kernel blurs both faces (second moment 0.065^2 / 2 times extinction) and a sheet's middle stands for its mean
-   (thickness^2 / 12 times extinction). */
+/* Mean distance of a uniform slab: near face + 1 / extinction - length exp(-tau) / (1 - exp(-tau)). The kernel blurs
+   both faces (second moment 0.065^2 / 2 times extinction), and a sheet's middle is used for its mean (thickness^2 / 12
+   times extinction). */
 static void test_depth(void) {
     for (int tilt = 0; tilt < 2; ++tilt) {
         const double angle = 0.6 * tilt, way[3] = {sin(angle), 0, -cos(angle)}, sigma = 2.5, length = 0.6 / cos(angle);
@@ -1187,8 +1189,9 @@ static void test_depth(void) {
 
 /* ------------------------------------------------------------------------------------------------------- invariance */
 
-/* Lengths times k, extinction and emission by it, intensity by its square: no pixel changes but for rounding, which is
-   1e-7 of a coordinate of some 100 sheets or pixels, and steep places make that 1e-5 of the image at most. */
+/* Lengths multiplied by k, extinction and emission divided by it, intensity multiplied by its square: no pixel changes
+   except for round-off, which is 1e-7 of a coordinate of some 100 sheets or pixels, and at steep places at most 1e-5 of
+   the image. */
 static void test_scaled_and_moved(void) {
     static const double scales[3] = {1e3, 1e-3, 1}, moves[3] = {0, 0, 1e6};
     for (int n = 0; n < 3; ++n) {
@@ -1234,8 +1237,8 @@ static void test_mirrored(void) {
                1e-4 * largest_of(image_a, 4 * 320)); /* rounding, as above */
 }
 
-/* What scatters nothing sends nothing, to the bit: a gas without albedo, and one with none in red and blue, for which
-   the passes that scatter do run. */
+/* Without scattering there is exactly no radiance: a gas without albedo, and one with none in red and blue, for which
+   the scattering passes do run. */
 static void test_albedo_zero_is_black(void) {
     for (int green = 0; green < 2; ++green) {
         check_scene s;
@@ -1254,7 +1257,7 @@ static void test_albedo_zero_is_black(void) {
     }
 }
 
-/* More of an absorber: no pixel gets brighter, whatever the light, and alpha never falls. */
+/* More of an absorber: no pixel gets brighter in any light, and alpha never decreases. */
 static void test_absorber_never_brightens(void) {
     check_random random = {99};
     for (int n = 0; n < 2; ++n) {

@@ -1,6 +1,6 @@
-/* Rays through corners and edges of triangles, and those that pass close by. How often a ray meets a net of triangles
-   is counted, which has no tolerance: once where the net faces the ray everywhere, whatever the compiler makes of
-   products and sums. So this runs in configurations that contract them in different ways. */
+/* Rays through corners and edges of triangles, and rays that pass close by. The number of times that a ray meets a net
+   of triangles has no tolerance: once if the net faces the ray everywhere, however the compiler contracts products and
+   sums. So this runs in configurations that contract them in different ways. */
 
 #include "check.h"
 
@@ -9,7 +9,7 @@ static check_triangles net;
 static sps_context *context;
 static float image[SIDE * SIDE * 4];
 
-/* Sign of a product that no double holds: (n + 1)(n - 1) is 1 less than n n. */
+/* The sign of a difference of products that doubles cannot represent: (n + 1)(n - 1) is 1 less than n n. */
 static void test_signs(void) {
     check_random random = {3};
     for (int i = 0; i < 1000; ++i) {
@@ -29,7 +29,7 @@ static void add_face(spsi_face *face, const double a[3], const double b[3], cons
     memcpy(face->position[2], c, sizeof face->position[2]);
 }
 
-/* How often the ray of a pixel meets faces before the eye. Those it meets must have it in their boxes, too. */
+/* The number of faces in front of the eye that the ray of a pixel meets. Their boxes must contain the pixel, too. */
 static int count_hits(const spsi_rays *rays, const spsi_face *list, int count, int x, int y) {
     spsi_faces faces;
     int hits = 0;
@@ -68,8 +68,9 @@ static spsi_rays look(const double eye[3], const double at[3], double field_of_v
     return rays;
 }
 
-/* Fans about a corner at which the camera is aimed, up to rounding. Corners of the rim go round it, before and behind
-   the eye, and edges of each triangle have any order. One ray passes as near as rounding lets it, others all about. */
+/* Fans around a corner at which the camera is aimed, up to round-off. Corners of the rim surround it, in front of and
+   behind the eye, and edges of each triangle have any order. One ray passes as near as round-off permits, others all
+   around. */
 static void test_fans(void) {
     check_random random = {5};
     int missed = 0, twice = 0;
@@ -106,8 +107,8 @@ static void test_fans(void) {
     if (!CHECK(missed == 0) || !CHECK(twice == 0)) printf("    missed %d, met twice %d\n", missed, twice);
 }
 
-/* Rays that go exactly through corners and along edges, without any rounding: a ground of whole-numbered corners, below
-   the eye and on both sides of its plane. The ray of pixel (x, y) meets it 16 / y ahead, a whole number for some. */
+/* Rays exactly through corners and along edges, without round-off: a ground of whole-numbered corners, below the eye
+   and on both sides of its plane. The ray of pixel (x, y) meets it 16 / y ahead, a whole number for some. */
 static void test_ground_of_whole_numbers(void) {
     static spsi_face list[2 * 40 * 48];
     spsi_rays rays;
@@ -162,8 +163,8 @@ static void test_squares_on_pixels(void) {
         }
 }
 
-/* Triangles of all sizes, some of which reach behind the eye, or are seen edge-on: the answer with the corners in any
-   order, and the pixels that boxes and spans hold, are the same; the plane is met where long doubles say. */
+/* Triangles of all sizes, some of which reach behind the eye, or are seen edge-on: the result with the corners in any
+   order, and the pixels of boxes and spans, are the same; the plane is met where long doubles say. */
 static void test_any_triangle(void) {
     static const double origin[3] = {0, 0, 0}, ahead[3] = {0, 0, -1};
     const spsi_rays rays = look(origin, ahead, 1, 0);
@@ -203,8 +204,8 @@ static void test_any_triangle(void) {
     CHECK(hits > 500);
 }
 
-/* Triangles in the plane of a row of pixels, seen edge-on but for rounding, with corners near and far: whether a ray
-   meets them is what all three exact signs say, even where it meets them at no one place. */
+/* Triangles in the plane of a row of pixels, seen edge-on except for round-off, with corners near and far: whether a
+   ray meets them is decided by all three exact signs, even if there is no single point of intersection. */
 static void test_edge_on(void) {
     static const double origin[3] = {0.1, 0.2, 0.3}, ahead[3] = {0.4, -0.3, -1};
     const spsi_rays rays = look(origin, ahead, 1, 0);
@@ -212,7 +213,7 @@ static void test_edge_on(void) {
     int hits = 0;
     for (int n = 0; n < 20000; ++n) {
         const int y = (int)(SIDE * check_next(&random));
-        const double off = pow(10, -9 - n % 8); /* a row is about 32, of which rounding takes 4e-15 */
+        const double off = pow(10, -9 - n % 8); /* a row is about 32, with a round-off of 4e-15 */
         double p[3][3];
         spsi_face face;
         spsi_faces faces;
@@ -236,7 +237,7 @@ static void test_edge_on(void) {
     CHECK(hits > 100);
 }
 
-/* A triangle as a face, and what it may take of the screen. */
+/* A triangle as a face, and its bounds on screen. */
 static void box_of(const double p[3][3], const spsi_rays *rays, spsi_face *face, int box[4]) {
     spsi_faces faces;
     add_face(face, p[0], p[1], p[2]);
@@ -245,7 +246,7 @@ static void box_of(const double p[3][3], const spsi_rays *rays, spsi_face *face,
     spsi_face_box(&faces, 0, rays, box);
 }
 
-/* What a triangle that reaches behind the eye may take of the screen. */
+/* Screen bounds of a triangle that reaches behind the eye. */
 static void test_boxes_behind(void) {
     static const double origin[3] = {0, 0, 0}, ahead[3] = {0, 0, -1};
     const spsi_rays rays = look(origin, ahead, 1, 0);
@@ -290,7 +291,7 @@ static void add_squares(void) {
         }
 }
 
-/* Whole pictures, and maps that count triangles, from places that look at a corner. */
+/* Whole pictures, and maps that count triangles, from positions aimed at a corner. */
 static void test_pictures_and_maps(void) {
     check_random random = {1};
     int holes = 0, wrong = 0;
@@ -321,8 +322,8 @@ static void test_pictures_and_maps(void) {
     if (!CHECK(holes == 0) || !CHECK(wrong == 0)) printf("    %d holes, %d texels\n", holes, wrong);
 }
 
-/* From within a closed body, in all directions, towards its corners and the middles of its edges: nothing shines in.
-   The body has 8 faces about any point, and is turned at will: its corners have been rounded, as floats and by turning.
+/* From inside a closed body, in all directions, towards its corners and the middles of its edges: no light leaks in.
+   The body has 8 faces around any point, in any orientation: its corners have been rounded, as floats and by rotation.
  */
 static void test_closed_body(void) {
     check_random random = {2};

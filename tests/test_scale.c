@@ -447,7 +447,8 @@ static double rim_extinction(double value) {
    the error, in the middle of an outer part, of a parabola with the means of three slabs. Extinctions in the profile
    may be those of any value within that. Parts are a tenth of a voxel: where extinction bends, the middle of one is off
    by an eighth of its square times the change of slope: 53 per value at 0.2 and 0.35, 80 at 0.6 and 0.7, where values
-   change by 0.43, 0.57, 0.59 and 0.54 per voxel. Upward bends subtract, downward bends add: at most 78 in either face. */
+   change by 0.43, 0.57, 0.59 and 0.54 per voxel. Upward bends subtract, downward bends add: at most 78 in either face.
+ */
 static double rims_of_box(double *room) {
     const double step = 0.001;
     double exact = 0;

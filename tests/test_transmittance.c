@@ -1,6 +1,6 @@
-/* What each technique keeps of one ray, against exact optical depth of analytic columns: sums of stretches in double
-   precision, written here anew. CHECK_TABLE=1 in the environment prints how far off each technique is on each column.
- */
+/* The result of each technique for one ray, against the exact optical depth of analytic columns: sums of stretches in
+   double precision, implemented independently here. CHECK_TABLE=1 in the environment prints the error of each technique
+   for each column. */
 
 #include "check.h"
 
@@ -78,8 +78,7 @@ static void columns_fill(void) {
 /* The share of a whole soft chord in its first s. */
 static double chord_share(double s) { return s * s * (3 - 2 * s); }
 
-/* Of a soft one that the light is in, only the last part is there: s from 1 - soft on. At u = 1 all of it lies before.
- */
+/* If the light is inside a soft one, only its last part counts: s from 1 - soft on. At u = 1 all of it lies before. */
 static double exact_share(const spsi_stretch *s, double u) {
     const double u0 = (double)s->u0, u1 = (double)s->u1, t = u1 > u0 ? (u - u0) / (u1 - u0) : u >= u0;
     const double first = 1 - (double)s->soft;
@@ -95,7 +94,7 @@ static double exact_depth(const column *c, double u) {
     return fmin(sum, 1e15);
 }
 
-/* Between nodes, straight; the later one's where two share one u. */
+/* Linear between nodes; the later one if two share one u. */
 static double curve_at(const spsi_node *nodes, int count, double u) {
     int i = 0;
     while (i < count && (double)nodes[i].u <= u) ++i;
@@ -126,7 +125,7 @@ static int curve_build_of(const column *c, int pieces) {
     return count;
 }
 
-/* As aligned as what is made in it. */
+/* Aligned for the types placed in it. */
 static double fit_memory[(SPSI_CURVE_NODES(MOST, SPSI_SOFT_PIECES) + 200) * 12];
 static char *const fit_scratch = (char *)fit_memory;
 
@@ -140,7 +139,7 @@ static sps_tmap_settings settings_of(sps_tmap_technique technique, int component
     return settings;
 }
 
-/* Sums of one lane in another's company: neighbours get other stretches, or none. Component k of a lane is at
+/* Sums of one lane beside others: neighbours get other stretches, or none. Component k of a lane is at
    sums[k * STRIDE + lane]. */
 static void sums_clear(const sps_tmap_settings *settings, float *sums) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
@@ -183,7 +182,7 @@ static void build(const sps_tmap_settings *settings, const column *c, float *tex
         const spsi_stretches v = spread(&c->list[i], lane);
         technique->insert(settings, sums, STRIDE, &v);
     }
-    for (int k = 0; k < settings->components; ++k) /* nothing beside the vector */
+    for (int k = 0; k < settings->components; ++k) /* nothing written beside the vector */
         for (int i = SPSI_LANES; i < STRIDE; ++i) untouched &= !(sums[k * STRIDE + i] < 0 || sums[k * STRIDE + i] > 0);
     CHECK(untouched);
     pick(settings, sums, lane, texel);
@@ -207,7 +206,7 @@ static void test_turn(void) {
         worst = fmax(worst, fmax(fabs((double)c[0] - cos(angle)), fabs((double)s[0] - sin(angle))));
         if (fabs((double)u) < 0.25 && u < 0) worst_sine = fmax(worst_sine, fabs((double)s[0] / sin(angle) - 1));
     }
-    /* polynomials good to 6e-9, and three roundings of half a unit each near 1 */
+    /* polynomials accurate to 6e-9, and three roundings of half a unit each near 1 */
     if (!CHECK(worst <= 2e-7)) printf("    turn is off by %g\n", worst);
     if (!CHECK(worst_sine <= 2e-7)) printf("    its sine by %g of itself\n", worst_sine);
 }
@@ -219,7 +218,7 @@ static void test_before(void) {
     CHECK_NEAR((double)spsi_stretch_before(&even, 0.75f), 1, 0);
     CHECK_NEAR((double)spsi_stretch_before(&sheet, 0.5f), 1, 0);
     CHECK_NEAR((double)spsi_stretch_before(&sheet, 0.49999997f), 0, 0);
-    for (int n = 0; n < 4000; ++n) { /* and the vector's; whole and cut, with ends without 0..1 and within */
+    for (int n = 0; n < 4000; ++n) { /* and the vector's; whole and cut, with ends outside and inside 0..1 */
         const float soft_one = n % 4 == 3 ? (float)(0.25 + 0.75 * check_next(&numbers)) : (float)(n % 2);
         const float u0 = (float)between(n % 3 ? 0 : -1, 1);
         const float u1 = u0 + (n % 5 ? (float)check_next(&numbers) * ((n % 11 ? 1 : 2) - u0) : 0);
@@ -229,8 +228,9 @@ static void test_before(void) {
         float share[SPSI_LANES];
         v.u0 = spsi_set(u0), v.u1 = spsi_set(u1), v.depth = spsi_set(1), v.soft = soft_one;
         spsi_store(share, spsi_stretches_before(&v, spsi_set(u)));
-        /* two roundings of the place s, then the share, whose slope in s is 1.5 at most, 2 in what is left of a chord,
-           and which is put together from numbers up to 6 with six roundings, divided by 1 or, of a part, up to 2.5 */
+        /* two roundings of the position s, then the share, whose slope in s is at most 1.5, or 2 in the rest of a
+           chord, and which is computed from numbers up to 6 with six roundings, divided by 1 or, for a part, up to 2.5
+         */
         if (u < 1)
             CHECK_NEAR((double)share[0], exact_share(&s, (double)u),
                        (soft_one > 0 && soft_one < 1 ? 24 : 8) * half_ulp);
@@ -262,7 +262,7 @@ static void test_sort(void) {
         }
         CHECK(good);
         CHECK_NEAR(sum_sorted, sum, 0);
-        CHECK(memcmp(list, other, count * sizeof *list) == 0); /* whatever order it came in */
+        CHECK(memcmp(list, other, count * sizeof *list) == 0); /* in any order of insertion */
     }
 }
 
@@ -281,8 +281,8 @@ static void test_deep(void) {
     }
 }
 
-/* What a curve may be off: a chord over a piece of s s (3 - 2 s), whose second derivative is 6 at most; a piece is 1/8
-   and, its ends being floats, a unit of u more. */
+/* Tolerance of a curve: the error of a chord over a piece of s s (3 - 2 s), whose second derivative is at most 6; a
+   piece is 1/8 and, as its ends are floats, a unit of u more. */
 static double soft_error(const column *c) {
     double sum = 0;
     for (int i = 0; i < c->count; ++i) {
@@ -315,9 +315,9 @@ static void test_curve(void) {
     }
 }
 
-/* What is cut by 0, by 1 or by the light is a curve exact at its ends, planes hold its shares as they are, and a Beer
-   map's range ends where the light's does. A share is off by 24 half units at most (test_before), a sum by as many more
-   as it has stretches. */
+/* Stretches cut by 0, by 1 or by the light make a curve that is exact at its ends, planes have their shares exactly,
+   and a Beer map's range ends where the stretch does. A share is off by at most 24 half units (test_before), a sum by
+   one more for each stretch. */
 static void test_cut(void) {
     for (int n = 0; n < 200; ++n) {
         const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7), beer = settings_of(SPS_TMAP_BEER, 3);
@@ -341,14 +341,13 @@ static void test_cut(void) {
         for (int i = 0; i <= 20; ++i) {
             const double exact = exact_depth(&c, i / 20.0), made = curve_at(curve, count, i / 20.0);
             double slack = 40 * half_ulp * whole;
-            for (int k = 0; k < c.count;
-                 ++k) { /* 8 even pieces; or 7 in the part of a deep one that light gets to see */
+            for (int k = 0; k < c.count; ++k) { /* 8 even pieces; or 7 in the part of a deep one that light reaches */
                 const double soft_depth = (double)c.list[k].depth;
                 const double piece = soft_depth > 8 ? sqrt(8 / soft_depth) / 7 : 1.0 / 8;
                 slack += c.list[k].soft > 0 ? 6.0 / 8 * piece * piece * soft_depth : 0;
             }
-            /* what is left behind that part, 1 - s of the chord, is one piece: 6 / 8 (1 - s)^2 d exp(-d s^2 (3 - 2 s))
-               with s^2 = 8 / d is 5e-6 at most, at d = 12 */
+            /* the rest behind that part, 1 - s of the chord, is one piece: 6 / 8 (1 - s)^2 d exp(-d s^2 (3 - 2 s)) with
+               s^2 = 8 / d is at most 5e-6, at d = 12 */
             CHECK_NEAR(exp(-made), exp(-exact), slack * exp(-fmin(made, exact)) + 5e-6);
         }
         CHECK_NEAR((double)curve[count - 1].value, whole, 40 * half_ulp * whole);
@@ -363,15 +362,16 @@ static void test_cut(void) {
     }
 }
 
-/* Where nothing overlaps, nodes are at the ends of soft pieces, and exact there. */
+/* Without overlaps, nodes are at the ends of soft pieces, and exact there. */
 static void test_curve_soft(void) {
     const int count = curve_build(&columns[8]);
     CHECK(count == 9);
-    for (int i = 0; i < count; ++i) /* its share, the sum of so many pieces, and its own rounding */
+    for (int i = 0; i < count; ++i) /* its share, the sum of that many pieces, and its own rounding */
         CHECK_NEAR((double)curve[i].value, exact_depth(&columns[8], (double)curve[i].u), 1.2 * 12 * half_ulp);
 }
 
-/* Two slabs one within the other, 1e12 times as dense for a length of 1e-12: what the slope loses must not be lost. */
+/* Two slabs, one inside the other, 1e12 times as dense over a length of 1e-12: the round-off of the slope must not be
+   lost. */
 static void test_curve_contrast(void) {
     column c;
     int count;
@@ -384,7 +384,7 @@ static void test_curve_contrast(void) {
     CHECK_NEAR(curve_at(curve, count, 0.5), 2.5, 6 * half_ulp);
 }
 
-/* Sheets that share one u, where a slab ends and another begins, make one jump; gas of no depth makes nothing. */
+/* Sheets that share one u, where a slab ends and another begins, make one jump; gas of depth 0 makes no nodes. */
 static void test_curve_merging(void) {
     column c;
     c.count = 0;
@@ -398,7 +398,7 @@ static void test_curve_merging(void) {
     CHECK(!(curve[1].u < curve[2].u) && curve[2].u < curve[3].u);
 }
 
-/* Optical depth at u on the straight line between two nodes. */
+/* Optical depth at u, linear between two nodes. */
 static double depth_on(const spsi_node ends[2], float u) {
     const double length = (double)ends[1].u - (double)ends[0].u, share = ((double)u - (double)ends[0].u) / length;
     return (double)ends[0].value + ((double)ends[1].value - (double)ends[0].value) * share;
@@ -436,7 +436,7 @@ static void test_cuts(void) {
 
 static spsi_node compressed[2 * (SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST)) + 9000];
 
-/* |T - T'| at u, and the T that it is off from. */
+/* |T - T'| at u, and the exact T. */
 static double compressed_error(int nodes, int count, float u) {
     const double depth = (double)spsi_compressed_depth(compressed, (uint32_t)nodes, u);
     return fabs(exp(-depth) - exp(-curve_at(curve, count, (double)u)));
@@ -457,7 +457,7 @@ static void check_compressed(const column *c, float epsilon) {
         const float u = (float)i / (4 * SAMPLES);
         const double through = exp(-(double)spsi_compressed_depth(compressed, (uint32_t)nodes, u));
         worst = fmax(worst, compressed_error(nodes, count, u));
-        /* of the column itself, what soft pieces may be off besides; T falls no faster than depth rises */
+        /* for the column itself, the error of soft pieces is added; T falls no faster than depth rises */
         good &= fabs(through - exp(-exact_depth(c, (double)u))) <= (double)epsilon + soft_error(c) + 1e-6;
     }
     if (!CHECK(good)) printf("    %s: more off from the column than from its curve\n", c->name);
@@ -469,7 +469,7 @@ static void check_compressed(const column *c, float epsilon) {
         for (int k = 1; k < 8; ++k)
             worst = fmax(worst, compressed_error(nodes, count, curve[i].u + (next - curve[i].u) * (float)k / 8));
     }
-    /* the answer's own rounding: t e^-t half a unit, e^-1 at most */
+    /* the result's own rounding: t e^-t half a unit, at most e^-1 */
     if (!CHECK(worst <= (double)epsilon + 0.37 * half_ulp))
         printf("    %s: %g off, %g asked for\n", c->name, worst, (double)epsilon);
 }
@@ -490,8 +490,8 @@ static void test_compressed(void) {
     }
 }
 
-/* Soft stretches too keep epsilon, where they are cut into as many pieces as that takes and a quarter of it is set
-   aside for them; deep ones as well, whose light is gone after a small part of them. 1e-6 is for rounding. */
+/* Soft stretches keep epsilon, too, as they are cut into enough pieces and a quarter of it is reserved for them; so do
+   deep ones, whose light is gone after a small part of them. 1e-6 is for round-off. */
 static void check_soft(const column *c, float epsilon) {
     const int pieces = spsi_soft_pieces(c->list, c->count, epsilon), count = curve_build_of(c, pieces);
     const int nodes = spsi_curve_compress(curve, count, 0.75f * epsilon, compressed);
@@ -537,9 +537,9 @@ static void test_compressed_soft(void) {
     }
 }
 
-/* A long smooth column takes few nodes: pieces of even steps of the root of T are each off by an eighth of the square
-   of twice a step; so T from 1 to e^-3 within 0.01 to both sides takes (1 - e^-1.5) / sqrt(4 * 0.01) = 3.9 of them; a
-   quarter of the error is kept in reserve, nodes lie on cuts, and there is one before and one behind. */
+/* A long smooth column needs few nodes: pieces of even steps of sqrt(T) have an error of an eighth of the square of
+   twice a step; so T from 1 to e^-3 within 0.01 to both sides needs (1 - e^-1.5) / sqrt(4 * 0.01) = 3.9 of them; a
+   quarter of the error is reserved, nodes lie on cuts, and there is one before and one behind. */
 static void test_compressed_size(void) {
     const int count = curve_build(&columns[0]), nodes = spsi_curve_compress(curve, count, 0.01f, compressed);
     if (!CHECK(nodes <= 9)) printf("    %d nodes\n", nodes);
@@ -548,7 +548,7 @@ static void test_compressed_size(void) {
 
 /* ---------------------------------------------------------------------------------------------------------- opacity */
 
-/* Roundings of `count` sums and of shares, see test_before; of what lies before u, and of nothing behind it. */
+/* Roundings of `count` sums and of shares, see test_before; only of stretches before u. */
 static double sum_rounding(const column *c, double exact) { return (c->count + 10) * half_ulp * exact; }
 
 static void check_planes(const column *c, sps_tmap_settings *settings) {
@@ -569,7 +569,7 @@ static void check_planes(const column *c, sps_tmap_settings *settings) {
             !CHECK((double)bracket[1] >= exact - sum_rounding(c, exact)))
             printf("    %s: %g is not in %g .. %g\n", c->name, exact, (double)bracket[0], (double)bracket[1]);
         CHECK(value >= (double)bracket[0] && value <= (double)bracket[1]);
-        CHECK(value >= last * (1 - half_ulp)); /* never falls, also as a cubic; but for rounding */
+        CHECK(value >= last * (1 - half_ulp)); /* never decreases, even as a cubic, except for round-off */
         last = value;
     }
 }
@@ -593,7 +593,7 @@ static void test_opacity(void) {
         }
 }
 
-/* Linear data comes back as it is, uneven planes or not; and where extinction changes smoothly cubics are nearer. */
+/* Linear data are reproduced, with even and uneven planes; and where extinction changes smoothly, cubics are closer. */
 static void test_cubic(void) {
     static const float planes[] = {0.05f, 0.2f, 0.21f, 0.43f, 0.6f, 0.95f, 1};
     float texel[SPSI_TMAP_COMPONENTS];
@@ -603,10 +603,10 @@ static void test_cubic(void) {
     for (int given = 0; given < 2; ++given) {
         settings.planes = given ? planes : NULL;
         for (int i = 0; i < 7; ++i) texel[i] = 3 * (given ? planes[i] : (float)(i + 1) / 7);
-        for (int i = 0; i <= SAMPLES; ++i) /* planes are rounded, and so are 3 times what they are */
+        for (int i = 0; i <= SAMPLES; ++i) /* planes are rounded, and so are 3 times these */
             CHECK_NEAR(ask(&settings, texel, (double)sample(i)), 3 * (double)sample(i), 3 * 4 * half_ulp);
     }
-    { /* Steffen's slopes are a parabola's where secants differ by less than 2: so is what lies between inner planes */
+    { /* Steffen's slopes are a parabola's if secants differ by less than a factor of 2: exact between inner planes */
         static const float uneven[] = {0.5f, 0.6f, 0.75f, 0.8f, 1};
         settings.planes = uneven;
         settings.components = 5;
@@ -625,7 +625,7 @@ static void test_cubic(void) {
             worst[cubic] = fmax(worst[cubic], fabs(ask(&settings, texel, (double)sample(i)) -
                                                    exact_depth(&columns[3], (double)sample(i))));
     }
-    /* straight lines: h^2 / 8 of the slope of extinction, which is 3.08 / (0.334 * 0.4)^2 * 0.242 at most */
+    /* straight lines: h^2 / 8 of the slope of extinction, which is at most 3.08 / (0.334 * 0.4)^2 * 0.242 */
     CHECK(worst[0] <= 1.1 / 256 / 8 * 3.08 * 0.242 / (0.1333 * 0.1333));
     CHECK(worst[1] < 0.5 * worst[0]);
 }
@@ -639,7 +639,7 @@ static double window_of(sps_tmap_window window, int k, int n) {
                                                : 1;
 }
 
-/* The mean of cos(w (u - middle)) over a stretch; w half by its series where the closed form has no digits. */
+/* The mean of cos(w (u - middle)) over a stretch; by its series in w half where the closed form cancels. */
 static double spread_of(const spsi_stretch *s, double w) {
     const double x = 0.5 * w * ((double)s->u1 - (double)s->u0);
     if (x < 1e-3) return s->soft > 0 ? 1 - x * x / 10 : 1 - x * x / 6;
@@ -699,7 +699,7 @@ static void test_fourier(void) {
             }
 }
 
-/* What a texel's Fourier series says, in double precision. */
+/* Optical depth of a texel's Fourier series, in double precision. */
 static double series_of(const float *texel, int components, double u) {
     double sum = 0.5 * (double)texel[0] * u;
     for (int k = 1; 2 * k < components; ++k)
@@ -708,7 +708,7 @@ static double series_of(const float *texel, int components, double u) {
     return sum;
 }
 
-/* Fejer's kernel is not negative, so neither is the extinction that it leaves; coefficients' rounding is. */
+/* Fejer's kernel is not negative, so neither is the filtered extinction, except for the coefficients' round-off. */
 static void test_fejer(void) {
     for (int n = 0; n < COLUMNS; ++n) {
         sps_tmap_settings settings = settings_of(SPS_TMAP_FOURIER, 15);
@@ -735,10 +735,10 @@ static void test_running_maximum(void) {
         running.running_maximum = 1;
         build(&plain, &columns[n], texel);
         for (int i = 0; i <= 28;
-             ++i) { /* at the samples it is the largest so far; a double's rounding beside floats' */
+             ++i) { /* at the samples it is the maximum so far; with the round-off of doubles and floats */
             const double u = i / 28.0;
             most = fmax(most, ask(&plain, texel, u));
-            /* the test's u is no float, and extinction at most 1 + 2 * 7 times the mean */
+            /* the test's u is not a float, and extinction is at most 1 + 2 * 7 times the mean */
             if (!CHECK_NEAR(ask(&running, texel, u), most, 19 * half_ulp * 0.5 * (double)texel[0]))
                 printf("    %s\n", columns[n].name);
             CHECK(ask(&running, texel, u + 0.01) >= ask(&plain, texel, u + 0.01));
@@ -748,8 +748,8 @@ static void test_running_maximum(void) {
 
 /* ----------------------------------------------------------------------------------------------------------- cosine */
 
-/* Simpson's rule over each piece of a curve, in steps of 1/20 of what exponential and cosine take to change:
-   0.05^4 / 2880 is 2e-9. */
+/* Simpson's rule over each piece of a curve, in steps of 1/20 of the scale of exponential and cosine: 0.05^4 / 2880 is
+   2e-9. */
 static double cosine_integral(int count, int k) {
     double sum = 0;
     for (int i = 0; i <= count; ++i) {
@@ -850,13 +850,13 @@ static void test_moment_bracket(void) {
         }
 }
 
-/* What the bracket's comment promises: it holds for moments that are off by 2e-6 each. The truth is of the column. */
+/* As the bracket's comment says, it holds for moments that are off by 2e-6 each. The true value is the column's. */
 static void test_moment_rounding(void) {
     for (int n = 0; n < COLUMNS; ++n) {
         const column *c = &columns[n];
         const double whole = exact_depth(c, 1), off = 2 * half_ulp * whole;
         double moments[9] = {0};
-        if (c->count == 0 || whole >= 1e15) continue; /* capped, so not of the sums' proportions */
+        if (c->count == 0 || whole >= 1e15) continue; /* capped, so not in proportion to the sums */
         for (int k = 1; k < 9; ++k)
             for (int i = 0; i < c->count; ++i)
                 moments[k] += (double)c->list[i].depth * moment_exact(&c->list[i], k) / whole;
@@ -879,7 +879,7 @@ static void test_moment_rounding(void) {
     }
 }
 
-/* Numbers that are no moments of anything get an answer between nothing and all. */
+/* Numbers that are not the moments of any distribution have a result between 0 and the total. */
 static void test_moment_nonsense(void) {
     for (int n = 0; n < 3000; ++n) {
         const sps_tmap_settings settings = settings_of(SPS_TMAP_MOMENT, 5 + 2 * (n % 3));
@@ -895,9 +895,9 @@ static void test_moment_nonsense(void) {
     }
 }
 
-/* The polynomial ((x - z0) / (z - z0))^m is 1 at z, and its square has a mean of at most a (2 / |z - z0|)^2m over all
-   at z0 and a share `a` within -1 .. 1: that is the most that can lie at z, and the bracket's width. A moment's
-   rounding is multiplied by no more than 2^2m / |z - z0|^2m, too. */
+/* The polynomial ((x - z0) / (z - z0))^m is 1 at z, and its square has a mean of at most a (2 / |z - z0|)^2m over a
+   mass at z0 and a share `a` within -1 .. 1: that is the maximum mass at z, and the bracket's width. A moment's
+   round-off is multiplied by at most 2^2m / |z - z0|^2m, too. */
 static void test_moment_step(void) {
     static const double biases[3] = {5e-7, 5e-6, 5e-5};
     for (int components = 5; components <= 9; components += 2) {
@@ -913,8 +913,8 @@ static void test_moment_step(void) {
     }
 }
 
-/* Three sheets are what six moments, and eight, tell apart; the same argument at and beside each. So do moments of
-   uniform gas: bounds of Legendre's weights about the truth, to which the middle is nearer than a quarter of them. */
+/* Six moments, and eight, resolve three sheets; the same argument at and beside each. For uniform gas: bounds of
+   Legendre's weights around the true value, and the middle is closer to it than a quarter of them. */
 static void test_moment_points(void) {
     static const double at[3] = {0.2, 0.5, 0.85};
     column c;
@@ -943,7 +943,7 @@ static void test_moment_uniform(void) {
         sps_tmap_settings settings = settings_of(SPS_TMAP_MOMENT, components);
         float texel[SPSI_TMAP_COMPONENTS];
         build(&settings, &c, texel);
-        /* At the middle, where all is even about it, the middle of the bracket is what it must be. */
+        /* At the middle of a symmetric column, the middle of the bracket is exact by symmetry. */
         CHECK_NEAR(ask(&settings, texel, 0.5), 0.5, 1e-5);
         { /* Radau's weight at the end of n points is 1 / n^2. The bias is a share of less than all moved there;
              moments' rounding is multiplied by coefficients of a squared polynomial: at most (1 + root 2)^2m / n^2 in
@@ -1004,8 +1004,8 @@ static void test_adaptive(void) {
             if (!CHECK(good && texel[1] >= 1)) printf("    %s: nodes out of order\n", columns[n].name);
             /* both ends are kept: exact behind everything, to a float T; half a unit of 1 */
             CHECK_NEAR(exp(-ask(&settings, texel, 1)), exp(-exact_depth(&columns[n], 1)), 1e-7);
-            /* one jump takes three nodes, the cap's slab and jump 2 + 1 and cuts of it: then only what cuts leave,
-               1/4096, is off; eight jumps take 17 */
+            /* one jump needs three nodes, the cap's slab and jump 2 + 1 and cuts of it: then only the error of cuts,
+               1/4096, remains; eight jumps need 17 */
             if (n == 2 && components >= 8) CHECK_NEAR(worst, 0, 1e-7);
             if (n == 4 && components >= 36) CHECK_NEAR(worst, 0, 2e-7);
             /* k even steps of the root of T over all of it would be (1 / k)^2 / 2 off, for one slab; leaving out what
@@ -1019,8 +1019,8 @@ static void test_adaptive(void) {
 
 enum { GRID = 96, NODES_MOST = 16 };
 
-/* The least sum of squares that straight lines between `most` points of a curve, first and last among them, are off at
-   all points of a grid: by trying all (dynamic programming). */
+/* The minimum sum of squared errors, over all points of a grid, of straight lines between `most` points of a curve,
+   including the first and the last: by dynamic programming. */
 static double optimal_squares(const double *through, int most) {
     static double cost[GRID + 1][GRID + 1], best[NODES_MOST + 1][GRID + 1];
     for (int i = 0; i <= GRID; ++i)
@@ -1040,9 +1040,9 @@ static double optimal_squares(const double *through, int most) {
     return best[most][GRID];
 }
 
-/* Least area is no least square, but comes near: over 40 columns like those of a puff of smoke the map's rms error is
-   1.5 times that of the best nodes at most, where 4, 6, 8 or 16 do. No theorem says so; what it guards against is what
-   nodes that go as they come were off, 2.5 times with 4. */
+/* Least area is not least squares, but comes close: over 40 columns like those of a puff of smoke the map's rms error
+   is at most 1.5 times that of the best nodes, for 4, 6, 8 or 16 of them. There is no theorem; the test guards against
+   the error of removing nodes during insertion, which was 2.5 times with 4. */
 static void test_adaptive_is_near_the_best(void) {
     static const int components[4] = {8, 12, 16, 32};
     for (int t = 0; t < 4; ++t) {
@@ -1100,7 +1100,7 @@ static void test_beer(void) {
 
 /* -------------------------------------------------------------------------------------------------------- insertion */
 
-/* Every lane gets stretches of its own; each lane must come to what it comes to alone in the others' absence. */
+/* Every lane gets its own stretches; each lane must have the same result as alone. */
 static void test_lanes(void) {
     static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
     static float together[STRIDE * SPSI_TMAP_COMPONENTS];
@@ -1127,13 +1127,13 @@ static void test_lanes(void) {
             float texel[SPSI_TMAP_COMPONENTS], alone[SPSI_TMAP_COMPONENTS];
             pick(&settings, together, lane, texel);
             build(&settings, &lanes[lane], alone);
-            if (settings.technique == SPS_TMAP_BEER) { /* where it begins, from those that are there */
+            if (settings.technique == SPS_TMAP_BEER) { /* where it begins, from the stretches inserted */
                 float first = 1;
                 for (int i = 0; i < 20; ++i)
                     if (lanes[lane].list[i].depth > 0) first = fminf(first, lanes[lane].list[i].u0);
                 CHECK_NEAR((double)texel[0], (double)first, 0);
             }
-            /* the same roundings, but that of differences of planes which other lanes' extents begin elsewhere */
+            /* the same roundings, except for differences of planes, which begin elsewhere with other lanes' extents */
             for (int k = 0; k < settings.components; ++k)
                 if (!CHECK_NEAR((double)texel[k], (double)alone[k], 20 * half_ulp * (1 + fabs((double)alone[k]))))
                     printf("    technique %d, component %d\n", (int)settings.technique, k);
@@ -1141,7 +1141,7 @@ static void test_lanes(void) {
     }
 }
 
-/* In any order the same, but for roundings of sums: one each, of all there is. */
+/* The same in any order, except for roundings of sums: one each, of the total. */
 static void test_order(void) {
     static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
     column shuffled = columns[10];
@@ -1220,7 +1220,7 @@ static void test_extremes(void) {
                 check_compressed(&c, 0.01f);
                 CHECK((double)spsi_stretches_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));
             }
-    { /* faint gas keeps its depth where depth is what is kept: relative roundings */
+    { /* faint gas keeps its depth in maps that store depth: relative roundings */
         static const sps_tmap_technique faint[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
         column c;
         c.count = 0;
@@ -1234,7 +1234,7 @@ static void test_extremes(void) {
     }
 }
 
-/* As the public types' comments say. */
+/* As documented at the public types. */
 static void test_table(void) {
     static const char *names[] = {"no map",  "deep",   "compressed", "depth",    "opacity", "deep opacity",
                                   "Fourier", "cosine", "moment",     "adaptive", "Beer"};

@@ -9,13 +9,17 @@ enum { STEPS = 6, CHANNELS_MAX = 384 * 256 * 3 };
 typedef struct step {
     const char *name;
     int width, height;
-    int dark[2], bright[2]; /* x, y of a pixel in shadow, and of one of the same matter in light */
+    int dark[2], bright[2]; /* x, y of a pixel in shadow, and of one of the same material in light */
 } step;
 
 static const step steps[STEPS] = {
-    {"1_blob", 320, 240, {225, 173}, {60, 173}},        /* the ground in the blob's shadow, and beside it */
-    {"2_scan", 320, 240, {146, 102}, {180, 62}},        /* bone deep in an opening, and on the outside */
-    {"3_scene", 320, 240, {275, 150}, {230, 150}},      /* the ground behind a stone and before it, from the lamp */
+    {"1_blob", 320, 240, {225, 173}, {60, 173}}, /* the ground in the blob's shadow, and beside it */
+    {"2_scan", 320, 240, {146, 102}, {180, 62}}, /* bone deep in an opening, and on the outside */
+    {"3_scene",
+     320,
+     240,
+     {275, 150},
+     {230, 150}}, /* the ground behind and in front of a stone, as seen from the lamp */
     {"4_engine", 320, 240, {84, 174}, {250, 174}},      /* the ground in the smoke's shadow, and beside it */
     {"5_progressive", 384, 256, {245, 208}, {60, 208}}, /* likewise */
     {"6_shadow_map", 320, 240, {190, 162}, {60, 162}}}; /* likewise */
@@ -36,8 +40,8 @@ static int is_line(const char *a, const char *b) {
 /* A quotation is cut into runs by lines of "...", and ends at its fence. */
 static int ends_run(const char *line) { return is_line(line, "...") || strncmp(line, "```", 3) == 0 || !*line; }
 
-/* Where the file goes on behind the first place that has all lines of the run, one after the other; NULL if none does.
- */
+/* The position in the file after the first place that has all lines of the run, one after another; NULL if there is
+   none. */
 static const char *find_run(const char *file, const char *run) {
     for (; *file; file = next_line(file)) {
         const char *at = file, *line = run;
@@ -47,7 +51,7 @@ static const char *find_run(const char *file, const char *run) {
     return NULL;
 }
 
-/* Checks a quotation of the file, from its first line on; returns how many lines it has. */
+/* Checks a quotation of the file, from its first line on; returns its number of lines. */
 static int check_quotation(const char *name, const char *file, const char *line) {
     int lines = 0;
     for (;; line = next_line(line)) {
@@ -87,7 +91,7 @@ static void test_quotations(void) {
     free(page), free(readme);
 }
 
-/* What the test above is made of notices a line that differs, is left out or stands elsewhere. */
+/* The helpers of the test above notice a line that differs, is missing or stands elsewhere. */
 static void test_runs(void) {
     static const char file[] = "a\n  b\nc\n    d\nb\ne\n";
     CHECK(find_run(file, "b\nc\n```\n") != NULL && find_run(file, "    a\nb\n...\n") != NULL);
@@ -122,8 +126,8 @@ static double green(const step *s, const float *channels, const int at[2]) {
     return (double)channels[3 * ((s->height - 1 - at[1]) * s->width + at[0]) + 1];
 }
 
-/* A shadow takes half of the light or more, as it does in the tutorial's pictures by a wide margin; and as much as a
-   twentieth of the channels may be too bright to be shown. */
+/* A shadow removes at least half of the light, as it does in the tutorial's pictures by a wide margin; and at most a
+   twentieth of the channels may be overexposed. */
 static void check_picture(const step *s, const float *channels) {
     const int count = 3 * s->width * s->height;
     const double dark = green(s, channels, s->dark), bright = green(s, channels, s->bright);

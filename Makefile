@@ -1,19 +1,19 @@
 # make             builds every example into build/
-# make demo        fetches what is missing, if it may, builds, and renders all pictures into build/gallery/
+# make demo        fetches missing packages if possible, builds, and renders all pictures into build/gallery/
 # make test        all tests in all configurations, under 4 minutes; ends with `N passed, N failed`
-# make test-long   the same without leaving anything out, and in more configurations
+# make test-long   the same with nothing skipped, and in more configurations
 # make fuzz        random scenes under sanitizers
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
-# make mutants     deliberate errors in the header, and which test notices each; LIMIT=2400 seconds, then again to go on
+# make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
 # make bench       times, as ratios within one run, and error against time
-# make accuracy    error against time alone, into docs/accuracy.md, whose first lines stay
-# make maps        transmittance maps against each other, into docs/maps.md and docs/maps_*.png
-# make gallery     the pictures of the scene programs alone
-# make pictures    the small ones in docs/
+# make accuracy    error against time only, into docs/accuracy.md, whose first lines are kept
+# make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
+# make gallery     only the pictures of the scene programs
+# make pictures    the small pictures in docs/
 # make format      clang-format on examples and tests
 # make install     the header and splatshadow.pc, below DESTDIR and PREFIX (/usr/local); make uninstall removes them
 # make clean
-# STB=dir says where stb_image_write.h is; SPLATSHADOW_DATA=dir where real scans are (optional, for demo and test).
+# STB=dir is the folder of stb_image_write.h; SPLATSHADOW_DATA=dir that of real scans (optional, for demo and test).
 
 STB ?= /usr/include/stb
 JOBS ?= 2
@@ -34,7 +34,7 @@ STEPS = $(patsubst examples/tutorial/%.c,%,$(wildcard examples/tutorial/*.c))
 
 all: $(EXAMPLES) $(STEPS:%=build/tutorial/%)
 
-# hello.c is the quick start, and the quick start is written to be short: it has no strict prototypes to offer.
+# hello.c is the quick start, which is written to be short: it has no strict prototypes.
 build/hello: examples/hello.c splatshadow.h | build
 	$(CC) $(STANDARD) $(OPTIMIZE) -Wall -I. $< -o $@ $(LIBRARIES)
 
@@ -50,7 +50,7 @@ build build/gallery build/tests build/tutorial:
 SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff
 PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
 
-# $(call fetch,packages): installs them where that can be done; says nothing and does no harm elsewhere.
+# $(call fetch,packages): installs them if possible; silent and harmless otherwise.
 fetch = if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	echo "installing $(1)"; { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install -y $(1); } >/dev/null 2>&1 || true; fi
 
@@ -68,15 +68,15 @@ gallery: $(PICTURES)
 build/gallery/%.png: build/% | build/gallery
 	build/$* --out $@
 
-# The pictures that the README, the manual and the tutorial show. No prerequisite tells whether they are old: they are made anew.
+# The pictures of the README, the manual and the tutorial. They have no prerequisites, and are always rendered again.
 DOCS_PICTURES = tree smoke_room pot
 .PHONY: pictures
 pictures: $(DOCS_PICTURES:%=build/%) $(STEPS:%=build/tutorial/%)
 	for scene in $(DOCS_PICTURES); do build/$$scene --out docs/$$scene.png --width 480 || exit 1; done
 	for step in $(STEPS); do build/tutorial/$$step docs/tutorial_$$step.png >/dev/null || exit 1; done
 
-# Real scans. To add one: its name and its file here, and how it looks in examples/looks/NAME.txt (build/render --help
-# says more about that). A scan whose file is not in SPLATSHADOW_DATA is passed over.
+# Real scans. To add one: its name and its file here, and its appearance in examples/looks/NAME.txt (see build/render
+# --help). A scan whose file is not in SPLATSHADOW_DATA is skipped.
 SCANS = bonsai head smoke cloud
 FILE_bonsai = bonsai_256x256x256_u8.raw
 FILE_head = vismale_head_ct_128x128x256_u8.raw
@@ -92,7 +92,7 @@ build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor
 
 # --------------------------------------------------------------------------------------------------- measuring
 
-# `build/bench speed` prints the times alone, `build/bench maps` those of transmittance maps; bench_plain is plain C.
+# `build/bench speed` prints only the times, `build/bench maps` those of transmittance maps; bench_plain is plain C.
 .PHONY: bench accuracy
 bench: build/bench build/bench_plain
 	build/bench
@@ -117,7 +117,7 @@ maps: build/maps
 
 # Every tests/test_NAME.c is a program that includes the implementation, prints `N passed, N failed` as its last line
 # and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder. A
-# configuration whose compiler cannot be had is skipped, and that is said.
+# configuration whose compiler is not available is skipped, with a message.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
 CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme fused clang glsl hlsl
 
@@ -128,17 +128,18 @@ COMPILE_baseline  = gcc $(STANDARD) -O2
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
 COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
-# As the README says; and what compilers make of a * b + c, which is not the same in any two of these
+# As in the README; and the ways in which compilers contract a * b + c, which differ between all of these
 COMPILE_readme    = cc -O3 -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
-# The test that runs examples/shaders/, which is C in the others, in the words of the shading languages
+# The test that runs examples/shaders/, in the shading languages instead of C
 COMPILE_glsl      = $(COMPILE_cpp) -DSAMPLING_GLSL
 COMPILE_hlsl      = $(COMPILE_cpp) -DSAMPLING_HLSL
 COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native -fsanitize=address,undefined -fno-sanitize-recover=all
 
-# What runs where: natively all of it, with random scenes, the same ones each time (`make fuzz`, `make soak` for others);
-# under sanitizers what touches memory in most ways, the slow part of it with vectors; elsewhere what tells most.
+# The tests of each configuration: all of them natively, with the same random scenes each time (`make fuzz`, `make soak`
+# for others); under sanitizers those with most kinds of memory access, the slow ones with vectors; elsewhere the most
+# sensitive ones.
 TESTS_native    = $(TESTS) fuzz soak
 TESTS_sanitized = test_extremes test_plan test_transmittance test_arrays
 TESTS_wide_sanitized = test_engineering test_files test_polygons test_tmaps test_watertight
@@ -154,7 +155,7 @@ $(foreach configuration,$(filter-out native glsl hlsl,$(CONFIGURATIONS)),$(eval 
 endif
 
 # The header by itself, with every warning an error: compiler_standard_variant; examples likewise. In C99 to an object,
-# since some of what vector intrinsics must not be given shows there alone; otherwise the syntax is enough.
+# since some misuse of vector intrinsics is only found there; otherwise a syntax check is enough.
 CHECK_COMPILERS = gcc clang
 CHECK_STANDARDS = c99 $(if $(SPLATSHADOW_LONG),c11) c++11
 CHECK_VARIANTS = plain sse2 avx2 avx512 face
@@ -190,18 +191,18 @@ test-long: export SPLATSHADOW_LONG = 1
 test-long: export CONFIGURATIONS = native sanitized wide_sanitized plain cpp baseline readme fused clang glsl hlsl unoptimized threads
 test-long: test
 
-# A log ends with `exit status S`. Its last `N passed, N failed` counts; a program that ended otherwise than with 0
-# without a failure of its own to show for it is one failure more.
+# A log ends with `exit status S`. Its last `N passed, N failed` counts; a program whose status is not 0 although it
+# reports no failure counts as one more failure.
 SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f == 0) failed++; p = f = status = 0 }; \
 	FNR == 1 { close_log() }; /^exit status / { status = $$3 }; \
 	/^[0-9]+ passed, [0-9]+ failed$$/ { p = $$1; f = $$3 }; \
 	END { close_log(); printf "%d passed, %d failed\n", passed, failed; exit failed > 0 || passed == 0 }
 
-# Tells whether a configuration's compiler is there and makes programs that run.
+# Tests whether a configuration's compiler is available and makes programs that run.
 can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
 	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1); } >/dev/null 2>&1
 
-# These targets are known to the inner make of `test` only: it asks what is there after fetching what was not.
+# Only the inner make of `test` has these targets: it tests what is available after missing packages were fetched.
 ifneq ($(filter run-tests,$(MAKECMDGOALS)),)
 READY := $(shell $(foreach c,$(CONFIGURATIONS),$(call can_build,$(c)) && echo $(c);))
 THERE := $(foreach c,$(CHECK_COMPILERS),$(shell command -v $(c) >/dev/null && echo $(c)))
@@ -266,23 +267,23 @@ build/tests/weak.h: splatshadow.h tests/mutants.awk
 build/tests/faces/splatshadow.h: splatshadow.h tests/mutants.awk
 	@mkdir -p $(@D) && awk -v mode=faces -f tests/mutants.awk tests/mutants.txt $< > $@
 
-# Included twice, to see that this can be done; the implementation once.
+# Included twice, which must be possible; the implementation once.
 UNIT = printf '\#include "splatshadow.h"\n\#undef SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\nint unit(void);\nint unit(void) { return sps_version(); }\n'
 
 build/tests/header.%.log: splatshadow.h
 	@$(call run,header.$*,$(UNIT) | $(call part,1,$*) $(call language,$(call part,2,$*)) -O0 $(VARIANT_$(call part,3,$*)) \
 		-I. $(if $(filter c99,$(call part,2,$*)),-c -o build/tests/header.$*.o,-fsyntax-only) - && $(ONE_PASSED))
 
-# A compiler that knows plain C and little else
+# A compiler of plain C and little else
 build/tests/header.tcc.log: splatshadow.h
 	@$(call run,header.tcc,$(UNIT) > build/tests/unit_tcc.c && tcc -std=c99 -Wall -Werror -DSPLATSHADOW_IMPLEMENTATION \
 		-I. -c build/tests/unit_tcc.c -o build/tests/header.tcc.o && $(ONE_PASSED))
 
-# The shaders as shader compilers see them
+# The shaders, by shader compilers
 build/tests/shaders.%.log: tests/shaders.sh docs/shadow_maps.md $(wildcard examples/shaders/*)
 	@$(call run,shaders.$*,sh $< $* build/tests)
 
-# Every public struct is made empty, as C++ and C do it, without a warning.
+# Every public struct is initialised empty, in the manner of C++ and of C, without a warning.
 EMPTY = printf '\#include "splatshadow.h"\n'; awk '/^typedef struct sps_[a-z_]* [{]/ { \
 	print "void take_" $$3 "(const " $$3 " *); void make_" $$3 "(void);"; \
 	print "void make_" $$3 "(void) { " $$3 " made = {$(1)}; take_" $$3 "(&made); }" }' splatshadow.h
@@ -294,15 +295,15 @@ build/tests/header.empty.log: splatshadow.h
 		{ $(call EMPTY,); } | $$c -x c++ -std=c++11 -Wall -Wextra -Wmissing-field-initializers -Werror -I. -fsyntax-only - || \
 		exit 1; done) && $(ONE_PASSED))
 
-# Fast-math is refused unless the caller insists.
+# Fast-math is an error unless it is explicitly allowed.
 build/tests/header.fast_math.log: splatshadow.h
 	@$(call run,header.fast_math,(for option in -ffast-math -ffinite-math-only; do \
 		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -I. -E - -o /dev/null && exit 1; \
 		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -DSPS_ALLOW_FAST_MATH -I. -E - -o /dev/null || exit 1; \
 		done) && $(ONE_PASSED))
 
-# Examples are made whole, which takes little where nothing is optimised. The quick start is run, too, as it is
-# compiled by who reads it; its picture must have its 256 * 256 * 3 numbers, not all of them 0.
+# Examples are built completely, which is quick without optimisation. The quick start is also run, compiled as its readers
+# would; its picture must have 256 * 256 * 3 numbers, not all of them 0.
 build/tests/example.%.log: $(HEADERS)
 	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L -O0 $(INCLUDES) \
 		examples/$(patsubst $(call part,1,$*)_%,%,$*).c -o build/tests/example.$* $(LIBRARIES) && $(ONE_PASSED))
@@ -312,7 +313,7 @@ build/tests/example.%_hello.log: examples/hello.c splatshadow.h
 		build/tests/example.$*_hello | awk 'NR > 1 { for (i = 1; i <= NF; ++i) { ++numbers; bright += $$i > 99 } } \
 		END { exit numbers != 256 * 256 * 3 || bright < 256 }' && $(ONE_PASSED))
 
-# Steps of the tutorial, with the header that is compiled already; tests/test_tutorial.c runs them.
+# Steps of the tutorial, with the header's compiled code; tests/test_tutorial.c runs them.
 build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/shaders/*) build/tests/native.code.o build/tests/faces/splatshadow.h
 	@mkdir -p build/tests/tutorial
 	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o \
@@ -328,7 +329,7 @@ build/tests/header.link.log: splatshadow.h
 		g++ -x c++ -std=c++11 -I../.. -c link_code.c && gcc link_user.o link_code.o -o link_cpp -lm -lstdc++ && ./link_cpp) && \
 		$(ONE_PASSED))
 
-# The quick start, built from what `make install` leaves, and by CMake
+# The quick start, built from the installed files, and by CMake
 build/tests/install.%.log: tests/install.sh splatshadow.h Makefile $(wildcard examples/cmake/*)
 	@$(call run,install.$*,CC="$(or $(firstword $(THERE)),$(CC))" MAKE="$(MAKE)" sh $< $* build/tests/install_$*)
 
@@ -336,7 +337,7 @@ build/tests/install.%.log: tests/install.sh splatshadow.h Makefile $(wildcard ex
 build/tests/mutants.log: splatshadow.h $(wildcard tests/mutants.*)
 	@$(call run,mutants,sh tests/mutants.sh check)
 
-# make mutants SECTION="splat shading" LIMIT=600: tests/mutants.sh says more
+# make mutants SECTION="splat shading" LIMIT=600: see tests/mutants.sh
 mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/render)
 	@COMPILE="$(COMPILE_native)" STB="$(STB)" JOBS="$(JOBS)" sh tests/mutants.sh run
 
@@ -369,7 +370,7 @@ uninstall:
 
 # ---------------------------------------------------------------------------------------------------- the rest
 
-# hello.c is left as it stands in the header; the header's tables are set by hand.
+# hello.c keeps its form in the header; the header's tables are formatted by hand.
 format:
 	clang-format -i $(filter-out examples/hello.c,$(wildcard examples/*.[ch] examples/shaders/* examples/tutorial/* tests/*.[ch]))
 

@@ -1,13 +1,13 @@
 # sh tests/install.sh CHECK FOLDER: installs into FOLDER and builds the quick start from there. CHECK is `make` (make
-# install and uninstall alone), `pkg-config`, or `cmake` (examples/cmake/, by itself and from a project that fetches it).
-# CC and MAKE are in the environment. The last line is `1 passed, 0 failed`, or what failed before it.
+# install and uninstall only), `pkg-config`, or `cmake` (examples/cmake/, by itself and from a project that fetches it).
+# CC and MAKE are in the environment. The last line is `1 passed, 0 failed`, or the error of what failed.
 
 set -ex
 unset MAKEFLAGS MFLAGS MAKELEVEL MAKEOVERRIDES
 mkdir -p "$2"
 folder=$(cd "$2" && pwd) top=$(pwd)
 
-# A program's picture must have its 256 * 256 * 3 numbers.
+# A program's picture must have 256 * 256 * 3 numbers.
 check_picture() {
     "$1" | awk 'NR > 1 { numbers += NF } END { exit numbers != 256 * 256 * 3 }'
 }
@@ -21,7 +21,7 @@ check_make() {
     test -z "$(find "$folder/root" -type f)"
 }
 
-# The version that pkg-config knows is the one that the compiled library returns.
+# pkg-config and the compiled library report the same version.
 check_pkg_config() {
     "$MAKE" install PREFIX="$folder/prefix"
     export PKG_CONFIG_PATH="$folder/prefix/share/pkgconfig"

@@ -1,14 +1,14 @@
-# What tests/mutants.sh does to text. Files: tests/mutants.txt, then the header. `mode` is one of
-#   check     says which entries do not apply, and ends with `N passed, N failed`
-#   list      a line for each entry: number, section, function (- outside of one), line of the header, of the list
+# Text processing for tests/mutants.sh. Files: tests/mutants.txt, then the header. `mode` is one of
+#   check     prints the entries that do not apply, and ends with `N passed, N failed`
+#   list      a line for each entry: number, section, function (- outside functions), line of the header, of the list
 #   entry     the text of entry number `entry`
-#   order     the tests that can notice what is wrong in section `section_name`, likeliest first
+#   order     the tests that can notice errors in section `section_name`, likeliest first
 #   named     all tests that any section names
 #   weak      the header with every function weak, so that another object can replace it
 #   mutated   the same with entry number `entry` applied to it
-#   faces     the header without its functions' bodies; with `entry`, applied to that one
-#   function  the same, but for the function that entry number `entry` is in, which is whole
-# Inline functions are in all of them.
+#   faces     the header without its functions' bodies; with `entry`, of the mutated header
+#   function  the same, except for the function that entry number `entry` is in, which has its body
+# Inline functions are complete in all of them.
 
 FNR == 1 { ++file }
 
@@ -38,8 +38,8 @@ file == 1 {
 { text[FNR] = $0; section_at[FNR] = here; lines = FNR }
 /^#ifdef SPLATSHADOW_IMPLEMENTATION/ { implementation = FNR }
 
-# Whether a line begins a function that is not inline. A definition's first line has its name and what opens its list of
-# parameters; declarations without a body are the public ones, which come before the implementation.
+# Whether a line begins a function that is not inline. A definition's first line has its name and the opening parenthesis
+# of its parameters; declarations without a body are the public ones, which come before the implementation.
 function begins(line) {
     return line > implementation && text[line] ~ /^(static|SPS_API) [^=]*\(/ && text[line] !~ /^static inline / &&
         text[line] !~ /;$/
@@ -63,7 +63,7 @@ function find_functions(line, name, inside, opened) {
     }
 }
 
-# Finds what an entry replaces; 0: not exactly one place. Leaves the number of places in `places`.
+# Finds the text that an entry replaces; 0: it does not occur exactly once. Sets `places` to the number of occurrences.
 function find(n, line, rest, found) {
     places = 0
     for (line = 1; line <= lines; ++line) {
@@ -95,7 +95,7 @@ function check(n, failed) {
     exit failed > 0 || count == 0
 }
 
-# How a function begins in the output: weak, or with its body left out and its name known to all.
+# The beginning of a function in the output: weak, or without its body and with external linkage.
 function opening(line, faces) {
     if (!faces) return line ~ /^static/ ? "__attribute__((weak)) " substr(line, 8) : "__attribute__((weak)) " line
     sub(/^static /, "", line)

@@ -1,21 +1,22 @@
 #!/bin/sh
 # make mutants: builds the deliberate errors of tests/mutants.txt into the header, one at a time, and runs the native
-# tests until one of them notices. Prints a table; fails where fewer than 90 % are noticed, or where one that is not has
-# no reason in the list.
+# tests until one of them notices. Prints a table; fails if fewer than 90 % are noticed, or if one that is not has no
+# reason in the list.
 #
-#   sh tests/mutants.sh check     whether every entry still applies; prints `N passed, N failed`
-#   sh tests/mutants.sh run       all of it; again to go on where LIMIT seconds were too few
-#   sh tests/mutants.sh show 12   what entry 12 changes
+#   sh tests/mutants.sh check     checks that every entry still applies; prints `N passed, N failed`
+#   sh tests/mutants.sh run       runs all entries; run again to continue after LIMIT seconds
+#   sh tests/mutants.sh show 12   shows the change of entry 12
 #
-# SECTION="tag tag" runs those sections' alone, JOBS= how many at once, LIMIT= seconds after which none is begun, HANG= seconds
-# of a processor after which a test counts as hanging, COMPILE= the compiler as the Makefile's native tests have it.
+# SECTION="tag tag" runs only these sections, JOBS= is the number of parallel jobs, LIMIT= seconds after which no more are
+# started, HANG= seconds of processor time after which a test counts as hanging, COMPILE= the compiler of the Makefile's
+# native tests.
 #
-# One object holds all of the header with every function weak, and each test is compiled once, against a header without
-# bodies. A mutant is then the object of one function, which takes the weak one's place: a second, where building the
-# header takes seven. Where the error is in a macro, a type or an inline function, all of it is built anew.
+# One object has the whole header with every function weak, and each test is compiled once, against a header without
+# bodies. A mutant is then the object of one function, which replaces the weak one: a second, while building the header
+# takes seven. If the error is in a macro, a type or an inline function, everything is rebuilt.
 #
-# build/mutants/results has what came out, keyed by a checksum of header, tests and entry; build/mutants/last which test
-# noticed an entry last, for that one to be first the next time.
+# build/mutants/results has the results, keyed by a checksum of header, tests and entry; build/mutants/last the test that
+# noticed an entry last, which is run first the next time.
 
 set -u
 cd "$(dirname "$0")/.." || exit 1
@@ -46,7 +47,7 @@ implementation() { # folder, header: its object
     compile "$1" "$1/code.c" "$1/code.o"
 }
 
-# What all mutants share. A test that fails without an error has nothing to tell of one, and is left out.
+# Objects shared by all mutants. A test that fails without a mutant cannot detect one, and is skipped.
 build_common() {
     [ "$(cat $OUT/common/stamp 2>/dev/null)" = "$STATE" ] && return
     rm -rf $OUT/common && mkdir -p $OUT/common/faces
@@ -74,7 +75,7 @@ run_test() { # program, output
     (ulimit -t "$HANG"; ulimit -v 12000000; CHECK_STOP=1 "$1") > "$2" 2>&1
 }
 
-# The mutant's objects in $1: code.o, to be linked before the common one, or instead of it where `whole` is there.
+# The mutant's objects in $1: code.o, to be linked before the common one, or instead of it if `whole` exists.
 build_mutant() { # folder, entry, function
     rm -rf "$1" && mkdir -p "$1/faces"
     if [ "$3" = - ]; then
@@ -97,7 +98,7 @@ link_mutant() { # folder, test
 
 # ---- running ----
 
-# The tests that an entry is shown to: the one that noticed it last, those of its section, and those of none.
+# The tests that an entry is run with: the one that noticed it last, those of its section, and those of none.
 order() { # section, test
     { echo "$2"; text order 0 "$1"; echo "$UNNAMED"; } | tr ' ' '\n' | awk 'NF && !seen[$1]++' |
         while read -r name; do is_test "$name" && echo "$name"; done
@@ -105,13 +106,13 @@ order() { # section, test
 
 is_test() { echo "$TESTS" | grep -qx "$1"; }
 
-# Which part of a test failed: the last that it began, or, where it does not name them, the line of the check.
+# The part of a test that failed: the last that it began, or, if it does not name them, the line of the check.
 part() { # output
     awk '/^running / { name = $2 } /: failed: / && !line { sub(/: failed.*/, ""); sub(/^tests\//, ""); line = $0 }
         END { print name != "" ? name : line != "" ? line : "crash" }' "$1"
 }
 
-# Prints which test noticed, and which part of it; nothing if none did.
+# Prints the test that noticed, and the part of it; nothing if none did.
 notice() { # folder, section, file with what noticed it last
     likely=
     if [ -e "$3" ] && read -r likely part < "$3" && is_test "$likely" && grep -q "RUN($part)" "tests/$likely.c"; then

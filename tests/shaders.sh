@@ -8,10 +8,10 @@ excerpt() {
     sed -n '/^```glsl$/,/^```$/ { /^```/d; p; }' docs/shadow_maps.md
 }
 
-# The sum looks a point up in both ways.
+# The sum uses both kinds of lookup.
 sum='light_left(world_position) + light_left_of_cube(world_position, world_position.zyx)'
 
-# glsl "#version .." AFTER: the file as an engine hands it to a driver, with standard input before it and AFTER behind.
+# glsl "#version .." AFTER: the file as an engine passes it to a driver, with standard input before it and AFTER after it.
 glsl() {
     echo "$1" && cat - "$shaders.glsl" && echo "$2" && excerpt &&
         echo 'layout(location = 0) in vec3 world_position; layout(location = 0) out vec4 color;' &&

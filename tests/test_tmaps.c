@@ -2133,7 +2133,16 @@ static void check_unanswered(const sps_tmap *map, int face) {
     CHECK(constants.row_x[0] >= 7);
 }
 
-/* Positions in floats, packed, interleaved in a vertex, and unaligned: the same bits as in doubles. */
+/* Largest difference of two answers, relative to the first if that is above 1. */
+static double farthest_apart(const float *a, const float *b, int count) {
+    double apart = 0;
+    for (int i = 0; i < count; ++i)
+        apart = fmax(apart, fabs((double)a[i] - (double)b[i]) / fmax(1, fabs((double)a[i])));
+    return apart;
+}
+
+/* Positions in floats, packed, interleaved in a vertex, and unaligned: the same answers as for doubles, except for
+   round-off where the compiler fuses multiply and add differently in the two: a dozen operations, 6e-8 each. */
 static void test_float_positions(void) {
     enum { COUNT = 3 * 16 + 5 };
     sps_context *context = sps_create(NULL, NULL);
@@ -2158,11 +2167,13 @@ static void test_float_positions(void) {
         CHECK(sps_tmap_query(map, COUNT, positions, expected[0], expected[1]) == SPS_OK);
         CHECK(sps_tmap_query_floats(map, COUNT, (const float *)(const void *)(vertices + (n == 3)), strides[n],
                                     found[0], found[1]) == SPS_OK);
-        CHECK(memcmp(expected, found, sizeof expected) == 0 && expected[1][0] < 1);
+        CHECK(fmax(farthest_apart(expected[0], found[0], COUNT), farthest_apart(expected[1], found[1], COUNT)) <=
+                  1e-6 &&
+              expected[1][0] < 1);
         memset(found, 0, sizeof found);
         CHECK(sps_tmap_query_floats(map, COUNT, (const float *)(const void *)(vertices + (n == 3)), strides[n], NULL,
                                     found[1]) == SPS_OK);
-        CHECK(memcmp(expected[1], found[1], sizeof found[1]) == 0 && !(found[0][0] > 0));
+        CHECK(farthest_apart(expected[1], found[1], COUNT) <= 1e-6 && !(found[0][0] > 0));
         sps_tmap_destroy(map);
         end(&f);
     }

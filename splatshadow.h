@@ -3827,7 +3827,7 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
     char rule[96];
     if (n == 0) return SPS_OK;
     if (technique->lists) {
-        SPS_SNPRINTF(rule, sizeof rule, "%s has as many as its rays take: it must be 0", technique->name);
+        SPS_SNPRINTF(rule, sizeof rule, "%s sets it from its rays: it must be 0", technique->name);
     } else {
         if (n >= least && n <= technique->most && (n - least) % technique->step == 0) return SPS_OK;
         if (least == technique->most)
@@ -5860,6 +5860,29 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
+/* Six grids of rays around a point light, whose texels have the desired size where the gas is farthest. */
+static int spsi_lamp_rays_around(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
+    const spsi_bounds *bounds = &frame->content->bounds;
+    const double texel = spsi_lamp_texel(frame, lamp);
+    double farthest = 0;
+    int size = lamp->map_size;
+    for (int i = 0; i < 3; ++i)
+        farthest = fmax(farthest, fmax(bounds->high[i] - lamp->position[i], lamp->position[i] - bounds->low[i]));
+    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), spsi_light_texels_most(frame));
+    for (int face = 0; face < SPSI_CUBE_FACES; ++face)
+        if (!spsi_rays_of_cube_face(lamp->position, face, size, 0, &rays[face])) return 0;
+    return SPSI_CUBE_FACES;
+}
+
+/* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
+   six. Returns the number of grids; 0: the light is too far from the world's origin to tell its rays apart. */
+static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
+    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp),
+                                                    lamp->map_size, spsi_light_texels_most(frame), &rays[0]))
+        return 1;
+    return lamp->is_point ? spsi_lamp_rays_around(frame, lamp, rays) : 0;
+}
+
 /* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
    directional one. */
 static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
@@ -7538,17 +7561,6 @@ typedef struct spsi_queue {
     int current;           /* number of items present */
 } spsi_queue;
 
-/* The bricks and particles of a frame, one chunk of slabs at a time. */
-typedef struct spsi_contents {
-    sps_context *context;
-    const spsi_frame *frame;
-    const spsi_slabs *slabs;
-    const spsi_brick *list;
-    spsi_queue bricks, particles;
-    int fullest;    /* maximum number of particles in a chunk */
-    int first_slab; /* of the current chunk */
-} spsi_contents;
-
 static size_t spsi_queue_bytes(size_t items, size_t chunks) {
     return items * (2 * sizeof(int) + 2 * sizeof(uint16_t)) + 2 * (chunks + 1) * sizeof(int);
 }
@@ -7605,12 +7617,6 @@ static void spsi_queue_advance(spsi_queue *queue, int chunk) {
             held > 0 && queue->present[held - 1] > next[added - 1] ? queue->present[--held] : next[--added];
 }
 
-static void spsi_contents_advance(spsi_contents *contents, int chunk) {
-    contents->first_slab = chunk * SPSI_CHUNK;
-    spsi_queue_advance(&contents->bricks, chunk);
-    spsi_queue_advance(&contents->particles, chunk);
-}
-
 /* Whether any voxel or particle was read. */
 static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
     return context->brick_count > 0 || frame->content->particle_count > 0;
@@ -7645,7 +7651,8 @@ typedef struct spsi_target {
     const spsi_frame *frame;
     const spsi_rays *rays;
     const spsi_slabs *slabs;
-    int columns, rows; /* of tiles */
+    double origin_slab; /* slab coordinate of the rays' origin */
+    int columns, rows;  /* of tiles */
     spsi_shape shape;
     int channels[SPSI_VOLUMES_MAX];       /* of each lattice; -1: it is not splatted */
     int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, followed by d/dy; -1: none */
@@ -7657,6 +7664,25 @@ typedef struct spsi_target {
     spsi_sheets sheets;
     uint64_t (*counts)[2]; /* per worker: footprints and fragments */
 } spsi_target;
+
+/* The bricks and particles of a frame, one chunk of slabs at a time, and the targets that they are splatted into, which
+   have these slabs in common. */
+typedef struct spsi_contents {
+    sps_context *context;
+    const spsi_frame *frame;
+    const spsi_slabs *slabs;
+    spsi_target *targets[2];
+    int target_count;
+    const spsi_brick *list;
+    spsi_queue bricks, particles;
+    int first_slab; /* of the current chunk */
+} spsi_contents;
+
+static void spsi_contents_advance(spsi_contents *contents, int chunk) {
+    contents->first_slab = chunk * SPSI_CHUNK;
+    spsi_queue_advance(&contents->bricks, chunk);
+    spsi_queue_advance(&contents->particles, chunk);
+}
 
 static size_t spsi_shape_floats(const spsi_shape *shape) {
     const int pixels = 2 * shape->margin, slabs = SPSI_CHUNK + 2 * shape->slab_margin;
@@ -7693,6 +7719,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->frame = frame;
     target->rays = rays;
     target->slabs = slabs;
+    target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
     for (int i = 0; i < frame->medium_count; ++i) target->channels[i] = target->slope_channels[i] = -1;
@@ -7738,7 +7765,8 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
         const float scale = material->table ? 1 : material->extinction;
-        if (material->extinguishes) target->channels[i] = medium->light_channel;
+        if (!material->extinguishes) continue;
+        target->channels[i] = medium->light_channel;
         if (!spsi_splatter_build(medium->lattice, rays, slabs, scale,
                                  material->table ? classified_cut : frame->accuracy.cut, &target->splatters[i]))
             return spsi_target_refuse(context, medium);
@@ -7747,13 +7775,15 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
 }
 
 /* Allocates the workers' scratch: a tile of sheets, shared by the targets, and counters for each target. */
-static sps_result spsi_targets_reserve(sps_context *context, spsi_target *const *targets, int count) {
+static sps_result spsi_targets_reserve(const spsi_contents *contents) {
+    sps_context *context = contents->context;
+    const int count = contents->target_count;
     const size_t workers = (size_t)spsi_worker_count(context);
     size_t floats = 0;
     uint64_t *counts;
     float *sheets;
     for (int i = 0; i < count; ++i) {
-        const size_t own = spsi_shape_floats(&targets[i]->shape);
+        const size_t own = spsi_shape_floats(&contents->targets[i]->shape);
         floats = own > floats ? own : floats;
     }
     floats = (floats + 1) / 2 * 2; /* keeps the counters aligned */
@@ -7763,22 +7793,16 @@ static sps_result spsi_targets_reserve(sps_context *context, spsi_target *const 
     counts = (uint64_t *)(void *)(sheets + workers * floats);
     memset(counts, 0, 2 * (size_t)count * workers * sizeof *counts);
     for (int i = 0; i < count; ++i) {
-        targets[i]->sheets.memory = sheets;
-        targets[i]->sheets.floats = floats;
-        targets[i]->sheets.worker_count = (int)workers;
-        targets[i]->counts = (uint64_t(*)[2])(void *)(counts + 2 * (size_t)i * workers);
+        spsi_target *target = contents->targets[i];
+        target->sheets.memory = sheets;
+        target->sheets.floats = floats;
+        target->sheets.worker_count = (int)workers;
+        target->counts = (uint64_t(*)[2])(void *)(counts + 2 * (size_t)i * workers);
     }
     return SPS_OK;
 }
 
 /* --- where bricks and particles are --- */
-
-/* One pass over the items, for one or two targets with the same slabs. */
-typedef struct spsi_targets_job {
-    spsi_contents *contents;
-    spsi_target *const *targets;
-    int target_count;
-} spsi_targets_job;
 
 /* The range of slab coordinates of the centres of a brick's voxels. */
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
@@ -7824,8 +7848,7 @@ static void spsi_brick_tiles(const spsi_lattice *lattice, const spsi_brick *bric
 }
 
 static void spsi_bricks_task(void *data, int index, int worker) {
-    const spsi_targets_job *job = (const spsi_targets_job *)data;
-    spsi_contents *contents = job->contents;
+    spsi_contents *contents = (spsi_contents *)data;
     const int end = spsi_batch_end(index, contents->bricks.count), chunks = spsi_chunk_count(contents->slabs);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
@@ -7833,11 +7856,11 @@ static void spsi_bricks_task(void *data, int index, int worker) {
         const spsi_lattice *lattice = &contents->frame->lattices[brick->lattice];
         double low, high, farthest = 0;
         spsi_brick_slabs(lattice, brick, contents->slabs, &low, &high);
-        for (int n = 0; n < job->target_count; ++n) {
-            const spsi_target *target = job->targets[n];
+        for (int n = 0; n < contents->target_count; ++n) {
+            const spsi_target *target = contents->targets[n];
             const spsi_splatter *splatter = &target->splatters[brick->lattice];
             const double reach = (double)splatter->reach_slabs + target->shape.slab_margin + 1e-3;
-            const double eye_slab = spsi_slab_at(target->slabs, target->rays->origin);
+            const double eye_slab = target->origin_slab;
             const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
             farthest = fmax(farthest, reach);
             spsi_brick_tiles(lattice, brick, target, behind, target->brick_tiles[i]);
@@ -7848,16 +7871,15 @@ static void spsi_bricks_task(void *data, int index, int worker) {
 
 /* The chunks that particles touch, in any target. */
 static void spsi_particles_task(void *data, int index, int worker) {
-    const spsi_targets_job *job = (const spsi_targets_job *)data;
-    spsi_contents *contents = job->contents;
+    spsi_contents *contents = (spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
     const int end = spsi_batch_end(index, frame->content->particle_count), chunks = spsi_chunk_count(contents->slabs);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const sps_particles *set = spsi_set_of(frame, i)->particles;
         double slab = 0, reach, farthest = 0, room;
-        for (int n = 0; n < job->target_count; ++n) {
-            spsi_particle_slabs(&job->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
+        for (int n = 0; n < contents->target_count; ++n) {
+            spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
             farthest = fmax(farthest, reach);
         }
         room = farthest + 1e-3 + 1e-6 * farthest;
@@ -7884,47 +7906,44 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Finds the chunks and tiles of all bricks, and allocates the targets' sheets. */
-static sps_result spsi_contents_build(sps_context *context, spsi_target *const *targets, int target_count,
+/* Finds the chunks and tiles of all bricks, and allocates the targets' sheets. `second` may be NULL. */
+static sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
                                       spsi_contents *contents) {
     static const spsi_buffer_id tiles[2] = {SPSI_BUFFER_BRICK_TILES, SPSI_BUFFER_BRICK_LIGHT_TILES};
-    spsi_targets_job job;
-    const int chunks = spsi_chunk_count(targets[0]->slabs), count = context->brick_count;
+    const int chunks = spsi_chunk_count(first->slabs), count = context->brick_count;
     contents->context = context;
-    contents->frame = targets[0]->frame;
-    contents->slabs = targets[0]->slabs;
+    contents->frame = first->frame;
+    contents->slabs = first->slabs;
+    contents->targets[0] = first;
+    contents->targets[1] = second;
+    contents->target_count = second ? 2 : 1;
     contents->list = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    job.contents = contents;
-    job.targets = targets;
-    job.target_count = target_count;
-    if (spsi_targets_reserve(context, targets, target_count)) return context->result;
+    if (spsi_targets_reserve(contents)) return context->result;
     if (spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, count, chunks, &contents->bricks)) return context->result;
-    for (int i = 0; i < target_count; ++i) {
-        targets[i]->brick_tiles =
-            (int16_t(*)[4])spsi_reserve(context, tiles[i], (size_t)count, sizeof *targets[i]->brick_tiles);
-        if (!targets[i]->brick_tiles) return context->result;
+    for (int i = 0; i < contents->target_count; ++i) {
+        spsi_target *target = contents->targets[i];
+        target->brick_tiles =
+            (int16_t(*)[4])spsi_reserve(context, tiles[i], (size_t)count, sizeof *target->brick_tiles);
+        if (!target->brick_tiles) return context->result;
     }
-    spsi_parallel_batches(context, count, spsi_bricks_task, &job);
+    spsi_parallel_batches(context, count, spsi_bricks_task, contents);
     spsi_queue_sort(&contents->bricks, chunks);
     return SPS_OK;
 }
 
 /* The same for particles. */
-static sps_result spsi_contents_add_particles(sps_context *context, spsi_target *const *targets, int target_count,
-                                              spsi_contents *contents) {
+static sps_result spsi_contents_add_particles(spsi_contents *contents) {
     static const spsi_buffer_id lists[2] = {SPSI_BUFFER_EYE_BALLS, SPSI_BUFFER_LIGHT_BALLS};
+    sps_context *context = contents->context;
     const int chunks = spsi_chunk_count(contents->slabs), count = contents->frame->content->particle_count;
-    spsi_targets_job job;
-    job.contents = contents;
-    job.targets = targets;
-    job.target_count = target_count;
+    int fullest;
     if (count == 0) return SPS_OK;
     if (spsi_queue_reserve(context, SPSI_BUFFER_PARTICLE_QUEUE, count, chunks, &contents->particles))
         return context->result;
-    spsi_parallel_batches(context, count, spsi_particles_task, &job);
-    contents->fullest = spsi_queue_sort(&contents->particles, chunks);
-    for (int i = 0; i < target_count; ++i)
-        if (spsi_lists_reserve(context, lists[i], contents->fullest, targets[i])) return context->result;
+    spsi_parallel_batches(context, count, spsi_particles_task, contents);
+    fullest = spsi_queue_sort(&contents->particles, chunks);
+    for (int i = 0; i < contents->target_count; ++i)
+        if (spsi_lists_reserve(context, lists[i], fullest, contents->targets[i])) return context->result;
     return SPS_OK;
 }
 
@@ -7939,16 +7958,15 @@ static int spsi_list_of(const spsi_target *target, const spsi_ball *ball) {
 }
 
 static void spsi_seen_task(void *data, int index, int worker) {
-    const spsi_targets_job *job = (const spsi_targets_job *)data;
-    const spsi_contents *contents = job->contents;
+    const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
     const int end = spsi_batch_end(index, contents->particles.current);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = contents->particles.present[i];
         const spsi_particle_set *set = spsi_set_of(frame, particle);
-        for (int n = 0; n < job->target_count; ++n) {
-            const spsi_target *target = job->targets[n];
+        for (int n = 0; n < contents->target_count; ++n) {
+            const spsi_target *target = contents->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
             spsi_seen_build(&target->crossing, set->particles, &frame->content->particles[particle],
                             target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
@@ -7959,10 +7977,10 @@ static void spsi_seen_task(void *data, int index, int worker) {
 
 /* Bins a target's particles by a stable counting sort. */
 static void spsi_lists_task(void *data, int index, int worker) {
-    const spsi_targets_job *job = (const spsi_targets_job *)data;
-    const spsi_target *target = job->targets[index];
+    const spsi_contents *contents = (const spsi_contents *)data;
+    const spsi_target *target = contents->targets[index];
     const spsi_lists *lists = &target->particles;
-    const int count = job->contents->particles.current, list_count = target->columns * target->rows + 1;
+    const int count = contents->particles.current, list_count = target->columns * target->rows + 1;
     (void)worker;
     memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
     for (int i = 0; i < count; ++i)
@@ -7978,16 +7996,12 @@ static void spsi_lists_task(void *data, int index, int worker) {
 }
 
 /* Projects and bins the chunk's particles for all targets. */
-static void spsi_targets_take_particles(sps_context *context, spsi_contents *contents, spsi_target *const *targets,
-                                        int target_count) {
+static void spsi_contents_bin_particles(spsi_contents *contents) {
+    sps_context *context = contents->context;
     const double start = spsi_clock(context);
-    spsi_targets_job job;
-    job.contents = contents;
-    job.targets = targets;
-    job.target_count = target_count;
     if (contents->particles.current == 0) return;
-    spsi_parallel_batches(context, contents->particles.current, spsi_seen_task, &job);
-    spsi_parallel(context, target_count, spsi_lists_task, &job);
+    spsi_parallel_batches(context, contents->particles.current, spsi_seen_task, contents);
+    spsi_parallel(context, contents->target_count, spsi_lists_task, contents);
     context->stats.seconds_bin += spsi_clock(context) - start;
 }
 
@@ -8029,7 +8043,7 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     const spsi_contents *contents = fill->contents;
     spsi_tile *tile = fill->tile;
     const int first_slab = contents->first_slab - target->shape.slab_margin;
-    tile->eye_slab = (float)(spsi_slab_at(target->slabs, target->rays->origin) - first_slab);
+    tile->eye_slab = (float)(target->origin_slab - first_slab);
     for (int i = 0; i < contents->bricks.current; ++i) {
         const int index = contents->bricks.present[i];
         const int16_t *tiles = target->brick_tiles[index];
@@ -9463,13 +9477,13 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
 /* Prepares the splatting of volumes into a face. */
 static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
                                          spsi_map_volumes *volumes) {
-    spsi_target *const target = &volumes->target;
+    spsi_target *target = &volumes->target;
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
     spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
     if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->accuracy.cut, target))
         return context->result;
-    return spsi_contents_build(context, &target, 1, &volumes->contents);
+    return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
 static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
@@ -9857,35 +9871,6 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* Six grids of rays around a point light, whose texels have the desired size where the gas is farthest. */
-static sps_result spsi_tmap_aim_round(sps_tmap *map, const spsi_frame *frame, const spsi_lamp *lamp, double texel,
-                                      int size, int most) {
-    double farthest = 0;
-    for (int i = 0; i < 3; ++i)
-        farthest = fmax(farthest, fmax(frame->content->bounds.high[i] - lamp->position[i],
-                                       lamp->position[i] - frame->content->bounds.low[i]));
-    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), most);
-    map->face_count = SPSI_CUBE_FACES;
-    for (int face = 0; face < SPSI_CUBE_FACES; ++face)
-        if (!spsi_rays_of_cube_face(lamp->position, face, size, 0, &map->rays[face]))
-            return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
-                                  "cannot tell its texels apart so far from the world's origin");
-    return SPS_OK;
-}
-
-/* Aims a light's map at the gas: one grid of rays if the light sees all of it within a cone, otherwise six. */
-static sps_result spsi_tmap_aim_lamp(sps_tmap *map, const spsi_frame *frame, const spsi_lamp *lamp) {
-    const int size = lamp->map_size;
-    const int most = spsi_light_texels_most(frame);
-    const double texel = spsi_lamp_texel(frame, lamp);
-    map->face_count = 1;
-    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->content->bounds, texel, size, most, &map->rays[0]))
-        return SPS_OK;
-    if (lamp->is_point) return spsi_tmap_aim_round(map, frame, lamp, texel, size, most);
-    return spsi_fail_that(map->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
-                          "cannot tell its texels apart");
-}
-
 /* Fills the map by which gas casts a light's shadow. */
 static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                       const spsi_part_of_call *part, sps_tmap *map) {
@@ -9898,7 +9883,11 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     map->technique = &spsi_techniques[map->settings.technique];
     occluders.frame = frame;
     occluders.part = *part;
-    if (spsi_tmap_aim_lamp(map, frame, lamp) || spsi_tmap_resolve(map)) return context->result;
+    map->face_count = spsi_lamp_rays(frame, lamp, map->rays);
+    if (map->face_count == 0)
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
+                              "cannot tell its texels apart so far from the world's origin");
+    if (spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->content->bounds);
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
@@ -11152,11 +11141,10 @@ typedef struct spsi_run {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_sweep *sweep;
-    spsi_contents contents;  /* bricks and particles by chunk */
-    spsi_target eye;         /* the eye's sheets */
-    spsi_sliced sliced;      /* the shadow of the sweep's lamp */
-    int has_sliced;          /* 1: `sliced` is in use, since gas shades */
-    spsi_target *targets[2]; /* the eye's, and that of `sliced` */
+    spsi_contents contents; /* bricks and particles by chunk */
+    spsi_target eye;        /* the eye's sheets */
+    spsi_sliced sliced;     /* the shadow of the sweep's lamp */
+    int has_sliced;         /* 1: `sliced` is in use, since gas shades */
     spsi_shader shader;
     spsi_shadow *shadows;   /* those of the shader */
     spsi_sample *samples;   /* one per material and part, per worker */
@@ -11359,11 +11347,9 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_run_slice(context, run))
         return context->result;
     spsi_run_linears(run);
-    run->targets[0] = &run->eye;
-    run->targets[1] = &run->sliced.target;
     if (spsi_run_region(context, run) || spsi_run_scratch(context, run) ||
-        spsi_contents_build(context, run->targets, 1 + run->has_sliced, &run->contents) ||
-        spsi_contents_add_particles(context, run->targets, 1 + run->has_sliced, &run->contents))
+        spsi_contents_build(context, &run->eye, run->has_sliced ? &run->sliced.target : NULL, &run->contents) ||
+        spsi_contents_add_particles(&run->contents))
         return context->result;
     spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
     return SPS_OK;
@@ -11394,7 +11380,7 @@ static void spsi_run_chunk(spsi_run *run) {
     run->slab_count = SPSI_CHUNK;
     run->low = (float)run->shader.first_slab;
     run->high = run->low + SPSI_CHUNK;
-    spsi_targets_take_particles(context, &run->contents, run->targets, 1 + run->has_sliced);
+    spsi_contents_bin_particles(&run->contents);
     if (run->has_sliced) spsi_sliced_advance(context, &run->sliced);
     spsi_parallel(context, run->region.columns * run->region.rows, spsi_eye_task, run);
 }
@@ -11849,14 +11835,38 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
 }
 
+/* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
+   read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
+   2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
+static size_t spsi_plan_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
+    spsi_rays rays[SPSI_CUBE_FACES];
+    const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_light_texels_most(frame));
+    const int known = frame->particles.set_count == 0;
+    const int faces = known ? spsi_lamp_rays(frame, lamp, rays) : 0;
+    size_t six;
+    *side = most;
+    if (faces == 1) {
+        *side = (size_t)spsi_most(rays[0].width, rays[0].height);
+        return spsi_ray_count(&rays[0]);
+    }
+    if (faces == 0) return most * most * (lamp->is_point ? SPSI_CUBE_FACES : 1);
+    six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
+    if (lamp->map_omnidirectional) {
+        *side = (size_t)rays[0].width;
+        return six;
+    }
+    if (9 * (size_t)rays[0].width < most) *side = 9 * (size_t)rays[0].width;
+    return *side * *side > six ? *side * *side : six;
+}
+
 /* Bytes of a light's transmittance map, and those needed to fill it, except for lists of stretches, whose length is not
    known, and what is fitted to them. */
 static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
-    const size_t side = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_light_texels_most(frame));
-    const size_t faces = lamp->is_point ? SPSI_CUBE_FACES : 1;
+    size_t side;
+    const size_t texels = spsi_plan_tmap_texels(frame, lamp, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     const size_t components = (size_t)spsi_components_of(&lamp->map);
-    *held = sizeof(sps_tmap) + side * side * faces * (components + 1) * sizeof(float);
+    *held = sizeof(sps_tmap) + texels * (components + 1) * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));

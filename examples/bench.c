@@ -286,8 +286,8 @@ static void block_frame(frame *f, block *b, int width, double pixels, uint64_t r
     f->view.camera.ortho_height = width / pixels;
 }
 
-/* The shadow_size that gives a voxel so many texels, by what `medium` plans for one. Two texels of border on each side
-   are not among them. */
+/* The shadow_size that gives a voxel this number of texels, by what `medium` plans for one. Two texels of border on
+   each side are not among them. */
 static int texels_for(const ex_session *session, const frame *f, int texels) {
     sps_plan_report plan;
     ex_stop_unless_ok(sps_plan(session->context, &f->scene, &f->view, &plan), program, session);
@@ -362,7 +362,7 @@ static sps_particle *puff_build(size_t count) {
 
 enum { MAP_QUERIES = 400000, MAP_SIZE = 512 };
 
-/* What all maps of the table are made of, and where they are asked. Stays where it is: the scene points into it. */
+/* What all maps of the table are made of, and where they are queried. Stays where it is: the scene points into it. */
 typedef struct map_trial {
     sps_particles particles;
     sps_scene scene;
@@ -425,7 +425,7 @@ static map_figures map_measure(ex_session *session, map_trial *trial, const sps_
 
 typedef struct map_row {
     const char *name;
-    sps_tmap_settings settings; /* but for the range of depths, which is the same for all */
+    sps_tmap_settings settings; /* without the range of depths, which is the same for all */
     double bound;               /* the target of seconds to build with WORKERS workers; 0: none */
 } map_row;
 

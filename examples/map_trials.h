@@ -130,7 +130,7 @@ static void trials_list(trials *all, const sps_tmap_settings *range) {
         }
 }
 
-/* NULL where this technique has no map of so many. */
+/* NULL where this technique has no map of this number of components. */
 static const trial *trial_of(const trials *all, int kind_index, int asked) {
     for (int i = 0; i < all->count; ++i)
         if (all->list[i].kind == &kinds[kind_index] && all->list[i].asked == asked) return &all->list[i];

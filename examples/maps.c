@@ -372,7 +372,7 @@ static void print_times(const set_up *s) {
     printf("```\n");
 }
 
-/* The least error in the gas among maps that take no more than a map of so many components. */
+/* The least error in the gas among maps that take no more memory than a map of this number of components. */
 static const trial *best_within(const set_up *s, int components) {
     const int surfaces = s->core.triangle_count > 0; /* a float a texel, in every map */
     const double most = 4.0 * (components + surfaces) * s->map_size * s->map_size + 4096;
@@ -809,7 +809,7 @@ static void run_scene(ex_session *session, set_up *s, int every, const char *fol
 
 static void print_legend(void) {
     printf(
-        "- asked, has: numbers per texel. A technique that cannot have as many as asked for has the next lower number; "
+        "- asked, has: components per texel, requested and actual: the next lower number that the technique can have; "
         "compressed\n"
         "  maps have an epsilon instead.\n"
         "- in the gas, on the ground: error of transmittance at %d points in particles and at %d in their shadow.\n"

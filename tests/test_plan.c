@@ -594,6 +594,34 @@ static void test_light_maps(const outcome *full) {
     }
 }
 
+/* A map without a size is planned as large as its light's rays, not as large as a map may be. The box's diagonal is 36
+   voxels, and a texel is at least half a voxel: 80 texels on a side with their border. A light in an empty corner of
+   the box has six faces in the plan and a single one, of more texels, once the voxels are read. */
+static void test_light_map_sizes(void) {
+    static const double positions[][3] = {{0, 0, 0}, {0.95, 0.95, 0.95}, {-0.99, 0.2, 0.1}, {3, 1, 1}};
+    const size_t side = 80, texel = 5 * sizeof(float); /* deep opacity has up to 4 components, and a texel's depth */
+    sps_tmap_settings settings;
+    setup t;
+    outcome o;
+    memset(&settings, 0, sizeof settings);
+    settings.technique = SPS_TMAP_DEEP_OPACITY;
+    settings.components = 4;
+    setup_build(&t);
+    t.s.light[0].shadow_map = &settings;
+    o = measure(&t);
+    CHECK(o.plan.pass[SPS_PASS_LIGHT_MAPS].bytes <= side * side * texel + 100000);
+    t.s.light[0].kind = SPS_LIGHT_POINT;
+    for (size_t i = 0; i < sizeof positions / sizeof *positions; ++i) {
+        memcpy(t.s.light[0].position, positions[i], sizeof positions[i]);
+        for (int round = 0; round < 2; ++round) {
+            t.s.light[0].shadow_map_omnidirectional = round;
+            o = measure(&t);
+            CHECK(o.plan.pass[SPS_PASS_LIGHT_MAPS].bytes <= 81 * side * side * texel + 100000);
+        }
+    }
+    check_free_triangles(&t.triangles);
+}
+
 /* Gases of equal appearance share a channel of the sheets; others have their own. */
 static void test_sheet_channels(void) {
     setup t;
@@ -666,6 +694,7 @@ int main(void) {
     test_particles();
     test_large_region();
     test_light_maps(&full);
+    test_light_map_sizes();
     test_sheet_channels();
     test_slabs_of_flat_voxels();
     check_free_triangles(&t.triangles);

@@ -18,7 +18,7 @@
 #define RIPPLE 0.0024
 #define DARK   ((double)1e15f)
 
-enum { SIDE = 9, MOST = 256, TECHNIQUES = SPS_TMAP_BEER }; /* but for the default */
+enum { SIDE = 9, MOST = 256, TECHNIQUES = SPS_TMAP_BEER }; /* without the default */
 
 static float one = 1;
 
@@ -1730,8 +1730,8 @@ static void test_settings(void) {
     static const struct {
         const char *text;
         int technique, components;
-    } counts[] = {{"settings.components is 1; a deep map has as many", SPS_TMAP_DEEP, 1},
-                  {"settings.components is 2; a compressed map has", SPS_TMAP_COMPRESSED, 2},
+    } counts[] = {{"settings.components is 1; a deep map sets it", SPS_TMAP_DEEP, 1},
+                  {"settings.components is 2; a compressed map sets it", SPS_TMAP_COMPRESSED, 2},
                   {"settings.components is 2; a depth map has 1", SPS_TMAP_DEPTH, 2},
                   {"settings.components is 66; an opacity map has 1, 2 .. 65", SPS_TMAP_OPACITY, 66},
                   {"settings.components is -1; an opacity", SPS_TMAP_OPACITY, -1},
@@ -1948,7 +1948,7 @@ static void test_replaced_of_several(void) {
     sps_destroy(context);
 }
 
-/* Particles that span so many tiles that none are listed by tile: the same results as the sum of chords. 5 x 4 tiles of
+/* Particles that span too many tiles to be listed by tile: the same results as the sum of chords. 5 x 4 tiles of
    60 particles, 1200, are more than 8 (60 + 20). */
 static void test_crowded_tiles(void) {
     sps_context *context = sps_create(NULL, NULL);

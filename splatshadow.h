@@ -1296,6 +1296,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FRAME,   /* the checked scene, >>scene */
     SPSI_BUFFER_CONTENT, /* what is read from the scene, >>scene */
     SPSI_BUFFER_TABLES,  /* transfer functions */
+    SPSI_BUFFER_MESHES,  /* resolved meshes */
     SPSI_BUFFER_LAMPS,   /* resolved lights */
     SPSI_BUFFER_BLOCK,   /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
@@ -3436,8 +3437,9 @@ static int spsi_components_of(const sps_tmap_settings *settings) {
 }
 
 /* ================================================================================================ >>scene
-   9  The frame: a scene and a view, checked, with every default filled in. No later section has to interpret a zero of
-   the caller's. */
+   9  The frame: a scene and a view, checked, with every default filled in. Later sections read the frame and not the
+   caller's structs, so that none has to interpret a zero in them. Only a light's number of texels stays open (0) until
+   the gas that it has to fit has been read. */
 
 /* A grid of voxels in the world. Each medium has one, that of its volume. */
 typedef struct spsi_lattice {
@@ -3449,19 +3451,42 @@ typedef struct spsi_lattice {
 
 /* A volume that holds voxels. */
 typedef struct spsi_medium {
-    const sps_volume *volume;
     int index;             /* in the scene's array, for error sentences */
+    int size[3];           /* voxels along x, y, z */
     spsi_lattice *lattice; /* its volume's grid */
     int channel;           /* channel of the eye's sheets, and index of its material */
     int light_channel;     /* channel of a light's sheets: gases share number 0 */
+    int (*read_fn)(void *user, const int lo[3], const int size[3], float *out);            /* NULL: eval_fn is set */
+    int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]); /* NULL: all are read */
+    int (*eval_fn)(void *user, size_t count, const double *positions, float *out);         /* NULL: read_fn is set */
+    void *user;                                                                            /* of the three callbacks */
+    uint64_t revision; /* of the values; 0: they are read in every call */
 } spsi_medium;
 
 /* A set of particles that is not empty. */
 typedef struct spsi_particle_set {
-    const sps_particles *particles;
-    int index;   /* in the scene's array */
-    int channel; /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
+    int index;         /* in the scene's array, for error sentences */
+    int channel;       /* channel of the eye's sheets, and index of its material; in a light's sheets it is number 0 */
+    size_t count;      /* particles to be read */
+    int soft;          /* 1: density falls to nothing at the rim, 0: it is uniform */
+    int is_extinction; /* 1: the optical depth that is read is extinction, if soft at the centre */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_particle *out); /* as in sps_particles */
+    void *user;                                                                /* of read_fn */
 } spsi_particle_set;
+
+/* A mesh that has triangles. */
+typedef struct spsi_mesh {
+    int index;               /* in the scene's array, for error sentences */
+    size_t triangle_count;   /* triangles to be read */
+    sps_placement placement; /* with the identity in place of all-zero axes */
+    float color[3];          /* reflectance, unless has_colors */
+    float optical_depth;     /* of each triangle; SPSI_DEPTH_MAX: opaque */
+    int has_normals;         /* 1: corners have normals */
+    int has_colors;          /* 1: corners have colors */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out); /* as in sps_mesh */
+    void *user;                                                                /* of read_fn */
+    uint64_t revision; /* of the triangles; 0: they are read in every call */
+} spsi_mesh;
 
 /* A light that is not black. */
 typedef struct spsi_lamp {
@@ -3473,7 +3498,7 @@ typedef struct spsi_lamp {
     int shadows;             /* 1: it casts shadows */
     int sliced;              /* 1: it shades gas by sheets, and so needs slabs that suit it */
     int has_map;             /* 1: it shades gas by a transmittance map */
-    int map_size;            /* texels on the map's longer side; 0: from quality */
+    int map_size;            /* texels on the map's longer side; 0: fitted to the gas */
     int map_omnidirectional; /* 1: the map has six faces wherever the light is */
     sps_tmap_settings map;   /* the map's settings, with the technique resolved */
 } spsi_lamp;
@@ -3496,7 +3521,15 @@ typedef struct spsi_particle_sets {
     int set_count;
     spsi_particle_set sets[SPSI_SETS_MAX];
     size_t count; /* of particles in all sets, known before any is read */
+    int has_soft; /* 1: some set is soft */
 } spsi_particle_sets;
+
+/* The meshes that have triangles. */
+typedef struct spsi_meshes {
+    spsi_mesh *list;
+    int count;
+    size_t triangle_count; /* of all meshes, known before any is read */
+} spsi_meshes;
 
 /* The appearance of volumes and particles. */
 typedef struct spsi_matter {
@@ -3523,6 +3556,13 @@ typedef struct spsi_gradients {
     int splatted; /* 1: gradients have sheets of their own, as neighbouring pixels are too far apart */
 } spsi_gradients;
 
+/* Radiance behind everything. */
+typedef struct spsi_background {
+    float color[3];                                                                     /* without a callback */
+    int (*color_fn)(void *user, size_t count, const float *directions, float *out_rgb); /* NULL: `color` everywhere */
+    void *user;                                                                         /* of color_fn */
+} spsi_background;
+
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
@@ -3537,9 +3577,8 @@ typedef struct spsi_content {
 
 /* The checked and resolved scene, complete before anything is read, and never written again. */
 typedef struct spsi_frame {
-    const sps_scene *scene; /* the caller's: later sections use its callbacks, counts and revisions */
     spsi_content *content;
-    sps_view view;     /* all fields resolved, including the region */
+    sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
     spsi_accuracy accuracy;
     spsi_rays eye;
@@ -3549,10 +3588,12 @@ typedef struct spsi_frame {
     spsi_bounds volume_bounds;               /* of the volumes' boxes, extended by the reach of their kernels */
     spsi_particle_sets particles;
     spsi_matter matter;
-    size_t triangle_count;
+    spsi_meshes meshes;
     spsi_lamps lamps;
     float ambient[3]; /* the scene's ambient radiance */
     int has_ambient;  /* 1: ambient is not black */
+    spsi_background background;
+    int replace_invalid; /* 1: invalid values become 0 instead of an error */
     spsi_gradients gradients;
     int channels;    /* channels of radiance: 1 if every color is grey, otherwise 3 */
     int wants_depth; /* 1: the image has depths */
@@ -4120,8 +4161,8 @@ static int spsi_take_material(spsi_frame *frame, const spsi_material *material) 
     return channel;
 }
 
-static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, spsi_medium *medium, spsi_table *table) {
-    const sps_volume *volume = medium->volume;
+static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, const sps_volume *volume,
+                                    spsi_medium *medium, spsi_table *table) {
     spsi_material material;
     memset(&material, 0, sizeof material);
     spsi_material_lobes(volume->lobes, volume->lobe_count, &material);
@@ -4142,14 +4183,14 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, sps
     return SPS_OK;
 }
 
-static sps_result spsi_medium_place(sps_context *context, spsi_medium *medium) {
+static sps_result spsi_medium_place(sps_context *context, const sps_volume *volume, const spsi_medium *medium) {
     spsi_lattice *lattice = medium->lattice;
     sps_placement placement;
-    spsi_placement_resolve(&medium->volume->placement, &placement);
+    spsi_placement_resolve(&volume->placement, &placement);
     if (spsi_check_placement(context, &placement, SPS_OBJECT_VOLUME, medium->index)) return context->result;
     memcpy(lattice->corner, placement.origin, sizeof lattice->corner);
     for (int axis = 0; axis < 3; ++axis)
-        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->volume->size[axis];
+        for (int i = 0; i < 3; ++i) lattice->step[axis][i] = placement.axis[axis][i] / medium->size[axis];
     lattice->voxel_volume = fabs(spsi_determinant(lattice->step[0], lattice->step[1], lattice->step[2]));
     if (lattice->voxel_volume > 0) return SPS_OK;
     return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, medium->index,
@@ -4157,8 +4198,18 @@ static sps_result spsi_medium_place(sps_context *context, spsi_medium *medium) {
                            "it is too small for the numbers in use");
 }
 
-static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) {
-    const sps_scene *scene = frame->scene;
+static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice *lattice, spsi_medium *medium) {
+    medium->index = index;
+    memcpy(medium->size, volume->size, sizeof medium->size);
+    medium->lattice = lattice;
+    medium->read_fn = volume->read_fn;
+    medium->range_fn = volume->range_fn;
+    medium->eval_fn = volume->eval_fn;
+    medium->user = volume->user;
+    medium->revision = volume->revision;
+}
+
+static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     int classified = 0;
     spsi_table *table;
     for (int i = 0; i < scene->volume_count; ++i) {
@@ -4169,11 +4220,9 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
         if (frame->medium_count == SPSI_VOLUMES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count",
                                    scene->volume_count, "at most 64 volumes may hold voxels");
-        medium->volume = volume;
-        medium->index = i;
-        medium->lattice = &frame->lattices[frame->medium_count];
+        spsi_medium_build(volume, i, &frame->lattices[frame->medium_count], medium);
         medium->lattice->medium = frame->medium_count;
-        if (spsi_medium_place(context, medium)) return context->result;
+        if (spsi_medium_place(context, volume, medium)) return context->result;
         frame->medium_count += 1;
         classified += volume->transfer != NULL;
         frame->matter.light_channel_count |= !volume->transfer; /* number 0 is for gases, if there are any */
@@ -4182,12 +4231,13 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
     if (!table) return context->result;
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_medium *medium = &frame->media[i];
-        if (spsi_add_material(context, frame, medium, table)) return context->result;
-        table += medium->volume->transfer != NULL;
+        const sps_volume *volume = &scene->volumes[medium->index];
+        if (spsi_add_material(context, frame, volume, medium, table)) return context->result;
+        table += volume->transfer != NULL;
         for (int corner = 0; corner < 8; ++corner) {
             const double margin = SPSI_REACH;
             double at[3], point[3];
-            for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->volume->size[k] + margin : -margin;
+            for (int k = 0; k < 3; ++k) at[k] = corner >> k & 1 ? medium->size[k] + margin : -margin;
             spsi_voxel_position(medium->lattice, at, point);
             spsi_bounds_add(&frame->volume_bounds, point);
         }
@@ -4195,16 +4245,26 @@ static sps_result spsi_resolve_volumes(sps_context *context, spsi_frame *frame) 
     return SPS_OK;
 }
 
+static void spsi_particle_set_build(const sps_particles *particles, int index, int channel, spsi_particle_set *set) {
+    set->index = index;
+    set->channel = channel;
+    set->count = particles->count;
+    set->soft = particles->soft != 0;
+    set->is_extinction = particles->is_extinction != 0;
+    set->read_fn = particles->read_fn;
+    set->user = particles->user;
+}
+
 /* Sets of particles are gases whose value is extinction. */
-static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame) {
-    for (int i = 0; i < frame->scene->particle_set_count; ++i) {
-        const sps_particles *particles = &frame->scene->particles[i];
+static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+    for (int i = 0; i < scene->particle_set_count; ++i) {
+        const sps_particles *particles = &scene->particles[i];
         spsi_particle_set *set = &frame->particles.sets[frame->particles.set_count];
         spsi_material material;
         if (particles->count == 0) continue;
         if (frame->particles.set_count == SPSI_SETS_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
-                                   frame->scene->particle_set_count, "at most 64 sets may hold particles");
+                                   scene->particle_set_count, "at most 64 sets may hold particles");
         /* both are at most SPSI_PARTICLES_MAX, so that the sum fits a size_t of 32 bits */
         frame->particles.count += particles->count;
         if (frame->particles.count > SPSI_PARTICLES_MAX)
@@ -4213,32 +4273,47 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         memset(&material, 0, sizeof material);
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
         spsi_material_gas(1, particles->albedo, particles->emission, &material);
-        set->particles = particles;
-        set->index = i;
-        set->channel = spsi_take_material(frame, &material);
+        spsi_particle_set_build(particles, i, spsi_take_material(frame, &material), set);
+        frame->particles.has_soft |= set->soft;
         frame->particles.set_count += 1;
         frame->matter.light_channel_count = 1;
     }
     return SPS_OK;
 }
 
-static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame) {
-    for (int i = 0; i < frame->scene->mesh_count; ++i) {
-        sps_placement placement;
-        spsi_placement_resolve(&frame->scene->meshes[i].placement, &placement);
-        if (spsi_check_placement(context, &placement, SPS_OBJECT_MESH, i)) return context->result;
+static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
+    mesh->index = index;
+    mesh->triangle_count = from->triangle_count;
+    spsi_placement_resolve(&from->placement, &mesh->placement);
+    memcpy(mesh->color, from->color, sizeof mesh->color);
+    mesh->optical_depth = from->transparency > 0 ? -logf(from->transparency) : SPSI_DEPTH_MAX;
+    mesh->has_normals = from->has_normals != 0;
+    mesh->has_colors = from->has_colors != 0;
+    mesh->read_fn = from->read_fn;
+    mesh->user = from->user;
+    mesh->revision = from->revision;
+}
+
+static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+    spsi_meshes *meshes = &frame->meshes;
+    meshes->list = (spsi_mesh *)spsi_reserve(context, SPSI_BUFFER_MESHES, (size_t)scene->mesh_count, sizeof(spsi_mesh));
+    if (!meshes->list) return context->result;
+    for (int i = 0; i < scene->mesh_count; ++i) {
+        spsi_mesh *mesh = &meshes->list[meshes->count];
+        spsi_mesh_build(&scene->meshes[i], i, mesh);
+        if (spsi_check_placement(context, &mesh->placement, SPS_OBJECT_MESH, i)) return context->result;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
-        frame->triangle_count += frame->scene->meshes[i].triangle_count;
-        if (frame->triangle_count > SPSI_FACES_MAX)
+        meshes->triangle_count += mesh->triangle_count;
+        if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
-                                   "triangle_count, with those before it,", (double)frame->triangle_count,
+                                   "triangle_count, with those before it,", (double)meshes->triangle_count,
                                    "all meshes together must have 2^29 at most");
+        meshes->count += mesh->triangle_count > 0; /* an empty one is overwritten by the next */
     }
     return SPS_OK;
 }
 
-static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp) {
-    const sps_light *light = &frame->scene->lights[index];
+static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
     memset(lamp, 0, sizeof *lamp);
     lamp->index = index;
     lamp->is_point = light->kind == SPS_LIGHT_POINT;
@@ -4256,8 +4331,8 @@ static void spsi_lamp_build(const spsi_frame *frame, int index, spsi_lamp *lamp)
 }
 
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
-static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame) {
-    const int count = frame->matter.scatters || frame->triangle_count > 0 ? frame->scene->light_count : 0;
+static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
+    const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         frame->matter.extinguishes |= material->extinguishes;
@@ -4267,8 +4342,8 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame) {
     if (!frame->lamps.list) return context->result;
     for (int i = 0; i < count; ++i) {
         spsi_lamp *lamp = &frame->lamps.list[frame->lamps.count];
-        if (spsi_black(frame->scene->lights[i].color)) continue;
-        spsi_lamp_build(frame, i, lamp);
+        if (spsi_black(scene->lights[i].color)) continue;
+        spsi_lamp_build(frame, &scene->lights[i], i, lamp);
         frame->lamps.count += 1;
         frame->lamps.shadow_count += lamp->shadows;
         frame->lamps.sliced_count += lamp->sliced;
@@ -4321,8 +4396,7 @@ static void spsi_resolve_gradients(spsi_frame *frame) {
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
-static int spsi_count_channels(const spsi_frame *frame) {
-    const sps_scene *scene = frame->scene;
+static int spsi_count_channels(const spsi_frame *frame, const sps_scene *scene) {
     int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
     for (int i = 0; i < scene->light_count; ++i) grey &= spsi_grey(scene->lights[i].color);
     for (int i = 0; i < scene->mesh_count; ++i)
@@ -4335,6 +4409,17 @@ static int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
+/* Resolves the scene's own fields, after its objects. */
+static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
+    memcpy(frame->ambient, scene->ambient, sizeof frame->ambient);
+    frame->has_ambient = !spsi_black(scene->ambient);
+    memcpy(frame->background.color, scene->background, sizeof frame->background.color);
+    frame->background.color_fn = scene->background_fn;
+    frame->background.user = scene->background_user;
+    frame->replace_invalid = scene->replace_invalid != 0;
+    frame->channels = spsi_count_channels(frame, scene);
+}
+
 /* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
    none yet. Returns NULL on failure. */
 static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene, const sps_view *view,
@@ -4344,21 +4429,18 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (!frame || !content) return NULL;
     if (spsi_check_scene(context, scene) || (view && spsi_check_view(context, view))) return NULL;
     memset(frame, 0, sizeof *frame);
-    frame->scene = scene;
     if (view) frame->view = *view;
     frame->viewer = SPS_OBJECT_VIEW;
     frame->wants_depth = wants_depth;
     frame->volume_bounds = spsi_nowhere;
     frame->content = content;
-    if (spsi_resolve_particles(context, frame) || spsi_resolve_volumes(context, frame) ||
-        spsi_resolve_meshes(context, frame))
+    if (spsi_resolve_particles(context, frame, scene) || spsi_resolve_volumes(context, frame, scene) ||
+        spsi_resolve_meshes(context, frame, scene))
         return NULL;
     if (view && spsi_resolve_view(context, frame)) return NULL;
-    if (spsi_resolve_lamps(context, frame)) return NULL;
+    if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     if (view) spsi_resolve_gradients(frame);
-    memcpy(frame->ambient, scene->ambient, sizeof frame->ambient);
-    frame->has_ambient = !spsi_black(scene->ambient);
-    frame->channels = spsi_count_channels(frame);
+    spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = frame->volume_bounds;
     content->mesh_bounds = spsi_nowhere;
@@ -4406,7 +4488,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
     block->medium = medium;
     block->material = material;
     for (int i = 0; i < 3; ++i) {
-        const int size = medium->volume->size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
+        const int size = medium->size[i], count = (size + SPSI_BLOCK - 1) / SPSI_BLOCK;
         block->core_low[i] = (int)(index % count) * SPSI_BLOCK;
         block->core_high[i] = spsi_least(size, block->core_low[i] + SPSI_BLOCK);
         block->low[i] = spsi_most(0, block->core_low[i] - margin);
@@ -4417,7 +4499,7 @@ static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const
 
 static int64_t spsi_block_count(const spsi_medium *medium) {
     int64_t count = 1;
-    for (int i = 0; i < 3; ++i) count *= (medium->volume->size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
+    for (int i = 0; i < 3; ++i) count *= (medium->size[i] + SPSI_BLOCK - 1) / SPSI_BLOCK;
     return count;
 }
 
@@ -4429,16 +4511,16 @@ static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
 
 /* Sets *empty if range_fn shows that nothing in the block can be relevant. */
 static sps_result spsi_block_range(sps_context *context, const spsi_block *block, int *empty) {
-    const sps_volume *volume = block->medium->volume;
+    const spsi_medium *medium = block->medium;
     float range[2] = {0, 0};
     int returned;
     *empty = 0;
-    if (!volume->range_fn) return SPS_OK;
+    if (!medium->range_fn) return SPS_OK;
     context->stats.range_calls += 1;
-    returned = volume->range_fn(volume->user, block->low, block->size, range);
+    returned = medium->range_fn(medium->user, block->low, block->size, range);
     if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "range_fn",
-                               returned, NULL);
+        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, medium->index, "range_fn", returned,
+                               NULL);
     if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading reports the error */
     if (block->material->table)
         *empty = !spsi_transfer_shows(block->material, 0, range[1]);
@@ -4448,7 +4530,7 @@ static sps_result spsi_block_range(sps_context *context, const spsi_block *block
 }
 
 static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *block) {
-    const sps_volume *volume = block->medium->volume;
+    const spsi_medium *medium = block->medium;
     const size_t layer = (size_t)block->size[0] * (size_t)block->size[1];
     for (int z = 0; z < block->size[2]; ++z) {
         double *position = block->positions;
@@ -4456,13 +4538,13 @@ static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *bl
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
-                spsi_voxel_position(block->medium->lattice, at, position);
+                spsi_voxel_position(medium->lattice, at, position);
             }
         context->stats.eval_calls += 1;
-        returned = volume->eval_fn(volume->user, layer, block->positions, block->values + layer * (size_t)z);
+        returned = medium->eval_fn(medium->user, layer, block->positions, block->values + layer * (size_t)z);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "eval_fn",
-                                   returned, NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, medium->index, "eval_fn", returned,
+                                   NULL);
     }
     return SPS_OK;
 }
@@ -4489,18 +4571,18 @@ static sps_result spsi_block_validate(sps_context *context, const spsi_block *bl
 }
 
 static sps_result spsi_block_read(sps_context *context, const spsi_block *block, int replace) {
-    const sps_volume *volume = block->medium->volume;
+    const spsi_medium *medium = block->medium;
     const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
     memset(block->values, 0, count * sizeof(float));
-    if (volume->eval_fn) {
+    if (medium->eval_fn) {
         if (spsi_block_evaluate(context, block)) return context->result;
     } else {
         int returned;
         context->stats.read_calls += 1;
-        returned = volume->read_fn(volume->user, block->low, block->size, block->values);
+        returned = medium->read_fn(medium->user, block->low, block->size, block->values);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, block->medium->index, "read_fn",
-                                   returned, NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, medium->index, "read_fn", returned,
+                                   NULL);
     }
     context->stats.voxels_read += count;
     return spsi_block_validate(context, block, replace);
@@ -4663,7 +4745,7 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
         if (spsi_block_range(context, &block, &empty)) return context->result;
         context->stats.blocks_skipped += (uint64_t)empty;
         if (empty) continue;
-        if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
+        if (spsi_block_read(context, &block, frame->replace_invalid)) return context->result;
         if (!spsi_block_matters(&block)) continue;
         if (block.material->table) spsi_block_flag_shown(&block);
         if (spsi_block_to_bricks(context, &block, medium, current)) return context->result;
@@ -4673,20 +4755,20 @@ static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *fra
 
 /* A hash of everything that decides which voxels are held; 0 if a volume has no revision. */
 static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
-    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->scene->replace_invalid, sizeof(int));
+    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->replace_invalid, sizeof(int));
     for (int i = 0; i < frame->medium_count; ++i) {
-        const sps_volume *volume = frame->media[i].volume;
-        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        const spsi_lattice *lattice = frame->media[i].lattice;
+        const spsi_medium *medium = &frame->media[i];
+        const spsi_material *material = &frame->matter.materials[medium->channel];
+        const spsi_lattice *lattice = medium->lattice;
         const spsi_table *table = material->table;
-        if (volume->revision == 0) return 0;
-        hash = spsi_fingerprint(hash, volume->size, sizeof volume->size);
-        hash = spsi_fingerprint(hash, &volume->user, sizeof volume->user);
-        hash = spsi_fingerprint(hash, &volume->read_fn, sizeof volume->read_fn);
-        hash = spsi_fingerprint(hash, &volume->eval_fn, sizeof volume->eval_fn);
-        hash = spsi_fingerprint(hash, &volume->revision, sizeof volume->revision);
-        if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
-        if (volume->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
+        if (medium->revision == 0) return 0;
+        hash = spsi_fingerprint(hash, medium->size, sizeof medium->size);
+        hash = spsi_fingerprint(hash, &medium->user, sizeof medium->user);
+        hash = spsi_fingerprint(hash, &medium->read_fn, sizeof medium->read_fn);
+        hash = spsi_fingerprint(hash, &medium->eval_fn, sizeof medium->eval_fn);
+        hash = spsi_fingerprint(hash, &medium->revision, sizeof medium->revision);
+        if (medium->eval_fn) hash = spsi_fingerprint(hash, lattice->step, sizeof lattice->step);
+        if (medium->eval_fn) hash = spsi_fingerprint(hash, lattice->corner, sizeof lattice->corner);
         if (table) hash = spsi_fingerprint(hash, table->shown, sizeof table->shown);
         if (table) hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
     }
@@ -4786,21 +4868,19 @@ static int spsi_particles_keep(sps_particle *batch, size_t count) {
 
 static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
                                   size_t *asked, sps_particle *list) {
-    const sps_particles *particles = set->particles;
-    for (size_t first = 0; first < particles->count; first += SPSI_PARTICLE_BATCH) {
-        const size_t left = particles->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
+    for (size_t first = 0; first < set->count; first += SPSI_PARTICLE_BATCH) {
+        const size_t left = set->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
         int returned;
         if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
-        returned = particles->read_fn(particles->user, first, count, batch);
+        returned = set->read_fn(set->user, first, count, batch);
         if (returned)
             return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_PARTICLES, set->index, "read_fn", returned,
                                    NULL);
-        if (spsi_particles_validate(context, set, batch, first, count, frame->scene->replace_invalid))
-            return context->result;
+        if (spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid)) return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
         *asked += count;
     }
@@ -5145,8 +5225,8 @@ typedef struct spsi_faces {
 } spsi_faces;
 
 /* Checks a triangle's colors and normals, and its corners' positions in the world. */
-static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const sps_mesh *mesh, int index,
-                                      size_t number, double world[3][3]) {
+static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const spsi_mesh *mesh, size_t number,
+                                      double world[3][3]) {
     const char *names[] = {"position", "normal", "color"};
     const char *rules[] = {"in the world it must be within 1e15", "it must be finite", "it must be 0..1"};
     char field[64];
@@ -5163,7 +5243,7 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
     for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
     SPS_SNPRINTF(field, sizeof field, "triangle[%.0f].%s", (double)number, names[wrong]);
-    return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, index, field, value, rules[wrong]);
+    return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, field, value, rules[wrong]);
 }
 
 /* World position of a local one; equal corners get equal bits. */
@@ -5175,8 +5255,9 @@ static void spsi_place(const sps_placement *placement, const float local[3], dou
 
 /* Corner normals in the world, or the triangle's own. They are transformed by the placement's cofactors, so that they
    stay perpendicular to the surface under any affine map. */
-static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
-                              const double own[3], spsi_face *face) {
+static void spsi_face_normals(const spsi_mesh *mesh, const sps_triangle *triangle, const double own[3],
+                              spsi_face *face) {
+    const sps_placement *placement = &mesh->placement;
     double cofactors[3][3];
     for (int i = 0; i < 3; ++i) spsi_cross(placement->axis[(i + 1) % 3], placement->axis[(i + 2) % 3], cofactors[i]);
     for (int corner = 0; corner < 3; ++corner) {
@@ -5189,8 +5270,8 @@ static void spsi_face_normals(const sps_mesh *mesh, const sps_placement *placeme
 }
 
 /* Turns one triangle into a face; returns 0 if it has no area. */
-static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *placement, const sps_triangle *triangle,
-                                   double world[3][3], const spsi_frame *frame, spsi_face *face) {
+static int spsi_face_from_triangle(const spsi_mesh *mesh, const sps_triangle *triangle, double world[3][3],
+                                   const spsi_frame *frame, spsi_face *face) {
     double u[3], v[3], own[3], reach = 0;
     spsi_along(world[1], world[0], -1, u);
     spsi_along(world[2], world[0], -1, v);
@@ -5201,12 +5282,12 @@ static int spsi_face_from_triangle(const sps_mesh *mesh, const sps_placement *pl
         for (int i = 0; i < 3; ++i) {
             face->position[corner][i] = world[corner][i];
             face->color[corner][i] = mesh->has_colors ? triangle->color[corner][i] : mesh->color[i];
-            reach = fmax(reach, fabs(world[corner][i] - placement->origin[i]));
+            reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
         }
     }
-    face->optical_depth = mesh->transparency > 0 ? -logf(mesh->transparency) : SPSI_DEPTH_MAX;
+    face->optical_depth = mesh->optical_depth;
     face->rounding = (float)(reach * (double)FLT_EPSILON);
-    spsi_face_normals(mesh, placement, triangle, own, face);
+    spsi_face_normals(mesh, triangle, own, face);
     return 1;
 }
 
@@ -5220,14 +5301,11 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
-static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, int index, spsi_faces *faces,
-                                   spsi_face *list) {
+static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
+                                   spsi_faces *faces, spsi_face *list) {
     const size_t batch = 256;
-    const sps_mesh *mesh = &frame->scene->meshes[index];
     sps_triangle *triangles = (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, batch, sizeof(sps_triangle));
-    sps_placement placement;
     if (!triangles) return context->result;
-    spsi_placement_resolve(&mesh->placement, &placement);
     for (size_t first = 0; first < mesh->triangle_count; first += batch) {
         const size_t left = mesh->triangle_count - first, count = left < batch ? left : batch;
         int returned;
@@ -5235,13 +5313,13 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
         context->stats.triangle_calls += 1;
         returned = mesh->read_fn(mesh->user, first, count, triangles);
         if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, index, "read_fn", returned, NULL);
+            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "read_fn", returned,
+                                   NULL);
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
-            for (int k = 0; k < 3; ++k) spsi_place(&placement, triangles[i].position[k], world[k]);
-            if (spsi_triangle_check(context, &triangles[i], mesh, index, first + i, world)) return context->result;
-            if (spsi_face_from_triangle(mesh, &placement, &triangles[i], world, frame, &list[faces->count]))
-                faces->count += 1;
+            for (int k = 0; k < 3; ++k) spsi_place(&mesh->placement, triangles[i].position[k], world[k]);
+            if (spsi_triangle_check(context, &triangles[i], mesh, first + i, world)) return context->result;
+            if (spsi_face_from_triangle(mesh, &triangles[i], world, frame, &list[faces->count])) faces->count += 1;
         }
     }
     return SPS_OK;
@@ -5250,9 +5328,8 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
 /* A hash of everything that determines which faces are held; 0 if a mesh has no revision. */
 static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
-    for (int i = 0; i < frame->scene->mesh_count; ++i) {
-        const sps_mesh *mesh = &frame->scene->meshes[i];
-        if (mesh->triangle_count == 0) continue;
+    for (int i = 0; i < frame->meshes.count; ++i) {
+        const spsi_mesh *mesh = &frame->meshes.list[i];
         if (mesh->revision == 0) return 0;
         hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
         hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
@@ -5261,7 +5338,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
         hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
         hash = spsi_fingerprint(hash, &mesh->has_normals, sizeof mesh->has_normals);
         hash = spsi_fingerprint(hash, &mesh->has_colors, sizeof mesh->has_colors);
-        hash = spsi_fingerprint(hash, &mesh->transparency, sizeof mesh->transparency);
+        hash = spsi_fingerprint(hash, &mesh->optical_depth, sizeof mesh->optical_depth);
         hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
     }
     return hash | 1;
@@ -5275,10 +5352,11 @@ static int spsi_faces_held(const sps_context *context, const spsi_frame *frame) 
 
 /* Reads every mesh, once. */
 static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
-    spsi_face *list = (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->triangle_count, sizeof(spsi_face));
+    spsi_face *list =
+        (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->meshes.triangle_count, sizeof(spsi_face));
     if (!list) return context->result;
-    for (int i = 0; i < frame->scene->mesh_count; ++i)
-        if (spsi_gather_mesh(context, frame, i, faces, list)) return context->result;
+    for (int i = 0; i < frame->meshes.count; ++i)
+        if (spsi_gather_mesh(context, frame, &frame->meshes.list[i], faces, list)) return context->result;
     context->face_count = faces->count;
     memcpy(context->mesh_low, frame->content->mesh_bounds.low, sizeof context->mesh_low);
     memcpy(context->mesh_high, frame->content->mesh_bounds.high, sizeof context->mesh_high);
@@ -5288,14 +5366,15 @@ static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame,
 /* Provides the triangles of all meshes, reading them unless they are still held from an earlier call. */
 static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
     memset(faces, 0, sizeof *faces);
-    if (frame->triangle_count == 0) return SPS_OK;
+    if (frame->meshes.triangle_count == 0) return SPS_OK;
     if (!spsi_faces_held(context, frame)) {
         context->faces_held = 0;
         context->tree_held = 0;
         if (spsi_read_faces(context, frame, faces)) return context->result;
         context->faces_held = spsi_meshes_fingerprint(frame);
     }
-    if (!spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, frame->triangle_count, 4 * sizeof(int))) return context->result;
+    if (!spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, frame->meshes.triangle_count, 4 * sizeof(int)))
+        return context->result;
     faces->list = (const spsi_face *)context->buffers[SPSI_BUFFER_FACES].data;
     faces->count = context->face_count;
     memcpy(frame->content->mesh_bounds.low, context->mesh_low, sizeof context->mesh_low);
@@ -5303,7 +5382,7 @@ static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *fram
     for (int i = 0; i < 3; ++i)
         faces->extent = fmax(faces->extent, fmax(fabs(context->mesh_low[i]), fabs(context->mesh_high[i])));
     context->stats.triangles = (uint64_t)faces->count;
-    context->stats.triangles_degenerate = (uint64_t)(frame->triangle_count - (size_t)faces->count);
+    context->stats.triangles_degenerate = (uint64_t)(frame->meshes.triangle_count - (size_t)faces->count);
     return SPS_OK;
 }
 
@@ -6200,7 +6279,7 @@ static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
 
 /* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced by as much as the area
    has grown. `offset`: of its centre from the rays' origin. */
-static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, const sps_particle *particle,
+static void spsi_ball_size(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                            const double offset[3], spsi_ball *ball, double *radius) {
     const double pixel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
     const double own = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2.0;
@@ -6209,7 +6288,7 @@ static void spsi_ball_size(const spsi_rays *rays, const sps_particles *set, cons
     *radius = fmax(own, SPSI_BALL_LEAST * pixel);
     if (own < *radius) depth *= (own / *radius) * (own / *radius);
     ball->depth = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
-    ball->soft = set->soft != 0;
+    ball->soft = set->soft;
 }
 
 /* The outline of a ball: a dx^2 + 2 b dx dy + c dy^2 - 2 d dx - 2 e dy = 1. */
@@ -6280,7 +6359,7 @@ static void spsi_ball_near_range(const double across[3], const double along[3], 
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)fmax(fmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-static void spsi_ball_build(const spsi_rays *rays, const sps_particles *set, const sps_particle *particle,
+static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                             spsi_ball *ball) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
     memset(ball, 0, sizeof *ball);
@@ -7406,8 +7485,8 @@ static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, 
 }
 
 /* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
-static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particles *set, const sps_particle *particle,
-                                double *slab, double *reach) {
+static void spsi_particle_slabs(const spsi_crossing *crossing, const spsi_particle_set *set,
+                                const sps_particle *particle, double *slab, double *reach) {
     const spsi_rays *rays = crossing->rays;
     double centre[3], offset[3], radius;
     spsi_ball size;
@@ -7418,7 +7497,7 @@ static void spsi_particle_slabs(const spsi_crossing *crossing, const sps_particl
     *reach = radius * crossing->reach;
 }
 
-static void spsi_seen_build(const spsi_crossing *crossing, const sps_particles *set, const sps_particle *particle,
+static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
                             int channel, int first_slab, spsi_seen *seen) {
     const spsi_rays *rays = crossing->rays;
     double slab, reach, t;
@@ -7876,7 +7955,7 @@ static void spsi_particles_task(void *data, int index, int worker) {
     const int end = spsi_batch_end(index, frame->content->particle_count), chunks = spsi_chunk_count(contents->slabs);
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
-        const sps_particles *set = spsi_set_of(frame, i)->particles;
+        const spsi_particle_set *set = spsi_set_of(frame, i);
         double slab = 0, reach, farthest = 0, room;
         for (int n = 0; n < contents->target_count; ++n) {
             spsi_particle_slabs(&contents->targets[n]->crossing, set, &frame->content->particles[i], &slab, &reach);
@@ -7968,7 +8047,7 @@ static void spsi_seen_task(void *data, int index, int worker) {
         for (int n = 0; n < contents->target_count; ++n) {
             const spsi_target *target = contents->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
-            spsi_seen_build(&target->crossing, set->particles, &frame->content->particles[particle],
+            spsi_seen_build(&target->crossing, set, &frame->content->particles[particle],
                             target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
             seen->list = spsi_list_of(target, &seen->ball);
         }
@@ -8584,8 +8663,7 @@ typedef struct spsi_filling {
     const spsi_occluders *occluders;
     spsi_band band;
     spsi_visit visit;
-    int has_soft;  /* 1: some particles are soft */
-    int pieces;    /* maximum number that each of these is cut into */
+    int pieces;    /* maximum number that a soft particle is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
     int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; the nodes replace its stretches
                       where they fit */
@@ -9178,14 +9256,14 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     sps_context *context = filling->context;
     const sps_tmap *map = filling->map;
     const spsi_technique *technique = map->technique;
+    const int has_soft = filling->occluders->frame->particles.has_soft;
     uint64_t bytes;
     int tasks;
     if (spsi_fill_lists(filling)) return context->result;
-    filling->pieces = filling->has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
-    filling->epsilon = map->settings.epsilon * (filling->has_soft ? 0.75f : 1); /* the rest is for soft pieces */
+    filling->pieces = has_soft ? technique->fit ? SPSI_SOFT_PIECES : SPSI_SOFT_MOST : 1;
+    filling->epsilon = map->settings.epsilon * (has_soft ? 0.75f : 1); /* the rest is for soft pieces */
     /* the error that brackets allow for */
-    filling->map->inner.epsilon =
-        spsi_higher(map->settings.epsilon, filling->has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
+    filling->map->inner.epsilon = spsi_higher(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in a texel",
                                (double)filling->band.most, "2 million can be fitted");
@@ -9313,7 +9391,7 @@ static double spsi_ball_box(const spsi_ball *ball, int box[4]) {
 
 /* Ratio of the sum of a ball's chords in all faces around a light to the exact sum. It is the same for each face that
    sees the ball, so that there is no seam. */
-static double spsi_ball_mass_round(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+static double spsi_ball_mass_round(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
                                    const spsi_ball *ball, const double offset[3]) {
     const double texel = spsi_length(job->rays->a) * spsi_length(offset);
     const int last = job->rays->width - 1;
@@ -9334,7 +9412,7 @@ static double spsi_ball_mass_round(const spsi_ball_job *job, const sps_particles
 }
 
 /* Ratio of the sum of a ball's chords over all texels to the exact sum; 1 where that is unknown. */
-static double spsi_ball_mass(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+static double spsi_ball_mass(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
                              const spsi_ball *ball, const double offset[3]) {
     int box[4];
     double area;
@@ -9345,7 +9423,7 @@ static double spsi_ball_mass(const spsi_ball_job *job, const sps_particles *set,
 
 /* Adjusts the optical depth of a ball of a texel or less so that its mass is exact, wherever its centre lies among the
    texels. */
-static void spsi_ball_weigh(const spsi_ball_job *job, const sps_particles *set, const sps_particle *particle,
+static void spsi_ball_weigh(const spsi_ball_job *job, const spsi_particle_set *set, const sps_particle *particle,
                             spsi_ball *ball) {
     const spsi_rays *rays = job->rays;
     double centre[3], offset[3], texel, share, mass;
@@ -9370,7 +9448,7 @@ static void spsi_balls_task(void *data, int index, int worker) {
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = job->order ? (int)job->order[i] : i;
-        const sps_particles *set = spsi_set_of(frame, particle)->particles;
+        const spsi_particle_set *set = spsi_set_of(frame, particle);
         spsi_ball_build(job->rays, set, &frame->content->particles[particle], &job->balls[i]);
         spsi_ball_weigh(job, set, &frame->content->particles[particle], &job->balls[i]);
     }
@@ -9573,8 +9651,6 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
     filling.context = context;
     filling.map = map;
     filling.occluders = occluders;
-    for (int i = 0; i < occluders->frame->scene->particle_set_count; ++i)
-        filling.has_soft |= occluders->frame->scene->particles[i].soft != 0;
     filling.band.tiles_x = spsi_tile_columns(&map->rays[0]);
     filling.light_u = map->rays[0].perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     occluders->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
@@ -9766,17 +9842,18 @@ static void spsi_tmap_forget(sps_tmap *map) {
 }
 
 /* Builds the frame of all that was added, as the light's first face sees it; NULL if that fails. */
-static spsi_frame *spsi_tmap_frame(sps_tmap *map, sps_scene *scene) {
+static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     spsi_frame *frame;
-    memset(scene, 0, sizeof *scene);
-    scene->volumes = (const sps_volume *)map->added.volumes.data;
-    scene->volume_count = map->added.volume_count;
-    scene->meshes = (const sps_mesh *)map->added.meshes.data;
-    scene->mesh_count = map->added.mesh_count;
-    scene->particles = (const sps_particles *)map->added.particles.data;
-    scene->particle_set_count = map->added.particle_set_count;
-    scene->replace_invalid = map->replace_invalid;
-    frame = spsi_frame_build(map->context, scene, NULL, 0);
+    sps_scene scene;
+    memset(&scene, 0, sizeof scene);
+    scene.volumes = (const sps_volume *)map->added.volumes.data;
+    scene.volume_count = map->added.volume_count;
+    scene.meshes = (const sps_mesh *)map->added.meshes.data;
+    scene.mesh_count = map->added.mesh_count;
+    scene.particles = (const sps_particles *)map->added.particles.data;
+    scene.particle_set_count = map->added.particle_set_count;
+    scene.replace_invalid = map->replace_invalid;
+    frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
     frame->view = map->view;
     frame->viewer = SPS_OBJECT_TMAP_LIGHT;
@@ -9826,9 +9903,8 @@ static void spsi_tmap_tell_amid(const sps_tmap *map, const spsi_frame *frame) {
 /* Reads all that was added, and fills the map with it. */
 static sps_result spsi_tmap_finish(sps_tmap *map) {
     sps_context *context = map->context;
-    sps_scene scene;
     spsi_occluders occluders;
-    spsi_frame *frame = spsi_tmap_frame(map, &scene);
+    spsi_frame *frame = spsi_tmap_frame(map);
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
     /* voxels last, since slabs are cut from their bounds alone: particles need none */
@@ -11435,20 +11511,21 @@ static size_t spsi_total_floats(const spsi_frame *frame) { return (size_t)(4 + f
 /* Fills `rgb` with the background's radiance for one row of the region, three floats per pixel. Directions are kept
    behind it. */
 static sps_result spsi_background_row(sps_context *context, const spsi_frame *frame, int y, float *rgb) {
+    const spsi_background *background = &frame->background;
     const int *region = frame->view.region;
     float *directions = rgb + 3 * (size_t)region[2];
     int returned;
     for (int x = 0; x < region[2]; ++x) {
         double ray[3];
-        memcpy(rgb + 3 * x, frame->scene->background, 3 * sizeof(float));
-        if (!frame->scene->background_fn) continue;
+        memcpy(rgb + 3 * x, background->color, sizeof background->color);
+        if (!background->color_fn) continue;
         spsi_ray_direction(&frame->content->eye, region[0] + x, region[1] + y, ray);
         spsi_normalise(ray);
         for (int i = 0; i < 3; ++i) directions[3 * x + i] = (float)ray[i];
     }
-    if (!frame->scene->background_fn) return SPS_OK;
+    if (!background->color_fn) return SPS_OK;
     context->stats.background_calls += 1;
-    returned = frame->scene->background_fn(frame->scene->background_user, (size_t)region[2], directions, rgb);
+    returned = background->color_fn(background->user, (size_t)region[2], directions, rgb);
     if (returned)
         return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_SCENE, -1, "background_fn", returned, NULL);
     for (int i = 0; i < region[2]; ++i)
@@ -11649,7 +11726,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             int empty;
             spsi_block_place(&block, &frame->media[medium], &frame->matter.materials[frame->media[medium].channel], i);
             if (spsi_block_range(context, &block, &empty)) return context->result;
-            report->range_calls += block.medium->volume->range_fn != NULL;
+            report->range_calls += block.medium->range_fn != NULL;
             if (empty) continue;
             for (int k = 0; k < 3; ++k) {
                 const uint64_t core = (uint64_t)(block.core_high[k] - block.core_low[k]);
@@ -11661,7 +11738,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             reading->bricks += bricks;
             reading->voxels_kept += kept;
             report->voxels_read += voxels;
-            if (block.medium->volume->eval_fn)
+            if (block.medium->eval_fn)
                 report->eval_calls += (uint64_t)block.size[2];
             else
                 report->read_calls += 1;
@@ -11774,7 +11851,7 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
 }
 
 static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
-    const int polygons = frame->triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
+    const int polygons = frame->meshes.triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
     spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->matter.scatters ? shadows : 0,
@@ -11787,7 +11864,7 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
-    const int gases = spsi_has_gas(frame), polygons = frame->triangle_count > 0;
+    const int gases = spsi_has_gas(frame), polygons = frame->meshes.triangle_count > 0;
     const int sweeps = spsi_sweep_count(frame), lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     spsi_plan_gather_pass(frame, reading, report);
@@ -11815,18 +11892,19 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
     const size_t lights = (size_t)spsi_sweep_shadow_count(frame, 0); /* at once */
     size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
-    for (int i = 0; i < frame->medium_count; ++i) tables += frame->media[i].volume->transfer != NULL;
+    for (int i = 0; i < frame->medium_count; ++i)
+        tables += frame->matter.materials[frame->media[i].channel].table != NULL;
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
                                           frame->particles.count * sizeof(sps_particle);
-    if (frame->triangle_count > 0) {
+    if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
-            frame->triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
+            frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
             SPSI_BLOCK_BYTES;
         if (frame->lamps.shadow_count > 0) {
             if (frame->matter.scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = lights * spsi_depth_map_floats_most(size) * sizeof(float);
-            report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->triangle_count);
+            report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->meshes.triangle_count);
             report->pass[SPS_PASS_SHADOW_RAYS].bytes =
                 lights * (size_t)frame->content->eye.width * (size_t)frame->content->eye.height;
         }
@@ -11898,11 +11976,10 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
         spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report);
     }
     spsi_plan_tmaps(frame, report);
-    for (int i = 0; i < frame->scene->mesh_count && !spsi_faces_held(context, frame); ++i)
-        report->triangle_calls += (frame->scene->meshes[i].triangle_count + 255) / 256;
+    for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
+        report->triangle_calls += (frame->meshes.list[i].triangle_count + 255) / 256;
     for (int i = 0; i < frame->particles.set_count; ++i)
-        report->particle_calls +=
-            (frame->particles.sets[i].particles->count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
+        report->particle_calls += (frame->particles.sets[i].count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     report->sweep_count = spsi_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
@@ -12061,7 +12138,7 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
 /* Optical depth of a ball along a segment of a ray: that of the whole chord times the difference of a function of s at
    the segment's ends, s running from -1 to 1 along the chord. It is s / 2 for density 1, and 3 s / 4 - s^3 / 4 for
    density 1 - (r / radius)^2. */
-static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const sps_particles *set) {
+static double spsi_ray_depth_in_ball(const spsi_ray *ray, const sps_particle *particle, const spsi_particle_set *set) {
     const double radius = (double)particle->radius;
     double offset[3], ends[2], middle, square, half, depth = (double)particle->optical_depth;
     for (int i = 0; i < 3; ++i) offset[i] = (double)particle->position[i] - ray->origin[i];
@@ -12091,7 +12168,7 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
             const int particle = tree->order[node->first + i];
             const spsi_particle_set *set = spsi_set_of(frame, particle);
             depths[set - frame->particles.sets] +=
-                spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set->particles);
+                spsi_ray_depth_in_ball(ray, &frame->content->particles[particle], set);
         }
         if (node->count > 0) continue;
         stack[top++] = node->first;
@@ -12432,7 +12509,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
     spsi_block_buffers(&block, memory);
     for (int64_t i = 0; i < count; ++i) {
         spsi_block_place(&block, m, &plain, i);
-        if (spsi_block_read(context, &block, frame->scene->replace_invalid)) return context->result;
+        if (spsi_block_read(context, &block, frame->replace_invalid)) return context->result;
         spsi_tick(context);
         for (int z = block.core_low[2]; z < block.core_high[2]; ++z)
             for (int y = block.core_low[1]; y < block.core_high[1]; ++y) {
@@ -12467,7 +12544,7 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
         spsi_dense *grid = &marcher->grids[i];
         uint64_t b = 1, v = 1;
         for (int k = 0; k < 3; ++k) {
-            grid->size[k] = frame->media[i].volume->size[k];
+            grid->size[k] = frame->media[i].size[k];
             grid->bricks[k] = (grid->size[k] + SPSI_BRICK - 1) / SPSI_BRICK;
             v *= (uint64_t)grid->size[k];
             b *= (uint64_t)grid->bricks[k];

@@ -396,6 +396,9 @@ static void test_mesh_of_arrays(void) {
     indices[5] = 4;
     CHECK(sps_render(context, &s.scene, &s.view, &target) == SPS_ERROR_CALLBACK);
     CHECK(strcmp(sps_error(context), "mesh[0].read_fn failed: it returned 3") == 0);
+    s.mesh[1] = s.mesh[0], s.mesh[0].triangle_count = 0, s.scene.mesh_count = 2; /* behind an empty one */
+    CHECK(sps_render(context, &s.scene, &s.view, &target) == SPS_ERROR_CALLBACK);
+    CHECK(strcmp(sps_error(context), "mesh[1].read_fn failed: it returned 3") == 0);
     sps_destroy(context);
 }
 

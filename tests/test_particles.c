@@ -1064,7 +1064,7 @@ static void test_sizes_on_six_faces(void) {
     static const double offsets[3][3] = {{3, -4, 2}, {-3, 3, 3}, {0.5, 0.25, -7}}, largest[3] = {4, 3, 7};
     static const double origin[3] = {100, 200, 300};
     enum { SIZE = 65 };
-    sps_particles set;
+    spsi_particle_set set;
     memset(&set, 0, sizeof set);
     for (int n = 0; n < 3; ++n)
         for (int face = 0; face < SPSI_CUBE_FACES; ++face) {
@@ -1128,7 +1128,7 @@ static void test_chords_close_by(void) {
     for (int n = 0; n < 200; ++n) {
         const double radius = 0.5 + check_next(&random), ahead = n % 40 * 0.1 * radius;
         chord_errors errors = {0, 0, 0};
-        sps_particles set;
+        spsi_particle_set set;
         sps_particle particle;
         sps_view view;
         spsi_rays rays;

@@ -145,20 +145,13 @@ static void check_rays(spsi_faces *faces, int rays, int crowded, check_random *r
 }
 
 /* Faces and their tree, of the body at a placement. */
-static spsi_frame frame_of_body;
-
 static int build_faces(check_scene *s, const double offset[3], spsi_faces *faces) {
     sps_mesh *mesh = check_add_mesh(s, &body, 1);
-    static spsi_content content;
-    spsi_frame *frame = &frame_of_body;
+    spsi_frame *frame;
     mesh->placement = check_box(0, 0, 0, 1, 1, 1);
     memcpy(mesh->placement.origin, offset, sizeof mesh->placement.origin);
-    memset(frame, 0, sizeof *frame);
-    frame->scene = &s->scene;
-    frame->triangle_count = body.count;
-    frame->content = &content;
-    content.mesh_bounds = spsi_nowhere;
-    return CHECK_OK(context, spsi_gather_faces(context, frame, faces)) &&
+    frame = spsi_frame_build(context, &s->scene, NULL, 0);
+    return CHECK(frame) && CHECK_OK(context, spsi_gather_faces(context, frame, faces)) &&
            CHECK_OK(context, spsi_faces_tree(context, faces));
 }
 

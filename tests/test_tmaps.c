@@ -1296,6 +1296,23 @@ static void test_same_bits(void) {
         }
 }
 
+/* A set without particles leaves compressed maps as they are, soft or not. */
+static void test_empty_soft_set(void) {
+    sps_context *context = sps_create(NULL, NULL);
+    sps_tmap *uniform, *soft;
+    fixture f;
+    begin(&f, SPS_TMAP_COMPRESSED);
+    scatter(&f, 1, 20, 5, 4);
+    f.sets[1].soft = 0;
+    uniform = must_build(&f, context);
+    f.sets[0].soft = 1;
+    soft = must_build(&f, context);
+    CHECK(uniform && soft && same_map(uniform, soft));
+    sps_tmap_destroy(uniform);
+    sps_tmap_destroy(soft);
+    sps_destroy(context);
+}
+
 /* Shuffled particles: the same bits from lists, which are sorted, and the same up to the round-off of sums of 25
    floats. */
 static void test_shuffled(void) {
@@ -3596,6 +3613,7 @@ int main(void) {
     RUN(test_cut_sums);
     RUN(test_texels);
     RUN(test_same_bits);
+    RUN(test_empty_soft_set);
     RUN(test_shuffled);
     RUN(test_seams);
     RUN(test_seams_of_fine_particles);

@@ -46,6 +46,7 @@ static void set_ring(sps_volume *volume, ring *r, double radius, double height, 
 
 /* sps_volume.eval_fn: upright boards with dark joints and grain. */
 static int plate_value(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
         const double board = p.x / 0.52 + 0.5, joint = fabs(board - floor(board + 0.5));
@@ -55,7 +56,7 @@ static int plate_value(void *user, size_t count, const double *positions, float 
             ex_solid(ex_box_distance(p, ex_vec_of(0, 0, -0.08), ex_vec_of(1.82, 1.82, 0.08), 0.05), 0.075);
         out[i] = (float)(solid * ex_clamp(0.75 + tone + grain - 0.25 * (1 - ex_ramp(0, 0.045, joint)), 0.4, 1));
     }
-    return user != NULL;
+    return 0;
 }
 
 static void set_plate(sps_volume *plate) {

@@ -104,7 +104,6 @@ int main(int argc, char **argv) {
     ex_shape_field(&ground_fog.mesh, fog_field, NULL, 0, ex_vec_of(-5, -0.9, -6), ex_vec_of(5, 1.2, 4), 130,
                    ground_fog.glow);
     const sps_mesh mesh = ex_shape_mesh(&stone_circle);
-    view.shadow_size = 4096; /* the depth map spans all of the ground */
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.14, 0.17, 0.22);
     scene.background_user = dawn;

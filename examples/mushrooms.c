@@ -9,6 +9,7 @@
 /* sps_volume.eval_fn: a round stone plate with a raised rim. The grain changes the value, and by that the color; the
    relief changes the shape. */
 static int plate_value(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
     for (size_t i = 0; i < count; ++i) {
         const ex_vec p = ex_vec_of(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]);
         const double around = sqrt(p.x * p.x + p.z * p.z);
@@ -17,7 +18,7 @@ static int plate_value(void *user, size_t count, const double *positions, float 
         const double rim = ex_ring_distance(p, ex_vec_of(0, -0.06, 0), ex_vec_of(0, 1, 0), 1.80, 0.11);
         out[i] = (float)(ex_solid(fmin(disc, rim) + relief, 0.075) * ex_clamp(0.75 + 0.35 * grain, 0.45, 1));
     }
-    return user != NULL;
+    return 0;
 }
 
 static void set_plate(sps_volume *plate) {

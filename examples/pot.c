@@ -9,12 +9,13 @@
 
 /* sps_volume.eval_fn: haze with slightly denser veils. */
 static int haze_value(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
         const double edge = ex_box_distance(p, ex_vec_of(0, 1.05, 0), ex_vec_of(1.3, 1.05, 1.3), 0.12);
         out[i] = (float)(ex_solid(edge, 0.06) * (0.8 + 0.25 * ex_turbulence(ex_vec_scale(p, 1.7), 3)));
     }
-    return user != NULL;
+    return 0;
 }
 
 static void set_haze(sps_volume *haze) {
@@ -64,7 +65,6 @@ int main(int argc, char **argv) {
     build_table(&table);
     sps_mesh meshes[2] = {ex_shape_mesh(&pot), ex_shape_mesh(&table)};
     meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
-    view.shadow_size = 512; /* haze needs few voxels, but the pot's shadow has sharp edges */
     scene.volumes = &haze, scene.volume_count = 1;
     scene.meshes = meshes, scene.mesh_count = 2;
     const int status = ex_scene_program(argc, argv, "pot.png", &scene, &view, NULL);

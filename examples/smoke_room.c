@@ -9,12 +9,13 @@
 
 /* sps_volume.eval_fn. The room: x -2..2, y 0..2.6, z -2 (windows) .. 2 (open, where the viewer stands). */
 static int smoke_value(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
         const double t = ex_turbulence(ex_vec_of(1.6 * p.x, 2.3 * p.y, 1.6 * p.z), 3);
         out[i] = (float)(0.15 + 1.9 * ex_ramp(0.20, 1.0, t));
     }
-    return user != NULL;
+    return 0;
 }
 
 static void set_smoke(sps_volume *smoke) {
@@ -78,7 +79,6 @@ int main(int argc, char **argv) {
     build_room(&room);
     build_desk(&room);
     const sps_mesh mesh = ex_shape_mesh(&room);
-    view.shadow_size = 704; /* smoke needs few voxels, but the windows' shadows have sharp edges */
     scene.volumes = &smoke, scene.volume_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.09, 0.10, 0.12);

@@ -10,6 +10,7 @@
 
 /* sps_volume.eval_fn: a low mound of mossy earth. */
 static int earth_value(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
         const double around = sqrt(p.x * p.x + p.z * p.z), grain = ex_fractal(ex_vec_scale(p, 3.0), 3);
@@ -17,16 +18,17 @@ static int earth_value(void *user, size_t count, const double *positions, float 
         const double distance = fmax(fmax(p.y - top, -0.10 - p.y), around - 1.70);
         out[i] = (float)(ex_solid(distance, 0.07) * ex_clamp(0.65 + 0.35 * grain, 0.4, 1));
     }
-    return user != NULL;
+    return 0;
 }
 
 /* sps_volume.eval_fn: the rim of the clay dish that holds it. */
 static int dish_value(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
     for (size_t i = 0; i < count; ++i, positions += 3) {
         const ex_vec p = ex_vec_of(positions[0], positions[1], positions[2]);
         out[i] = (float)ex_solid(ex_ring_distance(p, ex_vec_of(0, -0.06, 0), ex_vec_of(0, 1, 0), 1.72, 0.13), 0.07);
     }
-    return user != NULL;
+    return 0;
 }
 
 static void set_plate(sps_volume plate[2]) {

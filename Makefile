@@ -38,6 +38,8 @@ all: $(EXAMPLES) $(STEPS:%=build/tutorial/%)
 build/hello: examples/hello.c splatshadow.h | build
 	$(CC) $(STANDARD) $(OPTIMIZE) -Wall -I. $< -o $@ $(LIBRARIES)
 
+build/tutorial/6_shadow_map: $(wildcard examples/shaders/*)
+
 build/%: examples/%.c $(HEADERS) | build build/tutorial
 	@test -f $(STB)/stb_image_write.h || { echo "stb_image_write.h is missing: install libstb-dev, or say make STB=dir"; exit 1; }
 	$(CC) $(STANDARD) $(OPTIMIZE) $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)

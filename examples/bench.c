@@ -5,17 +5,17 @@
    bench speed      without the tables of error against time
    bench lights     one light and two, by maps and by sheets
    bench polygons   the tree of triangles, shadow rays and rasterising alone
-   bench accuracy   these tables only */
+   bench maps       making and querying transmittance maps alone
+   bench accuracy   the tables of error against time alone */
 
 #define SPLATSHADOW_IMPLEMENTATION
 #include "measuring.h"
 #include "particles.h"
-#include "vectors.h"
+#include "shapes.h"
 #include "volume.h"
 
 static const char program[] = "bench";
 
-#define PI           3.14159265358979323846
 #define REPEATS      5 /* frames timed of each contender */
 #define WORKERS      2 /* that the targets speak of */
 #define TARGET_ERROR 0.001
@@ -168,7 +168,7 @@ static void bonsai_frame(frame *f, ex_grid *grid) {
     for (int i = 0; i < 3; ++i) f->light.color[i] = 2.5f - 0.1f * (float)i, f->scene.ambient[i] = 0.25f;
     memcpy(f->view.camera.position, eye, sizeof eye);
     memcpy(f->view.camera.target, target, sizeof target);
-    f->view.camera.field_of_view = 34 * PI / 180;
+    f->view.camera.field_of_view = 34 * EX_PI / 180;
 }
 
 /* Bytes of a context that has rendered the frame and nothing else; the share of its workers' tiles apart, which is
@@ -345,13 +345,10 @@ static void bench_empty_space(void) {
 /* Particles evenly spread in a ball of radius 1, each a few texels wide. */
 static sps_particle *puff_build(size_t count) {
     sps_particle *list = (sps_particle *)ex_allocate(count, sizeof *list);
-    uint64_t state = 7;
+    uint32_t random = 7;
     for (size_t i = 0; i < count;) {
         double at[4];
-        for (int k = 0; k < 4; ++k) {
-            state = state * 2862933555777941757u + 3037000493u; /* as in the tests */
-            at[k] = (double)(state >> 11) / 4503599627370496.0 - 1;
-        }
+        for (int k = 0; k < 4; ++k) at[k] = 2 * ex_random(&random) - 1;
         if (ex_dot(at, at) > 1) continue;
         for (int k = 0; k < 3; ++k) list[i].position[k] = (float)at[k];
         list[i].radius = (float)(0.02 + 0.01 * at[3]);
@@ -547,7 +544,7 @@ static blob blob_through_kernels(int grid) {
 /* Optical depth along a line at squared distance `apart` from the middle, from s0 to s1 counted from the foot. */
 static double blob_depth(const blob *b, double apart, double s0, double s1) {
     const double across = exp(-0.5 * apart / (b->width * b->width)), unit = 1 / (b->width * sqrt(2.0));
-    return b->middle * b->width * sqrt(0.5 * PI) * across * (erf(s1 * unit) - erf(s0 * unit));
+    return b->middle * b->width * sqrt(0.5 * EX_PI) * across * (erf(s1 * unit) - erf(s0 * unit));
 }
 
 /* Light that is left at a point, of what would arrive without the blob. */
@@ -561,7 +558,7 @@ static double blob_lit(const blob *b, const double point[3]) {
 /* Gauss-Legendre nodes and weights on -1..1, by Newton's method on the recurrence. */
 static void legendre_nodes(int count, double *nodes, double *weights) {
     for (int i = 0; i < count; ++i) {
-        double x = cos(PI * (i + 0.75) / (count + 0.5)), slope = 1;
+        double x = cos(EX_PI * (i + 0.75) / (count + 0.5)), slope = 1;
         for (int step = 0; step < 20; ++step) {
             double before = 1, now = x;
             for (int k = 2; k <= count; ++k) {
@@ -608,7 +605,7 @@ static double blob_radiance(const blob_task *task, const double direction[3]) {
 
 static void blob_row(void *data, int y, int worker) {
     const blob_task *task = (const blob_task *)data;
-    const double pitch = 2 * tan(13 * PI / 180) / task->size;
+    const double pitch = 2 * tan(13 * EX_PI / 180) / task->size;
     (void)worker;
     for (int x = 0; x < task->size; ++x) {
         const double across = pitch * (x - 0.5 * (task->size - 1)), down = pitch * (y - 0.5 * (task->size - 1));
@@ -663,14 +660,14 @@ static void blob_frame(frame *f, int grid, int size) {
         f->volume.size[i] = grid;
         f->volume.placement.origin[i] = blob_centre[i] - 0.5 * BLOB_BOX * BLOB_WIDTH;
         f->volume.placement.axis[i][i] = BLOB_BOX * BLOB_WIDTH;
-        f->volume.albedo[i] = 1, f->mesh.color[i] = 0.5f, f->light.color[i] = (float)PI;
+        f->volume.albedo[i] = 1, f->mesh.color[i] = 0.5f, f->light.color[i] = (float)EX_PI;
     }
     f->volume.eval_fn = blob_density, f->volume.extinction = (float)BLOB_EXTINCTION, f->volume.revision = 1;
     f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;
     memcpy(f->light.direction, blob_light, sizeof blob_light);
     memcpy(f->view.camera.position, blob_eye, sizeof blob_eye);
     memcpy(f->view.camera.target, blob_target, sizeof blob_target);
-    f->view.camera.field_of_view = 26 * PI / 180;
+    f->view.camera.field_of_view = 26 * EX_PI / 180;
 }
 
 /* Root mean square, and if asked for the 99th percentile, of the differences in radiance. */
@@ -864,7 +861,7 @@ static void dense_frame(frame *f, dense_shape *shape, const sps_transfer *transf
         f->volume.size[i] = DENSE_GRID;
         f->volume.placement.origin[i] = -0.5 * DENSE_GRID;
         f->volume.placement.axis[i][i] = DENSE_GRID;
-        f->light.color[i] = (float)PI;
+        f->light.color[i] = (float)EX_PI;
     }
     f->volume.read_fn = dense_read, f->volume.user = shape, f->volume.revision = 1 + (uint64_t)*shape;
     f->volume.transfer = transfer, f->volume.shading = shading;
@@ -934,35 +931,7 @@ static void bench_classified(void) {
 
 /* ================================================================================================ polygons */
 
-/* Triangles that are read from a list. */
-typedef struct land {
-    sps_triangle *triangles;
-    size_t count;
-} land;
-
-static int land_read(void *user, size_t first, size_t count, sps_triangle *out) {
-    memcpy(out, ((const land *)user)->triangles + first, count * sizeof *out);
-    return 0;
-}
-
-static void land_add(land *l, const double a[3], const double b[3], const double c[3]) {
-    sps_triangle *t = &l->triangles[l->count++];
-    memset(t, 0, sizeof *t);
-    for (int i = 0; i < 3; ++i) {
-        t->position[0][i] = (float)a[i], t->position[1][i] = (float)b[i], t->position[2][i] = (float)c[i];
-    }
-}
-
-static void land_quad(land *l, const double p[4][3]) {
-    land_add(l, p[0], p[1], p[2]);
-    land_add(l, p[0], p[2], p[3]);
-}
-
-/* Even numbers from 0 to 1, the same on every machine. */
-static double land_random(uint32_t *state) {
-    *state = *state * 1664525u + 1013904223u;
-    return (*state >> 8) / 16777216.0;
-}
+static const float grey[3] = {0.5f, 0.5f, 0.5f};
 
 static double hill(double x, double z) {
     double height = 0;
@@ -974,53 +943,38 @@ static double hill(double x, double z) {
 }
 
 /* Hills over -5..5, 2 * cells^2 triangles. */
-static void land_hills(land *l, int cells) {
-    l->triangles = (sps_triangle *)ex_allocate(2 * (size_t)cells * (size_t)cells, sizeof *l->triangles);
-    l->count = 0;
+static void build_hills(ex_mesh *land, int cells) {
     for (int j = 0; j < cells; ++j)
         for (int i = 0; i < cells; ++i) {
-            double p[4][3];
+            ex_vec p[4];
             for (int k = 0; k < 4; ++k) {
-                p[k][0] = 10.0 * (i + (k == 1 || k == 2)) / cells - 5;
-                p[k][2] = 10.0 * (j + (k >= 2)) / cells - 5;
-                p[k][1] = hill(p[k][0], p[k][2]);
+                p[k].x = 10.0 * (i + (k == 1 || k == 2)) / cells - 5;
+                p[k].z = 10.0 * (j + (k >= 2)) / cells - 5;
+                p[k].y = hill(p[k].x, p[k].z);
             }
-            land_quad(l, (const double(*)[3])p);
+            ex_shape_quad(land, p[0], p[1], p[2], p[3], grey);
         }
 }
 
 /* A thousand boxes on a ground that reaches to 5000 all round. */
-static void land_town(land *l) {
-    const double ground[4][3] = {{-5000, 0, -5000}, {5000, 0, -5000}, {5000, 0, 5000}, {-5000, 0, 5000}};
-    uint32_t state = 1;
-    l->triangles = (sps_triangle *)ex_allocate(12002, sizeof *l->triangles);
-    l->count = 0;
-    land_quad(l, ground);
+static void build_town(ex_mesh *land) {
+    uint32_t random = 1;
+    ex_shape_quad(land, ex_vec_of(-5000, 0, -5000), ex_vec_of(5000, 0, -5000), ex_vec_of(5000, 0, 5000),
+                  ex_vec_of(-5000, 0, 5000), grey);
     for (int n = 0; n < 1000; ++n) {
-        double low[3], high[3];
-        for (int i = 0; i < 3; ++i) {
-            low[i] = i == 1 ? 0 : 80.0 * (i ? n / 32 - 16 : n % 32 - 16) + 20 * land_random(&state);
-            high[i] = low[i] + (i == 1 ? 10 + 60 * land_random(&state) : 20 + 30 * land_random(&state));
-        }
-        for (int side = 0; side < 6; ++side) {
-            const int a = side / 2, b = (a + 1) % 3, c = (a + 2) % 3;
-            double p[4][3];
-            for (int k = 0; k < 4; ++k) {
-                p[k][a] = side % 2 ? high[a] : low[a];
-                p[k][b] = k == 1 || k == 2 ? high[b] : low[b];
-                p[k][c] = k >= 2 ? high[c] : low[c];
-            }
-            land_quad(l, (const double(*)[3])p);
-        }
+        const double x = 80.0 * (n % 32 - 16) + 20 * ex_random(&random), width = 20 + 30 * ex_random(&random);
+        const double z = 80.0 * (n / 32 - 16) + 20 * ex_random(&random), depth = 20 + 30 * ex_random(&random);
+        const double height = 10 + 60 * ex_random(&random);
+        ex_shape_box(land, ex_vec_of(x, 0, z), ex_vec_of(x + width, height, z + depth), grey);
     }
 }
 
 /* 512 x 512 pixels of a land under a sun. */
-static void land_frame(frame *f, land *l, const double position[3], const double target[3]) {
+static void land_frame(frame *f, ex_mesh *land, const double position[3], const double target[3]) {
     frame_begin(f, 512, 512);
     f->scene.volume_count = 0;
-    f->mesh.triangle_count = l->count, f->mesh.read_fn = land_read, f->mesh.user = l;
-    for (int i = 0; i < 3; ++i) f->mesh.color[i] = 0.5f, f->light.color[i] = 3;
+    f->mesh = ex_shape_mesh(land);
+    for (int i = 0; i < 3; ++i) f->light.color[i] = 3;
     f->light.direction[0] = -1, f->light.direction[1] = -0.5, f->light.direction[2] = 0.4;
     memcpy(f->view.camera.position, position, sizeof f->view.camera.position);
     memcpy(f->view.camera.target, target, sizeof f->view.camera.target);
@@ -1045,29 +999,29 @@ static double least_of(ex_session *session, const frame *f, int stage) {
     return 1000 * least;
 }
 
-static void bench_land(const char *name, land *l, const double position[3], const double target[3], double bound,
+static void bench_land(const char *name, ex_mesh *land, const double position[3], const double target[3], double bound,
                        ex_session sessions[2]) {
     frame f;
     char what[96];
-    land_frame(&f, l, position, target);
+    land_frame(&f, land, position, target);
     for (int stage = 0; stage < 3; ++stage) {
         static const char *const stages[] = {"tree", "262 k rays", "rasterised for the eye"};
         for (int i = 0; i < 2; ++i) {
-            snprintf(what, sizeof what, "%s, %zu triangles: %s, %d worker%s", name, l->count, stages[stage], i + 1,
-                     i ? "s" : "");
+            snprintf(what, sizeof what, "%s, %zu triangles: %s, %d worker%s", name, land->triangle_count, stages[stage],
+                     i + 1, i ? "s" : "");
             at_most(what, least_of(&sessions[i], &f, stage), "ms", stage == 1 && i == 1 ? bound : HUGE_VAL);
         }
     }
-    { /* what shadows on surfaces were read from before: a map over all of the land, as gas asks it still */
+    { /* the depth map, over all of the land, by which polygons shade gas */
         const double bare = least_of(&sessions[1], &f, 2);
         f.scene.volume_count = 1;
         f.volume.read_fn = haze, f.volume.extinction = 1e-4f, f.volume.albedo[0] = 1;
         for (int i = 0; i < 3; ++i) {
-            const double room = l->count == 12002 ? 5000 : 5;
+            const double room = land->triangle_count == 12002 ? 5000 : 5;
             f.volume.size[i] = 4, f.volume.placement.origin[i] = -room, f.volume.placement.axis[i][i] = 2 * room;
         }
-        f.light.no_shadow = 0;
-        snprintf(what, sizeof what, "%s, %zu triangles: a depth map for gas, 1024^2, 2 workers", name, l->count);
+        snprintf(what, sizeof what, "%s, %zu triangles: a depth map for gas, 1024^2, 2 workers", name,
+                 land->triangle_count);
         plain(what, least_of(&sessions[1], &f, 2) - bare, "ms");
     }
     frame_end(&f);
@@ -1079,17 +1033,18 @@ static void bench_polygons(void) {
     const double above[3] = {0, 9, 0.1}, centre[3] = {0, 0, 0}, eye[3] = {4.5, 0.9, 4.5}, horizon[3] = {0, 0.6, 0};
     const double street[3] = {0, 1.7, 0}, far_away[3] = {1000, 1.7, 300};
     ex_session sessions[2];
-    land l;
+    ex_mesh land = {0};
     printf("\npolygons, 512 x 512 pixels, one sun\n");
     for (int i = 0; i < 2; ++i) ex_session_measure(&sessions[i], program, i + 1);
-    land_town(&l);
-    bench_land("town at street level", &l, street, far_away, 10, sessions);
-    free(l.triangles);
+    build_town(&land);
+    bench_land("town at street level", &land, street, far_away, 10, sessions);
+    ex_mesh_free(&land);
     for (int cells = 23; cells <= 708; cells = (int)(cells * 3.137)) {
-        land_hills(&l, cells);
-        bench_land("hills from above", &l, above, centre, l.count < 100000 ? 10 : 40, sessions);
-        bench_land("hills at eye level", &l, eye, horizon, l.count < 100000 ? 10 : 40, sessions);
-        free(l.triangles);
+        build_hills(&land, cells);
+        const double bound = land.triangle_count < 100000 ? 10 : 40;
+        bench_land("hills from above", &land, above, centre, bound, sessions);
+        bench_land("hills at eye level", &land, eye, horizon, bound, sessions);
+        ex_mesh_free(&land);
     }
     for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
 }

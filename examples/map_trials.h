@@ -76,15 +76,15 @@ static const kind kinds[KINDS] = {
     [COMPRESSED] = {"compressed", SPS_TMAP_COMPRESSED, 0, SPS_TMAP_WINDOW_NONE, 0, 0, EX_MARK_RHOMB, 0xc08a00},
 };
 
-/* The nearest number of components, not above `asked` but where there is none, that a technique can have. */
-static int components_of(sps_tmap_technique technique, int asked) {
+/* The nearest number of components that a technique can have, not above `wanted` except where there is none below. */
+static int components_of(sps_tmap_technique technique, int wanted) {
     switch (technique) {
     case SPS_TMAP_COMPRESSED: return 0;
     case SPS_TMAP_DEPTH: return 1;
     case SPS_TMAP_BEER: return 3;
-    case SPS_TMAP_FOURIER: return (asked - 1) | 1;
-    case SPS_TMAP_MOMENT: return asked > 8 ? 9 : (asked - 1) | 1;
-    default: return asked;
+    case SPS_TMAP_FOURIER: return (wanted - 1) | 1;
+    case SPS_TMAP_MOMENT: return wanted > 8 ? 9 : (wanted - 1) | 1;
+    default: return wanted;
     }
 }
 
@@ -95,7 +95,7 @@ typedef struct spread {
 /* One technique with one number of components. */
 typedef struct trial {
     const kind *kind;
-    int asked;
+    int wanted;
     sps_tmap_settings settings;
     double bytes, build, query, render; /* seconds */
     spread gas, ground, picture;        /* against the exact deep map */
@@ -107,7 +107,7 @@ typedef struct trials {
     int count;
 } trials;
 
-/* Whether the numbers ask for a map that a smaller one of the list is already. */
+/* Whether this number of components yields the same map as the one before it. */
 static int is_repeated(const kind *k, int which) {
     return which > 0 && k->technique != SPS_TMAP_COMPRESSED &&
            components_of(k->technique, counts[which]) == components_of(k->technique, counts[which - 1]);
@@ -120,7 +120,7 @@ static void trials_list(trials *all, const sps_tmap_settings *range) {
             trial *t = all->list + all->count;
             if (is_repeated(&kinds[k], which)) continue;
 
-            t->kind = &kinds[k], t->asked = counts[which], t->settings = *range;
+            t->kind = &kinds[k], t->wanted = counts[which], t->settings = *range;
             t->settings.technique = kinds[k].technique;
             t->settings.components = components_of(kinds[k].technique, counts[which]);
             t->settings.cubic = kinds[k].cubic, t->settings.window = kinds[k].window;
@@ -131,9 +131,9 @@ static void trials_list(trials *all, const sps_tmap_settings *range) {
 }
 
 /* NULL where this technique has no map of this number of components. */
-static const trial *trial_of(const trials *all, int kind_index, int asked) {
+static const trial *trial_of(const trials *all, int kind_index, int wanted) {
     for (int i = 0; i < all->count; ++i)
-        if (all->list[i].kind == &kinds[kind_index] && all->list[i].asked == asked) return &all->list[i];
+        if (all->list[i].kind == &kinds[kind_index] && all->list[i].wanted == wanted) return &all->list[i];
     return NULL;
 }
 

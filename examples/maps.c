@@ -336,16 +336,16 @@ static void chart_bytes(set_up *const *scenes, const char *name, const char *fol
 
 static void print_errors(const set_up *s) {
     printf(
-        "```\n                          asked  has     MB | in the gas             own24 | on the ground  | picture\n"
+        "```\n                      requested  has     MB | in the gas             own24 | on the ground  | picture\n"
         "                                            | rms    p99    largest        | rms    largest | rms     p99     "
         "largest\n");
     for (int i = 0; i < s->trials.count; ++i) {
         const trial *t = &s->trials.list[i];
-        char asked[16], has[16];
-        snprintf(asked, sizeof asked, "%d", t->asked), snprintf(has, sizeof has, "%d", t->settings.components);
+        char wanted[16], has[16];
+        snprintf(wanted, sizeof wanted, "%d", t->wanted), snprintf(has, sizeof has, "%d", t->settings.components);
         if (t->kind->technique == SPS_TMAP_COMPRESSED)
-            snprintf(asked, sizeof asked, "%g", (double)t->settings.epsilon), strcpy(has, "-");
-        printf("%-25s %5s %4s %6.1f | %.4f %.4f %.4f  %.4f | %.4f %.4f ", t->kind->name, asked, has, 1e-6 * t->bytes,
+            snprintf(wanted, sizeof wanted, "%g", (double)t->settings.epsilon), strcpy(has, "-");
+        printf("%-25s %5s %4s %6.1f | %.4f %.4f %.4f  %.4f | %.4f %.4f ", t->kind->name, wanted, has, 1e-6 * t->bytes,
                t->gas.rms, t->gas.high, t->gas.largest, t->own, t->ground.rms, t->ground.largest);
         if (t->render > 0)
             printf(" | %.5f %.5f %.4f\n", t->picture.rms, t->picture.high, t->picture.largest);
@@ -357,16 +357,17 @@ static void print_errors(const set_up *s) {
 }
 
 static void print_times(const set_up *s) {
-    printf("```\n                          asked   build   query   both  render   (ms)   rms in the gas\n");
+    printf("```\n                      requested   build   query   both  render   (ms)   rms in the gas\n");
     printf("%-25s %5s  %6s  %6s %6s  %6.1f\n", "by slabs, no map", "-", "-", "-", "-", 1e3 * s->slabs_seconds);
     for (int i = 0; i < s->trials.count; ++i) {
         const trial *t = &s->trials.list[i];
-        char asked[16];
-        snprintf(asked, sizeof asked, "%d", t->asked);
-        if (t->kind->technique == SPS_TMAP_COMPRESSED) snprintf(asked, sizeof asked, "%g", (double)t->settings.epsilon);
+        char wanted[16];
+        snprintf(wanted, sizeof wanted, "%d", t->wanted);
+        if (t->kind->technique == SPS_TMAP_COMPRESSED)
+            snprintf(wanted, sizeof wanted, "%g", (double)t->settings.epsilon);
         char whole[16] = "-";
         if (t->render > 0) snprintf(whole, sizeof whole, "%.1f", 1e3 * t->render);
-        printf("%-25s %5s  %6.1f  %6.1f %6.1f  %6s          %.4f\n", t->kind->name, asked, 1e3 * t->build,
+        printf("%-25s %5s  %6.1f  %6.1f %6.1f  %6s          %.4f\n", t->kind->name, wanted, 1e3 * t->build,
                1e3 * t->query, 1e3 * (t->build + t->query), whole, t->gas.rms);
     }
     printf("```\n");
@@ -409,58 +410,58 @@ static double seconds_of(const trial *t) { return t->render; }
 
 typedef double (*measure_fn)(const trial *t);
 
-static int which_of(int asked) {
+static int which_of(int wanted) {
     int which = 0;
-    while (counts[which] != asked) ++which;
+    while (counts[which] != wanted) ++which;
     return which;
 }
 
 /* Deep opacity's error in the gas is that of the thesis's own layout; pictures and times are those of the library's. */
-static double measured(const set_up *s, int kind_index, int asked, measure_fn of) {
-    if (kind_index == DEEP_OPACITY && of == gas_error) return s->thesis_rms[which_of(asked)];
-    return of(trial_of(&s->trials, kind_index, asked));
+static double measured(const set_up *s, int kind_index, int wanted, measure_fn of) {
+    if (kind_index == DEEP_OPACITY && of == gas_error) return s->thesis_rms[which_of(wanted)];
+    return of(trial_of(&s->trials, kind_index, wanted));
 }
 
 /* What is measured of one technique, over what is measured of another or of the worst or best of others. */
-static double deep_gain(const set_up *s, int asked, int kind_index, measure_fn of) {
+static double deep_gain(const set_up *s, int wanted, int kind_index, measure_fn of) {
     (void)kind_index;
-    return measured(s, OPACITY, asked, of) / measured(s, DEEP_OPACITY, asked, of);
+    return measured(s, OPACITY, wanted, of) / measured(s, DEEP_OPACITY, wanted, of);
 }
 
 /* The same of the library's layout, from each texel's first occluder to its last. */
-static double library_gain(const set_up *s, int asked, int kind_index, measure_fn of) {
+static double library_gain(const set_up *s, int wanted, int kind_index, measure_fn of) {
     (void)kind_index;
-    return of(trial_of(&s->trials, OPACITY, asked)) / of(trial_of(&s->trials, DEEP_OPACITY, asked));
+    return of(trial_of(&s->trials, OPACITY, wanted)) / of(trial_of(&s->trials, DEEP_OPACITY, wanted));
 }
 
-static double fourier_over_most(const set_up *s, int asked, int kind_index, measure_fn of) {
+static double fourier_over_most(const set_up *s, int wanted, int kind_index, measure_fn of) {
     (void)kind_index;
-    return measured(s, FOURIER, asked, of) /
-           fmax(measured(s, OPACITY, asked, of), measured(s, DEEP_OPACITY, asked, of));
+    return measured(s, FOURIER, wanted, of) /
+           fmax(measured(s, OPACITY, wanted, of), measured(s, DEEP_OPACITY, wanted, of));
 }
 
-static double fourier_over_least(const set_up *s, int asked, int kind_index, measure_fn of) {
+static double fourier_over_least(const set_up *s, int wanted, int kind_index, measure_fn of) {
     (void)kind_index;
-    return measured(s, FOURIER, asked, of) /
-           fmin(measured(s, OPACITY, asked, of), measured(s, DEEP_OPACITY, asked, of));
+    return measured(s, FOURIER, wanted, of) /
+           fmin(measured(s, OPACITY, wanted, of), measured(s, DEEP_OPACITY, wanted, of));
 }
 
-static double over_largest(const set_up *s, int asked, int kind_index, measure_fn of) {
-    return measured(s, kind_index, asked, of) / measured(s, kind_index, counts[COUNTS - 1], of);
+static double over_largest(const set_up *s, int wanted, int kind_index, measure_fn of) {
+    return measured(s, kind_index, wanted, of) / measured(s, kind_index, counts[COUNTS - 1], of);
 }
 
-static double own_over_true(const set_up *s, int asked, int kind_index, measure_fn of) {
-    const trial *t = trial_of(&s->trials, kind_index, asked);
+static double own_over_true(const set_up *s, int wanted, int kind_index, measure_fn of) {
+    const trial *t = trial_of(&s->trials, kind_index, wanted);
     if (of != gas_error) return 0;
-    if (kind_index == DEEP_OPACITY) return s->thesis_own[which_of(asked)] / s->thesis_rms[which_of(asked)];
+    if (kind_index == DEEP_OPACITY) return s->thesis_own[which_of(wanted)] / s->thesis_rms[which_of(wanted)];
     return t->own / t->gas.rms;
 }
 
 /* A finding of the thesis as a bound on a ratio. */
 typedef struct claim {
     const char *words, *ratio; /* the number is how many a texel has */
-    double (*figure)(const set_up *s, int asked, int kind_index, measure_fn of);
-    int asked, kind_index;
+    double (*figure)(const set_up *s, int wanted, int kind_index, measure_fn of);
+    int wanted, kind_index;
     double low, high; /* it holds between these */
 } claim;
 
@@ -533,7 +534,7 @@ static const claim time_claims[TIME_CLAIMS] = {
 };
 
 static int claim_holds(const claim *c, const set_up *s, measure_fn of, double *ratio) {
-    *ratio = c->figure(s, c->asked, c->kind_index, of);
+    *ratio = c->figure(s, c->wanted, c->kind_index, of);
     return *ratio > c->low && *ratio <= c->high;
 }
 
@@ -588,11 +589,11 @@ static void print_tally(int index, set_up *const *scenes) {
 /* What follows says of this run what this run has found: a sentence that states a finding holds the figure that it
    speaks of, or is chosen by it. */
 
-static double gas_error_of(const set_up *s, int kind_index, int asked) {
-    return trial_of(&s->trials, kind_index, asked)->gas.rms;
+static double gas_error_of(const set_up *s, int kind_index, int wanted) {
+    return trial_of(&s->trials, kind_index, wanted)->gas.rms;
 }
 
-static double gain_of(const set_up *s, int asked) { return deep_gain(s, asked, 0, gas_error); }
+static double gain_of(const set_up *s, int wanted) { return deep_gain(s, wanted, 0, gas_error); }
 
 static void print_few_numbers(set_up *const *scenes) {
     int least = 0, most = 0;
@@ -777,7 +778,7 @@ static void print_controls(set_up *const *scenes) {
 /* Whether this one stands for its technique where not all of its pictures are rendered: that of 8. */
 static int is_picture_sample(const trial *t) {
     const int only = t->kind->technique == SPS_TMAP_BEER || t->kind->technique == SPS_TMAP_DEPTH;
-    return only || t->asked == 8;
+    return only || t->wanted == 8;
 }
 
 /* All of one scene but the times. Pictures of every trial are made where the thesis has one, else of those of 8. */
@@ -809,9 +810,9 @@ static void run_scene(ex_session *session, set_up *s, int every, const char *fol
 
 static void print_legend(void) {
     printf(
-        "- asked, has: components per texel, requested and actual: the next lower number that the technique can have; "
-        "compressed\n"
-        "  maps have an epsilon instead.\n"
+        "- requested, has: components per texel, as set and as the map has them: the next lower number that the "
+        "technique can\n"
+        "  have. Compressed maps have an epsilon instead.\n"
         "- in the gas, on the ground: error of transmittance at %d points in particles and at %d in their shadow.\n"
         "- own24: rms difference from this technique's own largest map, as measured in the thesis.\n"
         "- picture: error of linear radiance, relative to the picture made with the exact map. p99: 99th percentile. "

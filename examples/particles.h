@@ -24,7 +24,8 @@ static inline void ex_particles_measure(ex_particles *particles) {
         const sps_particle *p = particles->list + i;
         for (int a = 0; a < 3; ++a) {
             const double at = (double)p->position[a], radius = (double)p->radius;
-            if (!(fabs(at) <= 1e15 && radius > 0 && radius <= 1e15)) continue; /* the library reports these */
+            if (!(fabs(at) <= EX_COORDINATE_MAX && radius > 0 && radius <= EX_COORDINATE_MAX))
+                continue; /* the library reports these */
             particles->lo[a] = fmin(particles->lo[a], at - radius);
             particles->hi[a] = fmax(particles->hi[a], at + radius);
         }

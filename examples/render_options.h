@@ -11,7 +11,7 @@
 
 /* The library accepts no more; and conversions to float stay finite. */
 #define LARGEST  1e18 /* extinctions and colors */
-#define FARTHEST 1e15 /* coordinates */
+#define FARTHEST EX_COORDINATE_MAX
 
 /* ============================================================================================== arguments */
 

@@ -1,11 +1,14 @@
 /* Light through volumes against exact answers: slabs, blobs, emission, lights of every kind; and scenes without a
-   closed form against sps_reference. Tolerances are derived where they are used, from RIPPLE   a constant grid's
-   optical depth is constant to 0.2 % only (kernel of 0.65 voxels cut at 2.5, as for high and ultra quality; test_ripple
-   sums it up); rounding floats: 6e-8 for each operation, so for n sheets added up 6e-8 n of the sum at most; a slab
-   whose extinction depends on z alone needs no more than that along an eye's ray: the in-sheet closed forms are exact
-   for it at any number of sheets and any tilt, because both optical depths are linear in one another there. The light's
-   depth comes from texels, though, and between them straight lines stand for its bend at the slab's faces: TEXELS  per
-   voxel, 4 for ultra: bends of slope t over 2.5 * 0.65 voxels, so t / 1.6 / 4^2 / 8 of a voxel's depth. */
+   closed form against sps_reference. Tolerances are derived where they are used, from
+   RIPPLE    a constant grid's optical depth is constant to 0.2 % only (kernel of 0.65 voxels cut at 2.5, as for high
+             and ultra quality; test_ripple sums it up);
+   ROUNDING  floats: 6e-8 for each operation, so for n sheets added up 6e-8 n of the sum at most. A slab whose
+             extinction depends on z alone needs no more than that along an eye's ray: the in-sheet closed forms are
+             exact for it at any number of sheets and any tilt, because both optical depths are linear in one another
+             there;
+   TEXELS    per voxel, 4 for ultra. The light's depth comes from texels, and between them straight lines stand for its
+             bend at the slab's faces: bends of slope t over 2.5 * 0.65 voxels, so t / 1.6 / 4^2 / 8 of a voxel's
+             depth. */
 
 #include "check.h"
 

@@ -4322,7 +4322,7 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     spsi_normalise(lamp->direction);
     memcpy(lamp->color, light->color, sizeof lamp->color);
     lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
-    lamp->has_map = lamp->shadows && light->shadow_map;
+    lamp->has_map = lamp->shadows && light->shadow_map && frame->matter.extinguishes;
     lamp->sliced = lamp->shadows && !lamp->has_map && frame->matter.extinguishes;
     if (!lamp->has_map) return;
     lamp->map = spsi_settings_resolve(light->shadow_map);
@@ -11325,7 +11325,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
 
 /* Begins the shadow of the sweep's own lamp. */
 static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
-    run->has_sliced = run->sweep->lamp && spsi_holds_gas(context, run->frame) && run->frame->matter.extinguishes;
+    run->has_sliced = run->sweep->lamp && spsi_holds_gas(context, run->frame);
     if (!run->has_sliced) return SPS_OK;
     for (int i = 0; i < run->shader.shadow_count; ++i) {
         if (run->shadows[i].lamp != run->sweep->lamp) continue;
@@ -11808,7 +11808,7 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
     eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
-    if (sweep->lamp && spsi_has_gas(frame) && frame->matter.extinguishes) {
+    if (sweep->lamp) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);
         const size_t light =
             (side * side + tiles) * SPSI_PLANES_TEXEL_BYTES + spsi_plan_lists_bytes(frame, (int)side, (int)side);
@@ -11838,16 +11838,16 @@ static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *r
 }
 
 static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
-    const int shadows = frame->lamps.shadow_count, shade = gases && frame->matter.extinguishes;
+    const int shade = frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
     for (int i = 0; i < frame->lamps.count; ++i) maps += frame->lamps.list[i].has_map;
-    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, shade ? shadows - maps : 0, "volumes or particles cast shadows",
-                   !shade    ? nothing
-                   : shadows ? "every light that casts shadows has a shadow_map"
-                             : "no light casts shadows on anything");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, gases ? maps : 0, "lights have a shadow_map",
-                   !gases ? nothing : "no light that casts shadows has a shadow_map");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, frame->lamps.sliced_count, "volumes or particles cast shadows",
+                   !shade                      ? nothing
+                   : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map"
+                                               : "no light casts shadows on anything");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, "lights have a shadow_map",
+                   !shade ? nothing : "no light that casts shadows has a shadow_map");
 }
 
 static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
@@ -11954,9 +11954,8 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    const int some = frame->lamps.shadow_count > 0 && spsi_has_gas(frame);
     size_t most = 0;
-    for (int i = 0; i < frame->lamps.count && some; ++i) {
+    for (int i = 0; i < frame->lamps.count; ++i) {
         size_t held, filling;
         if (!frame->lamps.list[i].has_map) continue;
         spsi_plan_tmap_bytes(frame, &frame->lamps.list[i], &held, &filling);

@@ -347,6 +347,24 @@ static void test_only_emission(const outcome *full) {
     check_free_triangles(&t.triangles);
 }
 
+/* A light with a map has none either, then: the plan and the memory are those without a map. */
+static void test_no_map_without_extinction(void) {
+    static const sps_tmap_settings settings; /* all zero: the default technique */
+    setup t;
+    outcome plain, mapped;
+    setup_build(&t);
+    t.s.volume[0].extinction = 0;
+    plain = measure(&t);
+    t.s.light[0].shadow_map = &settings;
+    mapped = measure(&t);
+    CHECK(runs(&mapped, SPS_PASS_LIGHT_MAPS) == 0 && mapped.plan.pass[SPS_PASS_LIGHT_MAPS].bytes == 0);
+    CHECK(strcmp(mapped.plan.pass[SPS_PASS_LIGHT_MAPS].reason, "nothing has extinction") == 0);
+    CHECK(strcmp(mapped.plan.pass[SPS_PASS_LIGHT_SHEETS].reason, "nothing has extinction") == 0);
+    CHECK(mapped.plan.bytes == plain.plan.bytes && mapped.peak == plain.peak);
+    CHECK(memcmp(mapped.pixel, plain.pixel, sizeof plain.pixel) == 0);
+    check_free_triangles(&t.triangles);
+}
+
 /* Gradients only if a volume is shaded as a surface and lit; only then each tile's sheets have a margin. */
 static void test_gradient(void) {
     setup t;
@@ -680,6 +698,7 @@ int main(void) {
     test_no_emission(&full);
     test_zero_albedo(&full);
     test_only_emission(&full);
+    test_no_map_without_extinction();
     test_gradient();
     test_grey(&full);
     test_grey_pixels();

@@ -618,7 +618,7 @@ typedef struct sps_plan_report {
 typedef struct sps_stats_report {
     /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; building their tree;
        tracing shadow rays through it; binning bricks and particles; the lights' sheets; the eye's sheets, shading and
-       the image; all of the call. */
+       the image; all of the call. Set by sps_render; sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, background_calls;
@@ -1356,9 +1356,9 @@ struct sps_context {
     sps_result result;
     sps_error_info error; /* of that result */
     float progress;
-    int tmap_count; /* maps not yet destroyed */
-    int cancelled;  /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
-    double clock_start;
+    int tmap_count;     /* maps not yet destroyed */
+    int cancelled;      /* progress_fn has returned non-zero, which takes effect at the next spsi_progress */
+    double clock_start; /* of the call, by clock_fn */
     spsi_buffer buffers[SPSI_BUFFER_COUNT];
     int segment_count; /* voxel segments held, >>gather */
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
@@ -5854,6 +5854,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
    13 Lights: where their light comes from, and grids of rays that cover what it may reach. */
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
+#define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
 
 /* Unit vector along which light travels at a point. */
 static void spsi_lamp_direction(const spsi_lamp *lamp, const double point[3], double direction[3]) {
@@ -6699,14 +6700,15 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
 /* Fits the rays of the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
-    char rest[SPSI_SENTENCE_SIZE];
+    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
     if (spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
                       spsi_light_texels_most(frame), &sweep->rays))
         return SPS_OK;
-    SPS_SNPRINTF(rest, sizeof rest,
-                 "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                 "middle; move it away, or set shadow_map or no_shadow on it",
-                 spsi_gases(frame));
+    if (lamp->is_point)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
+                     "middle; move it away, or set shadow_map or no_shadow on it",
+                     spsi_gases(frame));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
@@ -7971,9 +7973,12 @@ static size_t spsi_list_starts(const spsi_rays *rays) {
     return (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays) + 2;
 }
 
-/* Bytes of a target's lists for a given number of particles in a chunk. */
+/* Bytes of a target's lists for a given number of particles in a chunk. If they exceed a size_t: SIZE_MAX, which cannot
+   be reserved. */
 static size_t spsi_lists_bytes(const spsi_rays *rays, size_t particles) {
-    return particles == 0 ? 0 : particles * (sizeof(spsi_seen) + sizeof(int)) + spsi_list_starts(rays) * sizeof(int);
+    const size_t each = sizeof(spsi_seen) + sizeof(int), starts = spsi_list_starts(rays) * sizeof(int);
+    if (particles == 0) return 0;
+    return particles > (SIZE_MAX - starts) / each ? SIZE_MAX : particles * each + starts;
 }
 
 static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, int most, spsi_target *target) {
@@ -9962,7 +9967,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     map->face_count = spsi_lamp_rays(frame, lamp, map->rays);
     if (map->face_count == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
-                              "cannot tell its texels apart so far from the world's origin");
+                              SPSI_TEXELS_ALIKE);
     if (spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->content->bounds);
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
@@ -10361,9 +10366,11 @@ typedef struct spsi_sample {
 
 #define SPSI_VECTOR_ALIGNMENT 64 /* of the widest vectors */
 
-/* Bytes of `count` structs of vectors for each worker. */
+/* Bytes of `count` structs of vectors for each worker. If they exceed a size_t: SIZE_MAX, which cannot be reserved. */
 static size_t spsi_vectors_bytes(const sps_context *context, int count, size_t size) {
-    return (size_t)spsi_worker_count(context) * (size_t)count * size + SPSI_VECTOR_ALIGNMENT;
+    const size_t each = (size_t)spsi_worker_count(context) * size;
+    return (size_t)count > (SIZE_MAX - SPSI_VECTOR_ALIGNMENT) / each ? SIZE_MAX
+                                                                     : (size_t)count * each + SPSI_VECTOR_ALIGNMENT;
 }
 
 /* Reserves them, as they are too large for the stacks of some job systems. Returns NULL after a failure. */
@@ -12629,7 +12636,6 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
-    const double start = spsi_clock(context);
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
@@ -12649,7 +12655,6 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
     }
     if (spsi_progress(context, 1)) return context->result;
     spsi_write_image(frame, marcher->total, image);
-    context->stats.seconds_total = spsi_clock(context) - start;
     return SPS_OK;
 }
 
@@ -12704,6 +12709,13 @@ static void spsi_begin(sps_context *context) {
     spsi_clear_error(&context->error);
     context->progress = 0;
     context->cancelled = 0;
+    context->clock_start = spsi_clock(context);
+}
+
+/* Ends a call whose time is recorded. Returns its result. */
+static sps_result spsi_end(sps_context *context) {
+    context->stats.seconds_total = spsi_clock(context) - context->clock_start;
+    return context->result;
 }
 
 SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
@@ -12725,7 +12737,7 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
     memset(context, 0, sizeof *context);
     if (config) context->config = *config;
     context->stats.bytes = context->stats.bytes_peak = sizeof *context;
-    spsi_begin(context);
+    context->error = error; /* none */
     return context;
 }
 
@@ -12799,12 +12811,9 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image) {
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    double start;
-    if (!frame) return context ? context->result : SPS_ERROR_ARGUMENT;
-    start = spsi_clock(context);
-    spsi_render_frame(context, frame, image);
-    context->stats.seconds_total = spsi_clock(context) - start;
-    return context->result;
+    if (!context) return SPS_ERROR_ARGUMENT;
+    if (frame) spsi_render_frame(context, frame, image);
+    return spsi_end(context);
 }
 
 SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report) {
@@ -12835,10 +12844,12 @@ SPS_API const char *sps_pass_name(sps_pass pass) {
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image) {
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
-    if (!frame) return context ? context->result : SPS_ERROR_ARGUMENT;
-    if (!(step > 0 && step <= DBL_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, "step", step, "it must be above 0");
-    return spsi_march_frame(context, frame, step, image);
+    if (!context) return SPS_ERROR_ARGUMENT;
+    if (frame && !(step > 0 && step <= DBL_MAX))
+        spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, "step", step, "it must be above 0");
+    else if (frame)
+        spsi_march_frame(context, frame, step, image);
+    return spsi_end(context);
 }
 
 /* Converts a half to a float, which can hold every half exactly. */
@@ -13003,10 +13014,10 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene) {
 SPS_API sps_result sps_tmap_finish(sps_tmap *map) {
     if (!map) return SPS_ERROR_ARGUMENT;
     spsi_begin(map->context);
-    if (spsi_require_unfinished(map)) return map->context->result;
+    if (spsi_require_unfinished(map)) return spsi_end(map->context);
     map->failed = spsi_tmap_finish(map) != SPS_OK;
     spsi_tmap_forget(map);
-    return map->context->result;
+    return spsi_end(map->context);
 }
 
 /* Queries a map at up to SPSI_LANES positions. */

@@ -906,6 +906,74 @@ static void test_clock(const mixed *m) {
     sps_destroy(context);
 }
 
+/* A transmittance map of the scene, as the camera sees it. */
+static sps_result finish_map(sps_context *context, const mixed *m) {
+    sps_tmap_light light;
+    sps_tmap_settings settings;
+    sps_tmap *map;
+    sps_result result;
+    memset(&light, 0, sizeof light);
+    memset(&settings, 0, sizeof settings);
+    light.width = light.height = 8;
+    light.camera = m->s.view.camera;
+    settings.near_depth = 1;
+    settings.far_depth = 8;
+    if (!CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map))) return SPS_OK;
+    CHECK_OK(context, sps_tmap_add(map, &m->s.scene));
+    result = sps_tmap_finish(map);
+    sps_tmap_destroy(map);
+    return result;
+}
+
+/* Every call that takes long has its own time, even if a callback fails at once or later. Only sps_render has times of
+   its parts. */
+static void test_clock_of_calls(mixed *m) {
+    enum { MAP = PLAN };
+    sps_config config;
+    sps_context *context;
+    double now = 0;
+    memset(&config, 0, sizeof config);
+    config.clock_fn = ticking_clock;
+    config.clock_user = &now;
+    context = sps_create(&config, NULL);
+    CHECK(now == 0);
+    for (int which = RENDER; which <= MAP; ++which)
+        for (int failing = 0; failing < 3; ++failing) {
+            const double before = now;
+            sps_stats_report stats;
+            sps_result result;
+            m->calls = 0;
+            m->fail_at = failing;
+            result = which == MAP ? finish_map(context, m) : run(context, m, (kind)which, pixels_after);
+            CHECK(result == (failing ? SPS_ERROR_CALLBACK : SPS_OK));
+            sps_get_stats(context, &stats);
+            /* the clock's first and last ticks are the call's; those of sps_tmap_create and _add come before */
+            if (!CHECK(stats.seconds_total > 0 && stats.seconds_total <= now - before - 0.25))
+                printf("    call %d, failing %d: %g s of %g\n", which, failing, stats.seconds_total, now - before);
+            CHECK(which == RENDER || stats.seconds_gather + stats.seconds_polygons + stats.seconds_tree +
+                                             stats.seconds_shadow_rays + stats.seconds_bin + stats.seconds_light +
+                                             stats.seconds_eye ==
+                                         0);
+        }
+    m->fail_at = 0;
+    sps_destroy(context);
+}
+
+/* Sizes in bytes that exceed a size_t cannot be reserved. */
+static void test_sizes_overflow(void) {
+    sps_context *context = check_context(NULL);
+    const size_t each = sizeof(spsi_seen) + sizeof(int), starts = 3 * sizeof(int);
+    spsi_rays rays;
+    memset(&rays, 0, sizeof rays);
+    rays.width = rays.height = 2; /* one tile: its list, that of wide particles, and the end */
+    CHECK(spsi_lists_bytes(&rays, 0) == 0 && spsi_lists_bytes(&rays, 5) == 5 * each + starts);
+    CHECK(spsi_lists_bytes(&rays, (SIZE_MAX - starts) / each + 1) == SIZE_MAX); /* the first that exceeds it */
+    CHECK(spsi_lists_bytes(&rays, SIZE_MAX / 2) == SIZE_MAX);
+    CHECK(spsi_vectors_bytes(context, 3, 100) == 3 * 100 + SPSI_VECTOR_ALIGNMENT);
+    CHECK(spsi_vectors_bytes(context, 3, SIZE_MAX / 2) == SIZE_MAX);
+    sps_destroy(context);
+}
+
 /* Runs and counts tasks. Its clock advances by `step` each time that it is read. */
 typedef struct task_count {
     double now, step;
@@ -1611,6 +1679,8 @@ int main(void) {
     test_version_and_names();
     test_rounds_of_tasks();
     test_clock(&m);
+    test_clock_of_calls(&small);
+    test_sizes_overflow();
 #ifndef SANITIZED
     test_stack(&m);
 #endif

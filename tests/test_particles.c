@@ -796,21 +796,40 @@ static void test_refusals(void) {
     }
 }
 
-/* A light amid particles is refused as in a volume. */
-static void test_light_inside(void) {
-    stage x;
+/* The sentence with which a stage is refused whose light cannot cast shadows by sheets. */
+static const char *light_refused(stage *x) {
     sps_image image;
     memset(&image, 0, sizeof image);
     image.rgba = image_a;
+    stage_ready(x);
+    CHECK(sps_render(context, &x->s.scene, &x->s.view, &image) == SPS_ERROR_UNSUPPORTED);
+    return sps_error(context);
+}
+
+/* A light amid particles is refused as in a volume. */
+static void test_light_inside(void) {
+    stage x;
     stage_clear(&x, 13, 11);
     stage_add(&x, 0.5);
     fill(&x, 0, 100, 6);
     check_add_point(&x.s, 0, 0, 0, 1);
-    stage_ready(&x);
-    CHECK(sps_render(context, &x.s.scene, &x.s.view, &image) == SPS_ERROR_UNSUPPORTED);
-    CHECK(strstr(sps_error(context), "light[0]") != NULL);
+    CHECK(strstr(light_refused(&x), "light[0]") != NULL);
     x.s.light[0].no_shadow = 1;
     stage_render(&x, image_a);
+    stage_free(&x);
+}
+
+/* A sun on a ball as large as the world is not too close to it: its texels would begin beyond 1e15. */
+static void test_light_too_far(void) {
+    const char *sentence;
+    stage x;
+    stage_clear(&x, 13, 11);
+    stage_add(&x, 0.5);
+    cloud_add(&x.clouds[0], 0, 0, 0, 1e15, 1);
+    check_add_directional(&x.s, 0.3, 0.2, -1, 1);
+    sentence = light_refused(&x);
+    if (!CHECK(strcmp(sentence, "light[0] cannot tell its texels apart so far from the world's origin") == 0))
+        printf("    %s\n", sentence);
     stage_free(&x);
 }
 
@@ -1180,6 +1199,7 @@ int main(void) {
     RUN(test_invalid);
     RUN(test_refusals);
     RUN(test_light_inside);
+    RUN(test_light_too_far);
     RUN(test_nothing);
     RUN(test_failing);
     RUN(test_memory);

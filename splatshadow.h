@@ -93,8 +93,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 1 per pixel of the image if there are polygons, and its shadow_map; the maps of
-    lights that share a sweep are held at the same time. sps_plan returns an upper bound beforehand; memory_limit is
-    never exceeded.
+    lights that share a sweep are held at the same time. sps_plan returns an upper bound beforehand, without the lists
+    that maps are made from, which may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -179,7 +179,9 @@ typedef enum sps_object {
 typedef struct sps_error_info {
     sps_result result;
     sps_object object;
-    int index; /* of the volume, mesh, light or set of particles in the scene's array; -1 for other objects */
+    /* Of the volume, mesh, light or set of particles in the scene's array; from sps_tmap_finish, counted through all
+       scenes added to the map. -1 for other objects. */
+    int index;
     /* The member of the object in C syntax ("transfer.points[2].value", "placement.origin[2]"; colors and directions as
        a whole), the callback that failed, or, for SPS_ERROR_DATA, what a callback delivered ("value",
        "particle[7].radius"). Of arrays that the library reads itself: "grid.scale", "arrays.positions". "": the object
@@ -306,7 +308,7 @@ typedef struct sps_grid {
     uint32_t start_canary; /* leave 0 */
     const void *voxels;    /* voxel (0,0,0); need not be aligned */
     sps_voxel_format format;
-    int size[3];         /* voxels along x, y, z, as in sps_volume */
+    int size[3];         /* voxels along x, y, z; must equal the volume's */
     ptrdiff_t stride[3]; /* bytes from one voxel to the next along x, y, z; may be negative. 0: packed, x fastest:
                             a voxel's bytes, size[0] times |stride[0]|, size[1] times |stride[1]| */
     float scale;         /* value = stored * scale + offset; 0 means 1; 1 / 255.0f maps a byte to 0..1 */
@@ -410,10 +412,10 @@ typedef enum sps_tmap_technique {
        through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
     SPS_TMAP_OPACITY,
     /* Deep opacity map, after [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last
-       occluder, which are stored before them. (The planes of the paper begin at the first and have one thickness for
-       all texels, in n - 1 of n numbers: with 8 its errors are 1.2 to 2.7 times as large in five of the six scenes of
-       docs/maps.md.) Thin shells stay sharp; two clumps far apart gain nothing. n 3..65, default 8; occluders are
-       processed twice. */
+       occluder, which are stored before them. (In the paper, the first number is the depth of the first occluder, and
+       n - 1 planes of equal thickness, the same for all texels, follow it: with n = 8 its errors are 1.2 to 2.7 times
+       as large in five of the six scenes of docs/maps.md.) Thin shells stay sharp; two clumps far apart gain nothing.
+       n 3..65, default 8; occluders are processed twice. */
     SPS_TMAP_DEEP_OPACITY,
     /* A Fourier series of extinction [Jansen & Bavoil 2010]: a0 a1 b1 a2 b2 .. . Exact at u = 1; before that it rings,
        by up to 9 % of a step without a window. The series is periodic, with u = 0 next to u = 1: leave room before the
@@ -610,8 +612,9 @@ typedef struct sps_plan_report {
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
-    /* Upper bound of all that the context will hold, with image.depth. Often 2 or 3 times the actual size, and far more
-       with particles, several shadow maps or maps made from lists, since their extents are not known yet. */
+    /* Upper bound of all that the context will hold, with image.depth, but without the lists that maps are made from,
+       which may be several times as much. Often 2 or 3 times the actual size, and far more with particles or several
+       shadow maps, since their extents are not known yet. */
     size_t bytes;
 } sps_plan_report;
 
@@ -745,16 +748,20 @@ SPS_API void sps_get_stats(const sps_context *context, sps_stats_report *report)
 SPS_API const char *sps_pass_name(sps_pass pass);
 
 /* The read_fn and range_fn of a volume whose `user` is an sps_grid. sps_grid_range looks at each voxel of the block,
-   and writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. Both return 0, or, so that
-   the call fails with CALLBACK: 1: grid or its voxels are NULL, a canary is not 0, a size is below 1, the format is
-   unknown, or scale or offset is not finite; 2: the block reaches beyond the grid, which is smaller than the volume. */
+   and writes 0..1e18 if one is not finite, negative or above 1e18. Threads: see sps_grid. Where read_fn is
+   sps_grid_read, the library checks the grid first and fails with ARGUMENT and a field such as "grid.scale"; the codes
+   below are for callbacks that wrap these functions. Both return 0, or 1: grid or its voxels are NULL, a canary is not
+   0, a size is below 1, the format is unknown, or scale or offset is not finite; 2: the block reaches beyond the grid.
+ */
 SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float *out);
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]);
 
 /* The read_fn of a mesh whose `user` is an sps_indexed_mesh. Leaves normals and colors that it does not have as they
-   are in `out`. Threads: see sps_grid. Returns 0, or, so that the call fails with CALLBACK: 1: indexed or its
-   positions are NULL, a canary is not 0, vertex_count is 0, or both kinds of indices are set; 2: it has fewer
-   triangles than the mesh; 3: an index is not below vertex_count. */
+   are in `out`. Threads: see sps_grid. Where this is read_fn, the library checks everything except for the indices
+   first and fails with ARGUMENT and a field such as "arrays.positions"; codes 1 and 2 are for callbacks that wrap this
+   function. Returns 0, or 1: indexed or its positions are NULL, a canary is not 0, vertex_count is 0, or both kinds of
+   indices are set; 2: it has fewer triangles than are to be read; 3, with which the call fails as CALLBACK: an index is
+   not below vertex_count. */
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out);
 
 /* Creates a transmittance map, in which an engine looks up shadows: add occluders, finish, query. The caller must free
@@ -764,18 +771,18 @@ SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps
 SPS_API sps_result sps_tmap_create(sps_context *context, const sps_tmap_light *light, const sps_tmap_settings *settings,
                                    sps_tmap **map);
 
-/* Adds the volumes, meshes and particles of a scene; its lights and background are ignored. These structs are copied;
-   what they point to is borrowed until sps_tmap_finish, which reads it. May be called any number of times before that.
-   Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
+/* Adds the volumes, meshes and particles of a scene; its lights and background are checked but not used. These structs
+   are copied; what they point to is borrowed until sps_tmap_finish, which reads it. May be called any number of times
+   before that. Errors: ARGUMENT (the map is finished; a field of the scene), MEMORY. */
 SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 
 /* Reads the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
    kernel cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels
    under them * components. Memory, on top of the map's: 160 bytes per particle, and 4 bytes per component of 64 rows of
-   texels, or 16 bytes for every stretch in these, and half as much again as lists hold while they grow. Techniques made
-   from lists need, per worker, 0.1 KB for each stretch of the fullest texel (0.5 KB if particles are soft), and 18 KB
-   for a compressed map. After a failure the map can only be destroyed. Errors: ARGUMENT (finished already), and all
-   those of sps_render. */
+   texels, or 16 bytes for every stretch in these; growing lists need up to one and a half times their size in addition.
+   Techniques made from lists need, per worker, 0.1 KB for each stretch of the fullest texel (0.5 KB if particles are
+   soft), and 18 KB for a compressed map. After a failure the map can only be destroyed. Errors: ARGUMENT (finished
+   already), and all those of sps_render. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
@@ -1417,6 +1424,7 @@ static sps_result spsi_fail(sps_context *context, sps_result result, const char 
 }
 
 #define SPSI_NOT_ZEROED "the struct was not zeroed"
+#define SPSI_IS_NULL    "is NULL; it must not be"
 
 /* The rest of a sentence about a field whose value breaks a rule. Returns the value. */
 static double spsi_say_value(double value, const char *rule, char rest[SPSI_SENTENCE_SIZE]) {
@@ -3695,11 +3703,14 @@ static int spsi_volume_present(const sps_volume *volume) {
     return volume->size[0] > 0 && volume->size[1] > 0 && volume->size[2] > 0;
 }
 
-static sps_result spsi_check_canaries(sps_context *context, sps_object object, int index, uint32_t start,
-                                      uint32_t end) {
+/* Fails if a struct was not zeroed; `prefix` leads from the object to the struct: "", "grid.". */
+static sps_result spsi_check_canaries(sps_context *context, sps_object object, int index, const char *prefix,
+                                      uint32_t start, uint32_t end) {
+    char field[32];
     if (!start && !end) return SPS_OK;
-    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, start ? "start_canary" : "end_canary",
-                           (double)(start ? start : end), SPSI_NOT_ZEROED);
+    SPS_SNPRINTF(field, sizeof field, "%s%s", prefix, start ? "start_canary" : "end_canary");
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field, (double)(start ? start : end),
+                           SPSI_NOT_ZEROED);
 }
 
 static sps_result spsi_check_lobes(sps_context *context, sps_object object, int index, const sps_lobe *lobes,
@@ -3747,13 +3758,10 @@ static sps_result spsi_check_array(sps_context *context, const sps_volume *volum
     if (!grid)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "user", 0,
                               "is NULL; with sps_grid_read it must be an sps_grid");
-    if (grid->start_canary || grid->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i,
-                               grid->start_canary ? "grid.start_canary" : "grid.end_canary",
-                               (double)(grid->start_canary ? grid->start_canary : grid->end_canary), SPSI_NOT_ZEROED);
+    if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, "grid.", grid->start_canary, grid->end_canary))
+        return context->result;
     if (!grid->voxels)
-        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "grid.voxels", 0,
-                              "is NULL; it must not be");
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "grid.voxels", 0, SPSI_IS_NULL);
     for (int k = 0; k < 3; ++k)
         if (grid->size[k] != volume->size[k])
             field = "grid.size", value = grid->size[k], rule = "it must be the volume's size";
@@ -3766,7 +3774,7 @@ static sps_result spsi_check_array(sps_context *context, const sps_volume *volum
 
 static sps_result spsi_check_volume(sps_context *context, const sps_volume *volume, int i) {
     char text[96];
-    if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, volume->start_canary, volume->end_canary))
+    if (spsi_check_canaries(context, SPS_OBJECT_VOLUME, i, "", volume->start_canary, volume->end_canary))
         return context->result;
     for (int k = 0; k < 3; ++k)
         if (volume->size[k] < 0 || volume->size[k] > 65536)
@@ -3798,16 +3806,13 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
 /* Checks the arrays behind a mesh that is read by sps_indexed_mesh_read, whose own errors have no names. */
 static sps_result spsi_check_indexed(sps_context *context, const sps_mesh *mesh, int i) {
     const sps_indexed_mesh *arrays = (const sps_indexed_mesh *)mesh->user;
-    const char *field = NULL, *rest = "is NULL; it must not be";
+    const char *field = NULL, *rest = SPSI_IS_NULL;
     if (mesh->triangle_count == 0 || mesh->read_fn != sps_indexed_mesh_read) return SPS_OK;
     if (!arrays)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "user", 0,
                               "is NULL; with sps_indexed_mesh_read it must be an sps_indexed_mesh");
-    if (arrays->start_canary || arrays->end_canary)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
-                               arrays->start_canary ? "arrays.start_canary" : "arrays.end_canary",
-                               (double)(arrays->start_canary ? arrays->start_canary : arrays->end_canary),
-                               SPSI_NOT_ZEROED);
+    if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, "arrays.", arrays->start_canary, arrays->end_canary))
+        return context->result;
     if (arrays->triangle_count < mesh->triangle_count)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "arrays.triangle_count",
                                (double)arrays->triangle_count, "it must be at least the mesh's");
@@ -3816,12 +3821,13 @@ static sps_result spsi_check_indexed(sps_context *context, const sps_mesh *mesh,
         field = "arrays.indices_u16", rest = "and indices_u32 are both set; at most one must be";
     if (mesh->has_colors && !arrays->colors) field = "arrays.colors", rest = "is NULL; has_colors needs it";
     if (mesh->has_normals && !arrays->normals) field = "arrays.normals", rest = "is NULL; has_normals needs it";
-    if (!arrays->positions) field = "arrays.positions", rest = "is NULL; it must not be";
+    if (!arrays->positions) field = "arrays.positions", rest = SPSI_IS_NULL;
     return field ? spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, field, 0, rest) : SPS_OK;
 }
 
 static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, int i) {
-    if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, mesh->start_canary, mesh->end_canary)) return context->result;
+    if (spsi_check_canaries(context, SPS_OBJECT_MESH, i, "", mesh->start_canary, mesh->end_canary))
+        return context->result;
     if (mesh->triangle_count > SPSI_FACES_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "triangle_count",
                                (double)mesh->triangle_count, "it must be 0..2^29");
@@ -3839,7 +3845,7 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
 }
 
 static sps_result spsi_check_set(sps_context *context, const sps_particles *set, int i) {
-    if (spsi_check_canaries(context, SPS_OBJECT_PARTICLES, i, set->start_canary, set->end_canary))
+    if (spsi_check_canaries(context, SPS_OBJECT_PARTICLES, i, "", set->start_canary, set->end_canary))
         return context->result;
     if (set->count > SPSI_PARTICLES_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "count", (double)set->count,
@@ -3851,13 +3857,17 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
     return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
 }
 
-/* As spsi_fail_field, for the settings of a light's shadow_map, or, if `light` is below 0, of a map by itself. */
+/* The object that has the settings of a light's shadow_map, or, if `light` is below 0, of a map by itself; and the way
+   from it to a setting. */
+static sps_object spsi_setting_object(int light) { return light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT; }
+static const char *spsi_setting_prefix(int light) { return light < 0 ? "" : "shadow_map."; }
+
+/* As spsi_fail_field, for these settings. */
 static sps_result spsi_fail_setting(sps_context *context, sps_result result, int light, const char *field, double value,
                                     const char *rule) {
     char member[64];
-    SPS_SNPRINTF(member, sizeof member, "%s%s", light < 0 ? "" : "shadow_map.", field);
-    return spsi_fail_field(context, result, light < 0 ? SPS_OBJECT_TMAP_SETTINGS : SPS_OBJECT_LIGHT, light, member,
-                           value, rule);
+    SPS_SNPRINTF(member, sizeof member, "%s%s", spsi_setting_prefix(light), field);
+    return spsi_fail_field(context, result, spsi_setting_object(light), light, member, value, rule);
 }
 
 /* Checks the number of components, including the range, unless it is left to the technique. */
@@ -3883,10 +3893,9 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
     sps_tmap_settings resolved;
-    if (settings->start_canary || settings->end_canary)
-        return spsi_fail_setting(
-            context, SPS_ERROR_ARGUMENT, light, settings->start_canary ? "start_canary" : "end_canary",
-            (double)(settings->start_canary ? settings->start_canary : settings->end_canary), SPSI_NOT_ZEROED);
+    if (spsi_check_canaries(context, spsi_setting_object(light), light, spsi_setting_prefix(light),
+                            settings->start_canary, settings->end_canary))
+        return context->result;
     if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "technique", (double)(int)settings->technique,
                                  "it must be an sps_tmap_technique");
@@ -3930,7 +3939,7 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const double *bad;
     double direction[3];
-    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, light->start_canary, light->end_canary))
+    if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary))
         return context->result;
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
@@ -3954,7 +3963,7 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
 }
 
 static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene) {
-    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, scene->start_canary, scene->end_canary))
+    if (spsi_check_canaries(context, SPS_OBJECT_SCENE, -1, "", scene->start_canary, scene->end_canary))
         return context->result;
     if (scene->volume_count < 0 || (scene->volume_count > 0 && !scene->volumes))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "volume_count", scene->volume_count,
@@ -4051,7 +4060,7 @@ static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     const int *r = view->region, size[2] = {view->width, view->height};
-    if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, view->start_canary, view->end_canary) ||
+    if (spsi_check_canaries(context, SPS_OBJECT_VIEW, -1, "", view->start_canary, view->end_canary) ||
         spsi_check_sampling(context, SPS_OBJECT_VIEW, size, view->quality, view->slab))
         return context->result;
     if (spsi_has_region(r) && (r[0] < 0 || r[1] < 0 || r[2] < 1 || r[3] < 1 || r[0] >= size[0] || r[1] >= size[1] ||
@@ -4867,12 +4876,12 @@ static int spsi_particles_keep(sps_particle *batch, size_t count) {
 }
 
 static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame, const spsi_particle_set *set,
-                                  size_t *asked, sps_particle *list) {
+                                  size_t *read, sps_particle *list) {
     for (size_t first = 0; first < set->count; first += SPSI_PARTICLE_BATCH) {
         const size_t left = set->count - first, count = left < SPSI_PARTICLE_BATCH ? left : SPSI_PARTICLE_BATCH;
         sps_particle *batch = list + frame->content->particle_count; /* there is room: no more were kept than read */
         int returned;
-        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*asked / (double)frame->particles.count))
+        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (double)*read / (double)frame->particles.count))
             return context->result;
         memset(batch, 0, count * sizeof *batch);
         context->stats.particle_calls += 1;
@@ -4882,7 +4891,7 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
                                    NULL);
         if (spsi_particles_validate(context, set, batch, first, count, frame->replace_invalid)) return context->result;
         frame->content->particle_count += spsi_particles_keep(batch, count);
-        *asked += count;
+        *read += count;
     }
     frame->content->set_ends[set - frame->particles.sets] = frame->content->particle_count;
     return SPS_OK;
@@ -4917,13 +4926,13 @@ static void spsi_measure_particles(const spsi_frame *frame) {
 /* Reads every set of particles once, and keeps 20 bytes per particle. */
 static sps_result spsi_gather_particles(sps_context *context, const spsi_frame *frame) {
     const uint64_t replaced = context->stats.values_replaced;
-    size_t asked = 0;
+    size_t read = 0;
     sps_particle *list;
     if (frame->particles.set_count == 0) return SPS_OK;
     list = (sps_particle *)spsi_reserve(context, SPSI_BUFFER_PARTICLES, frame->particles.count, sizeof(sps_particle));
     if (!list) return context->result;
     for (int i = 0; i < frame->particles.set_count; ++i)
-        if (spsi_gather_set(context, frame, &frame->particles.sets[i], &asked, list)) return context->result;
+        if (spsi_gather_set(context, frame, &frame->particles.sets[i], &read, list)) return context->result;
     frame->content->particles = list;
     context->stats.particles = (uint64_t)frame->content->particle_count;
     spsi_measure_particles(frame);
@@ -5301,13 +5310,16 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
     return spsi_load(depth);
 }
 
+#define SPSI_TRIANGLE_BATCH 256 /* triangles read at a time */
+
 static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
                                    spsi_faces *faces, spsi_face *list) {
-    const size_t batch = 256;
-    sps_triangle *triangles = (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, batch, sizeof(sps_triangle));
+    sps_triangle *triangles =
+        (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     if (!triangles) return context->result;
-    for (size_t first = 0; first < mesh->triangle_count; first += batch) {
-        const size_t left = mesh->triangle_count - first, count = left < batch ? left : batch;
+    for (size_t first = 0; first < mesh->triangle_count; first += SPSI_TRIANGLE_BATCH) {
+        const size_t left = mesh->triangle_count - first,
+                     count = left < SPSI_TRIANGLE_BATCH ? left : SPSI_TRIANGLE_BATCH;
         int returned;
         memset(triangles, 0, count * sizeof(sps_triangle));
         context->stats.triangle_calls += 1;
@@ -8349,7 +8361,16 @@ static size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
-/* What a technique looks up in one texel: its floats without the range, and u within the range. */
+/* Of a map made from lists: bytes of an item, a stretch or a node, and number of items. */
+static size_t spsi_tmap_item_bytes(const sps_tmap *map) {
+    return map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
+}
+
+static size_t spsi_tmap_item_count(const sps_tmap *map) {
+    return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
+}
+
+/* The part of a texel that a technique looks up: its floats without the range, and u within the range. */
 typedef struct spsi_texel {
     const float *floats;
     float u; /* below 0: before all occluders */
@@ -9163,7 +9184,9 @@ static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fit
 static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_stretch *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int pieces = spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
-    const int bends = spsi_curve_build(list, (int)count, pieces, fitting->stretches, fitting->curve);
+    int bends;
+    SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* there is room; 1: nothing is soft */
+    bends = spsi_curve_build(list, (int)count, pieces, fitting->stretches, fitting->curve);
     return (uint32_t)spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
 }
 
@@ -9235,7 +9258,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
-    const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
+    const size_t item = spsi_tmap_item_bytes(map);
     uint32_t *starts = (uint32_t *)map->data.starts.data + filling->band.first_texel;
     const size_t held = starts[0];
     uint64_t sum = held;
@@ -9624,8 +9647,7 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
 
 /* Releases the memory that a list has grown to beyond what it holds. */
 static sps_result spsi_tmap_trim(sps_tmap *map) {
-    const size_t item = map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
-    const size_t count = ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
+    const size_t item = spsi_tmap_item_bytes(map), count = spsi_tmap_item_count(map);
     spsi_buffer exact = {NULL, 0};
     if (map->data.texels.size <= (count > 0 ? count : 1) * item) return SPS_OK;
     if (!spsi_buffer_reserve(map->context, &exact, count, item)) return map->context->result;
@@ -9696,7 +9718,7 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *li
     if (!(settings->far_depth > settings->near_depth && settings->far_depth <= SPSI_COORDINATE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "far_depth",
                                settings->far_depth, "it must be above near_depth, and within 1e15");
-    if (spsi_check_canaries(context, SPS_OBJECT_TMAP_LIGHT, -1, light->start_canary, light->end_canary) ||
+    if (spsi_check_canaries(context, SPS_OBJECT_TMAP_LIGHT, -1, "", light->start_canary, light->end_canary) ||
         spsi_check_sampling(context, SPS_OBJECT_TMAP_LIGHT, size, light->quality, light->slab))
         return context->result;
     if (light->omnidirectional && size[0] != size[1])
@@ -9975,7 +9997,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
 
 /* ============================================================================================== >>shadows
    21 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
-   give the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
+   hold the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
    k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
    and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
    anywhere in the current chunk. Polygons shade gas by a depth map and each other by rays; a point behind an opaque one
@@ -10347,7 +10369,7 @@ typedef struct spsi_pixels {
     spsi_v toward[3];    /* unit direction from the eye */
 } spsi_pixels;
 
-/* What a vector of rays has accumulated so far. */
+/* Sums of a vector of rays so far. */
 typedef struct spsi_gathered {
     spsi_v depth; /* optical depth */
     spsi_v radiance[3];
@@ -11983,7 +12005,8 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
     }
     spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
-        report->triangle_calls += (frame->meshes.list[i].triangle_count + 255) / 256;
+        report->triangle_calls +=
+            (frame->meshes.list[i].triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;
     for (int i = 0; i < frame->particles.set_count; ++i)
         report->particle_calls += (frame->particles.sets[i].count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     report->sweep_count = spsi_sweep_count(frame);
@@ -12669,7 +12692,6 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
 
 SPS_API int sps_version(void) { return SPS_VERSION; }
 
-#define SPSI_IS_NULL    "is NULL; it must not be"
 #define SPSI_NO_CONTEXT "context " SPSI_IS_NULL
 
 static void spsi_refuse_config(sps_error_info *why, sps_result result, const char *field, double value,
@@ -13137,15 +13159,6 @@ SPS_API sps_result sps_tmap_get_constants(const sps_tmap *map, int face, sps_tma
     return SPS_OK;
 }
 
-/* Number of floats in a stretch or a node, for a map made from lists. */
-static int spsi_tmap_item_floats(const sps_tmap *map) {
-    return (int)((map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node)) / sizeof(float));
-}
-
-static size_t spsi_tmap_item_count(const sps_tmap *map) {
-    return ((const uint32_t *)map->data.starts.data)[spsi_tmap_texel_count(map)];
-}
-
 SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {
     if (!map || !info) return SPS_ERROR_ARGUMENT;
     memset(info, 0, sizeof *info);
@@ -13153,7 +13166,8 @@ SPS_API sps_result sps_tmap_get_info(const sps_tmap *map, sps_tmap_info *info) {
     info->height = map->rays[0].height;
     info->face_count = map->face_count;
     info->is_finished = map->finished;
-    info->item_floats = map->technique->lists ? spsi_tmap_item_floats(map) : map->settings.components;
+    info->item_floats =
+        map->technique->lists ? (int)(spsi_tmap_item_bytes(map) / sizeof(float)) : map->settings.components;
     info->texel_count = spsi_tmap_texel_count(map);
     info->float_count = info->texel_count * (size_t)info->item_floats;
     if (map->technique->lists)

@@ -349,9 +349,10 @@ static void test_only_emission(const outcome *full) {
 
 /* A light with a map has none either, then: the plan and the memory are those without a map. */
 static void test_no_map_without_extinction(void) {
-    static const sps_tmap_settings settings; /* all zero: the default technique */
+    sps_tmap_settings settings;
     setup t;
     outcome plain, mapped;
+    memset(&settings, 0, sizeof settings); /* the default technique */
     setup_build(&t);
     t.s.volume[0].extinction = 0;
     plain = measure(&t);

@@ -50,10 +50,11 @@ CONTENTS (search for the tag)
     >>balls         15 particles as rays see them    >>slicing       16 slabs and sweeps
     >>splat         17 footprints into sheets        >>targets       18 filling sheets, by tile
     >>lightsheets   19 sheets as optical depth       >>tmaps         20 transmittance maps
-    >>shadows       21 shadows on gas, surfaces      >>shading       22 light leaving a sheet
-    >>sweep         23 chunks of slabs, tiles        >>frame         24 sweep after sweep, the image
-    >>plan          25 what a scene calls for        >>reference     26 brute-force ray marching
-    >>public        27 the public functions          >>licence
+    >>penumbrae     21 light of many points          >>shadows       22 shadows on gas, surfaces
+    >>shading       23 light leaving a sheet         >>sweep         24 chunks of slabs, tiles
+    >>frame         25 sweep after sweep, the image  >>plan          26 what a scene calls for
+    >>reference     27 brute-force ray marching      >>public        28 the public functions
+    >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light).
@@ -92,26 +93,25 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 168 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
-    depth map if polygons shade gas, 1 per pixel of the image if there are polygons, and its shadow_map; the maps of
-    lights that share a sweep are held at the same time. sps_plan returns an upper bound beforehand, without the lists
-    that maps are made from, which may be several times as much; memory_limit is never exceeded.
-ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
-    same as data. After a failure the image is untouched and the context can be used again.
-THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
-    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, background,
-    progress, message, allocator) run on the calling thread, one at a time, and must not call into the same context.
-    With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
-REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
-    it does on different machines if they have the same C library and all threads use the same rounding mode and the
-    same treatment of denormal numbers.
-LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15.
-    Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
-    point lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than
-    the round-off of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
-    Values above 1e18 are an error, values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is
-    exactly 0; a polygon has an optical depth of 1e15. Where a volume's optical depth is well above 1 per voxel, its
-    silhouette shrinks by a fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels
-    or less.
+    depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
+    lights that share a sweep are held at the same time. One with an extent adds 64 per texel of shadow buffer, 4 per
+    texel and point of it (8 if polygons shade gas) and 12 per texel and worker. sps_plan returns an upper bound
+beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is never
+exceeded. ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value,
+sps_get_error the same as data. After a failure the image is untouched and the context can be used again. THREADS   A
+context serves one call at a time; any number of contexts can run at once, and any number of threads may query a
+finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, background, progress,
+message, allocator) run on the calling thread, one at a time, and must not call into the same context. With both
+parallel_for_fn and progress_fn, several workers may call clock_fn at once. REPEATABLE   A build produces the same bits
+for any number of workers, on every run, and for any region of an image. So it does on different machines if they have
+the same C library and all threads use the same rounding mode and the same treatment of denormal numbers. LIMITS Images
+and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15. Voxels are resolved
+from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for point lights up to 1e7 times
+as far away as the gas is wide. A polygon shades only what lies farther behind it than the round-off of its corners,
+which are floats: 1.2e-7 of their distance from the mesh's origin. Values above 1e18 are an error, values below 1e-30
+count as 0. Beyond an optical depth of 86, transmittance is exactly 0; a polygon has an optical depth of 1e15. Where a
+volume's optical depth is well above 1 per voxel, its silhouette shrinks by a fraction of a voxel, because kernels are
+cut. Classified volumes need slabs of 0.7 voxels or less.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -390,8 +390,8 @@ typedef struct sps_particles {
 
 /* How a transmittance map stores optical depth along the ray of each texel. u runs from 0 at near_depth to 1 at
    far_depth. The order in which occluders are added does not matter except for round-off. Deep, compressed, depth,
-   cosine and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands for
-   `components`; docs/shadow_maps.md helps to choose. */
+   cosine and adaptive maps are made from sorted lists, which takes 3 to 33 times as long as SPS_TMAP_DEFAULT. n stands
+   for `components`; docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     SPS_TMAP_DEFAULT = 0, /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats */
     /* Every stretch of every occluder: exact along the texels' own rays, as a reference for the others. (In all maps,
@@ -475,25 +475,51 @@ typedef struct sps_tmap_settings {
     uint32_t end_canary; /* leave 0 */
 } sps_tmap_settings;
 
-typedef enum sps_light_kind { SPS_LIGHT_DIRECTIONAL = 0, SPS_LIGHT_POINT } sps_light_kind;
+typedef enum sps_light_kind {
+    SPS_LIGHT_DIRECTIONAL = 0,
+    SPS_LIGHT_POINT,
+    SPS_LIGHT_DISC,
+    SPS_LIGHT_RECTANGLE
+} sps_light_kind;
 
-/* A light without extent. Its shadows of volumes and particles come from slabs perpendicular to the half-way vector
-   between eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine
-   of at least 0.1; otherwise (a point light inside or close to a volume, a very wide camera) rendering fails with
-   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are perpendicular to the eye's central ray: only a camera that sees
-   volumes across more than 168 degrees (2.94) from corner to corner is refused then. Polygons have no such limit. */
+/* A light. One with an extent casts penumbrae: it shines as points spread evenly over it would, except that gas
+   scatters its light as if it came from the centre, and that a surface takes the mean of what polygons let pass times
+   the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. A penumbra
+   in gas that is narrower than half a texel of the light's sheets everywhere is left sharp. Shadows of volumes and
+   particles come from slabs perpendicular to the half-way vector between eye and light, so every eye ray and every
+   light ray through the volumes must cross those slabs with a cosine of at least 0.1; otherwise (a point light inside
+   or close to a volume, a very wide camera) rendering fails with SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are
+   perpendicular to the eye's central ray: only a camera that sees volumes across more than 168 degrees (2.94) from
+   corner to corner is refused then. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
-    double direction[3]; /* directional: the direction in which the light travels; of any length except for 0 */
-    double position[3];  /* point */
-    float color[3];      /* >= 0; directional: irradiance, point: intensity; all zero: no light */
-    int no_shadow;       /* 1: shines through everything */
+    /* Directional: the direction in which the light travels. With a cone: its axis. Of any length except for 0. */
+    double direction[3];
+    double position[3]; /* all but directional: the point, or the centre */
+    float color[3];     /* >= 0; directional: irradiance, otherwise intensity; all zero: no light */
+    /* Directional: extent, as the angle that the light subtends, in radians, 0..2 (the sun: 0.0093): a disc of even
+       radiance, infinitely far away. */
+    double angular_diameter;
+    /* Disc, rectangle: extent, as two vectors from the centre to the rim, in world units. Perpendicular vectors of
+       equal length make a disc or a square, others an ellipse, a rectangle or a parallelogram. Each of its points
+       shines with the same intensity in all directions, unless there is a cone. */
+    double axes[2][3];
+    /* All but directional: makes a spotlight. Angles from `direction`, in radians, 0 <= inner < outer <= pi; outer 0:
+       no cone. Intensity is `color` within the inner angle and 0 beyond the outer; in between it is s^2 color, s rising
+       from 0 to 1 in proportion to the cosine [KHR_lights_punctual]. Each point of an extent has this cone. */
+    double inner_cone, outer_cone;
+    /* Number of points that stand for an extent, up to 256; 0: from quality (draft 8, medium 16, high 32, ultra 64).
+       The error of a penumbra falls nearly in proportion. Cost: per point and pixel of polygons, a shadow ray and, in
+       gas, up to 17 lookups; in gas, three lookups per point, slab and texel that has gas. sps_reference takes as many
+       points for each sample, 64 if this is 0, and other ones. */
+    int samples;
+    int no_shadow; /* 1: shines through everything */
     /* NULL: shadows of gas come from slabs. Otherwise from a transmittance map made with these settings, which has no
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0.
        Volumes that are shaded as surfaces, or dense, show the errors of small maps as blotches near the terminator:
-       give them SPS_TMAP_COMPRESSED. Borrowed for the call. */
+       give them SPS_TMAP_COMPRESSED. A light with an extent cannot have one. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     int shadow_map_size; /* texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality
                           */
@@ -589,6 +615,7 @@ typedef enum sps_pass {
     SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep */
     SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a shadow_map */
     SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map */
+    SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
@@ -610,6 +637,7 @@ typedef struct sps_plan_report {
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
+    int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
     /* Upper bound of all that the context will hold, with image.depth, but without the lists that maps are made from,
@@ -638,6 +666,8 @@ typedef struct sps_stats_report {
        (particles: the pixels of their boxes). */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
+    /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
+    uint64_t soft_texels;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
     uint64_t tiles_finished; /* tiles that became opaque before the last slab */
     uint64_t allocations;
@@ -900,6 +930,7 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission, so that sums stay finite */
 #define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
 #define SPSI_LIGHT_END      16.0f  /* optical depth at which a light is no longer followed: 1e-7 of it is left */
+#define SPSI_POINTS_MAX     256    /* that stand for an extended light */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in the level-2 cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
@@ -959,6 +990,11 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
     const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
     return _mm512_i32gather_ps(_mm512_add_epi32(row, _mm512_cvttps_epi32(x)), grid, 4);
 }
+/* As the general ones below: all of a vector if `count` is more than it holds. */
+static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
+static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
+static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
+#define SPSI_HAS_FIRST
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_AVX2)
@@ -994,6 +1030,12 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
     return _mm256_i32gather_ps(grid, _mm256_add_epi32(row, _mm256_cvttps_epi32(x)), 4);
 }
+static inline __m256i spsi_first(int count) {
+    return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0));
+}
+static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
+static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
+#define SPSI_HAS_FIRST
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_SSE2)
@@ -1097,6 +1139,7 @@ static inline void spsi_zero_upper(void) { _mm256_zeroupper(); }
 static inline void spsi_zero_upper(void) {}
 #endif
 
+#ifndef SPSI_HAS_FIRST
 /* Loads the first `count` lanes only, if there are fewer than SPSI_LANES; the others are 0. */
 static inline spsi_v spsi_load_first(const float *p, int count) {
     float lanes[SPSI_LANES] = {0};
@@ -1114,6 +1157,7 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
     spsi_store(lanes, a);
     memcpy(p, lanes, (size_t)count * sizeof(float));
 }
+#endif
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Rounds down, for |a| < 2^30. */
@@ -1300,12 +1344,13 @@ static int spsi_most(int a, int b) { return a > b ? a : b; }
    that keep their largest size from call to call. */
 
 typedef enum spsi_buffer_id {
-    SPSI_BUFFER_FRAME,   /* the checked scene, >>scene */
-    SPSI_BUFFER_CONTENT, /* what is read from the scene, >>scene */
-    SPSI_BUFFER_TABLES,  /* transfer functions */
-    SPSI_BUFFER_MESHES,  /* resolved meshes */
-    SPSI_BUFFER_LAMPS,   /* resolved lights */
-    SPSI_BUFFER_BLOCK,   /* one block of values, its positions and flags, >>gather */
+    SPSI_BUFFER_FRAME,       /* the checked scene, >>scene */
+    SPSI_BUFFER_CONTENT,     /* what is read from the scene, >>scene */
+    SPSI_BUFFER_TABLES,      /* transfer functions */
+    SPSI_BUFFER_MESHES,      /* resolved meshes */
+    SPSI_BUFFER_LAMPS,       /* resolved lights */
+    SPSI_BUFFER_LAMP_POINTS, /* points that stand for extended lights */
+    SPSI_BUFFER_BLOCK,       /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_SEGMENTS,      /* the list of voxel segments */
     SPSI_BUFFER_FACES,         /* triangles, >>polygons */
@@ -1320,6 +1365,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_DEPTH_MAPS,
     SPSI_BUFFER_PIXELS,            /* optical depth and radiance, >>shading */
     SPSI_BUFFER_PLANES,            /* a light's optical depth at the slabs of a chunk, >>lightsheets */
+    SPSI_BUFFER_BEAMS,             /* light from the points of an extended light, >>penumbrae */
+    SPSI_BUFFER_PENUMBRA,          /* their texels, and a chunk of sheets */
     SPSI_BUFFER_SHEETS,            /* a tile of sheets per worker */
     SPSI_BUFFER_SAMPLES,           /* samples of the volumes at a vector of pixels, per worker, >>shading */
     SPSI_BUFFER_PARTICLES,         /* >>gather */
@@ -3496,13 +3543,34 @@ typedef struct spsi_mesh {
     uint64_t revision; /* of the triangles; 0: they are read in every call */
 } spsi_mesh;
 
+/* The extent of a light. Places in it are (x, y), within the unit disc or within the square from -1 to 1. */
+typedef struct spsi_light_extent {
+    int exists;
+    int is_disc;       /* 1: the unit disc, 0: the square */
+    double radius;     /* maximum distance from the centre: world units, or radians of a directional light */
+    double axis[2][3]; /* from the centre to (1, 0) and (0, 1); directional: unit vectors across its direction */
+} spsi_light_extent;
+
+/* The cone of a spotlight: its light is the square of scale * cosine + offset, clamped to 0..1. */
+typedef struct spsi_cone {
+    int exists;
+    float scale, offset;
+} spsi_cone;
+
 /* A light that is not black. */
 typedef struct spsi_lamp {
-    int index;               /* in the scene's array, for error sentences */
-    int is_point;            /* 1: a point light, 0: a directional light */
-    double position[3];      /* of a point light */
-    double direction[3];     /* direction in which a directional light travels, of unit length */
-    float color[3];          /* intensity of a point light, irradiance of a directional one */
+    int index;           /* in the scene's array, for error sentences */
+    int is_point;        /* 1: a light with a position, 0: a directional light */
+    double position[3];  /* its centre */
+    double direction[3]; /* direction in which a directional light travels, or a cone's axis; of unit length */
+    spsi_cone cone;
+    float color[3]; /* intensity of a point light, irradiance of a directional one */
+    spsi_light_extent extent;
+    const struct spsi_lamp *points; /* that stand for an extended light; of another light, itself */
+    int point_count;
+    const struct spsi_lamp *few; /* fewer points, from which gas takes its irradiance; at least one */
+    int few_count;
+    int samples;             /* as the caller set it */
     int shadows;             /* 1: it casts shadows */
     int sliced;              /* 1: it shades gas by sheets, and so needs slabs that suit it */
     int has_map;             /* 1: it shades gas by a transmittance map */
@@ -3522,6 +3590,7 @@ typedef struct spsi_accuracy {
     int depth_map_texels; /* minimum on a side of a depth map */
     double cut;           /* radius of kernels in standard deviations */
     double light_cut;     /* the same for classified volumes in a light's sheets; maps use `cut` */
+    int light_points;     /* points that stand for an extended light */
 } spsi_accuracy;
 
 /* The sets of particles that are not empty. */
@@ -3936,12 +4005,52 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
     return SPS_OK;
 }
 
+/* Whether a light has an extent. */
+static int spsi_light_extended(const sps_light *light) {
+    if (light->kind == SPS_LIGHT_DIRECTIONAL) return light->angular_diameter > 0;
+    if (light->kind == SPS_LIGHT_POINT) return 0;
+    return spsi_length(light->axes[0]) > 0 || spsi_length(light->axes[1]) > 0;
+}
+
+static sps_result spsi_check_cone(sps_context *context, const sps_light *light, int i) {
+    if (light->kind == SPS_LIGHT_DIRECTIONAL && (light->inner_cone < 0 || light->inner_cone > 0))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "inner_cone", light->inner_cone,
+                               "it must be 0: a directional light has no cone");
+    if (light->kind == SPS_LIGHT_DIRECTIONAL && (light->outer_cone < 0 || light->outer_cone > 0))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "outer_cone", light->outer_cone,
+                               "it must be 0: a directional light has no cone");
+    if (!(light->outer_cone >= 0 && light->outer_cone <= SPSI_PI * (1 + DBL_EPSILON)))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "outer_cone", light->outer_cone,
+                               "it must be 0..pi");
+    if (!(light->inner_cone >= 0 && (light->inner_cone < light->outer_cone || !(light->inner_cone > 0))))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "inner_cone", light->inner_cone,
+                               "it must be 0, or less than outer_cone");
+    return SPS_OK;
+}
+
+static sps_result spsi_check_extent(sps_context *context, const sps_light *light, int i) {
+    if (light->samples < 0 || light->samples > SPSI_POINTS_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "samples", light->samples,
+                               "it must be 0..256");
+    if (light->kind == SPS_LIGHT_DIRECTIONAL && !(light->angular_diameter >= 0 && light->angular_diameter <= 2))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "angular_diameter",
+                               light->angular_diameter, "it must be 0..2 radians");
+    for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
+        if (spsi_bad_coordinate(light->axes[axis], 3))
+            return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, axis ? "axes[1]" : "axes[0]",
+                                   *spsi_bad_coordinate(light->axes[axis], 3), "it must be within 1e15");
+    if (light->shadow_map && spsi_light_extended(light))
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
+                              "holds the shadow of a single point; an extended light has none");
+    return SPS_OK;
+}
+
 static sps_result spsi_check_light(sps_context *context, const sps_light *light, int i) {
     const double *bad;
     double direction[3];
     if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "", light->start_canary, light->end_canary))
         return context->result;
-    if ((int)light->kind < 0 || light->kind > SPS_LIGHT_POINT)
+    if ((int)light->kind < 0 || light->kind > SPS_LIGHT_RECTANGLE)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
     if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
@@ -3949,16 +4058,18 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
                                (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
                                "red, green and blue must be 0..1e18");
     memcpy(direction, light->direction, sizeof direction);
-    if (light->kind == SPS_LIGHT_DIRECTIONAL && !spsi_normalise(direction)) {
+    if (spsi_check_cone(context, light, i)) return context->result;
+    if ((light->kind == SPS_LIGHT_DIRECTIONAL || light->outer_cone > 0) && !spsi_normalise(direction)) {
         int k = 0; /* the component that is not finite, or the last: all are 0 then */
         while (k < 2 && fabs(direction[k]) <= DBL_MAX) ++k;
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "direction", direction[k],
                                "it must be finite and have a length");
     }
     bad = spsi_bad_coordinate(light->position, 3);
-    if (light->kind == SPS_LIGHT_POINT && bad)
+    if (light->kind != SPS_LIGHT_DIRECTIONAL && bad)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "position", *bad,
                                "it must be within 1e15");
+    if (spsi_check_extent(context, light, i)) return context->result;
     return spsi_check_shadow_map(context, light, i);
 }
 
@@ -4086,12 +4197,14 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const double light_cut[] = {2.8, 2.8, 2.8, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
+    static const int light_points[] = {16, 8, 16, 32, 64};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->matter.classifies][frame->view.quality];
     frame->accuracy.shadow_texels = texels[frame->matter.classifies][frame->view.quality];
     frame->accuracy.threshold = threshold[frame->view.quality];
     frame->accuracy.cut = cut[frame->view.quality];
     frame->accuracy.light_cut = light_cut[frame->view.quality];
     frame->accuracy.depth_map_texels = depth_map_texels[frame->view.quality];
+    frame->accuracy.light_points = light_points[frame->view.quality];
 }
 
 /* The rays of a checked camera; their width and height are already set. */
@@ -4322,14 +4435,75 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
     return SPS_OK;
 }
 
+static void spsi_extent_build(const sps_light *light, const double direction[3], spsi_light_extent *extent) {
+    extent->exists = 1;
+    extent->is_disc = light->kind != SPS_LIGHT_RECTANGLE;
+    if (light->kind == SPS_LIGHT_DIRECTIONAL) {
+        extent->radius = 0.5 * light->angular_diameter;
+        spsi_basis(direction, extent->axis[0], extent->axis[1]);
+        return;
+    }
+    memcpy(extent->axis, light->axes, sizeof extent->axis);
+    extent->radius = spsi_length(light->axes[0]) + spsi_length(light->axes[1]);
+    if (extent->is_disc) extent->radius = fmax(spsi_length(light->axes[0]), spsi_length(light->axes[1]));
+}
+
+/* The light without extent at place (x, y) of an extended one. Places on a directional light's disc are spread evenly
+   over its solid angle: 1 - cos grows with the square of the distance from its middle. */
+static void spsi_lamp_place(const spsi_lamp *lamp, double x, double y, spsi_lamp *point) {
+    const spsi_light_extent *extent = &lamp->extent;
+    *point = *lamp;
+    memset(&point->extent, 0, sizeof point->extent);
+    point->points = point->few = point;
+    point->point_count = point->few_count = 1;
+    if (lamp->is_point) {
+        spsi_along(point->position, extent->axis[0], x, point->position);
+        spsi_along(point->position, extent->axis[1], y, point->position);
+    } else {
+        const double r = sqrt(x * x + y * y), less = r * r * 2 * pow(sin(0.5 * extent->radius), 2);
+        const double per = r > 0 ? sqrt(less * (2 - less)) / r : 0;
+        for (int i = 0; i < 3; ++i)
+            point->direction[i] =
+                (1 - less) * lamp->direction[i] + per * (x * extent->axis[0][i] + y * extent->axis[1][i]);
+        spsi_normalise(point->direction);
+    }
+}
+
+/* Places `count` points evenly over an extended light: a disc's on a spiral of equal areas and golden angles [Vogel
+   1979], a rectangle's on a lattice of one point per column whose rows advance by the golden ratio. They are moved so
+   that their mean is the centre, which a few points would miss. */
+static void spsi_extent_points(const spsi_lamp *lamp, int count, spsi_lamp *points) {
+    double places[SPSI_POINTS_MAX][2], mean[2] = {0, 0};
+    for (int i = 0; i < count; ++i) {
+        const double share = (i + 0.5) / count, turn = 2.39996322972865332 * i, row = 0.61803398874989485 * (i + 0.5);
+        places[i][0] = lamp->extent.is_disc ? sqrt(share) * cos(turn) : 2 * share - 1;
+        places[i][1] = lamp->extent.is_disc ? sqrt(share) * sin(turn) : 2 * (row - floor(row)) - 1;
+        for (int k = 0; k < 2; ++k) mean[k] += places[i][k] / count;
+    }
+    for (int i = 0; i < count; ++i) spsi_lamp_place(lamp, places[i][0] - mean[0], places[i][1] - mean[1], &points[i]);
+}
+
+static void spsi_cone_build(const sps_light *light, spsi_cone *cone) {
+    const double whole = cos(light->inner_cone), none = cos(light->outer_cone);
+    const double scale = 1 / fmax(whole - none, 1e-6); /* a narrower rim could not be told from a jump in floats */
+    cone->exists = light->outer_cone > 0;
+    cone->scale = (float)scale;
+    cone->offset = (float)(-none * scale);
+}
+
 static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
     memset(lamp, 0, sizeof *lamp);
     lamp->index = index;
-    lamp->is_point = light->kind == SPS_LIGHT_POINT;
+    lamp->is_point = light->kind != SPS_LIGHT_DIRECTIONAL;
     memcpy(lamp->position, light->position, sizeof lamp->position);
     memcpy(lamp->direction, light->direction, sizeof lamp->direction);
     spsi_normalise(lamp->direction);
     memcpy(lamp->color, light->color, sizeof lamp->color);
+    lamp->samples = light->samples;
+    spsi_cone_build(light, &lamp->cone);
+    lamp->points = lamp->few = lamp;
+    lamp->point_count = lamp->few_count = 1;
+    if (spsi_light_extended(light)) spsi_extent_build(light, lamp->direction, &lamp->extent);
     lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
     lamp->has_map = lamp->shadows && light->shadow_map && frame->matter.extinguishes;
     lamp->sliced = lamp->shadows && !lamp->has_map && frame->matter.extinguishes;
@@ -4337,6 +4511,35 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     lamp->map = spsi_settings_resolve(light->shadow_map);
     lamp->map_omnidirectional = light->shadow_map_omnidirectional;
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
+}
+
+/* Places the points of all extended lights. A mean over few points is as good for what varies slowly over a light: its
+   squared distance and, with more of them, its cone. */
+static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
+    spsi_lamp *points;
+    size_t count = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_lamp *lamp = &frame->lamps.list[i];
+        if (!lamp->extent.exists) continue;
+        lamp->point_count = lamp->samples > 0 ? lamp->samples : frame->accuracy.light_points;
+        if (lamp->is_point) lamp->few_count = spsi_least(lamp->point_count, lamp->cone.exists ? 16 : 4);
+        count += (size_t)(lamp->point_count + lamp->few_count);
+    }
+    if (count == 0) return SPS_OK;
+    points = (spsi_lamp *)spsi_reserve(context, SPSI_BUFFER_LAMP_POINTS, count, sizeof(spsi_lamp));
+    if (!points) return context->result;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_lamp *lamp = &frame->lamps.list[i];
+        if (!lamp->extent.exists) continue;
+        spsi_extent_points(lamp, lamp->point_count, points);
+        lamp->points = points;
+        points += lamp->point_count;
+        if (!lamp->is_point) continue;
+        spsi_extent_points(lamp, lamp->few_count, points);
+        lamp->few = points;
+        points += lamp->few_count;
+    }
+    return SPS_OK;
 }
 
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
@@ -4358,7 +4561,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         frame->lamps.sliced_count += lamp->sliced;
     }
     if (frame->lamps.count == 0) frame->gradients.exist = 0;
-    return SPS_OK;
+    return spsi_resolve_points(context, frame);
 }
 
 /* The breadth of a voxel's kernel in pixels, at the middle of the volumes' depth range. Sets *near_by if the eye is so
@@ -5975,6 +6178,19 @@ static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_r
     return lamp->is_point ? spsi_lamp_rays_around(frame, lamp, rays) : 0;
 }
 
+/* What a spotlight's cone lets pass in a direction, given by its cosine with the axis. */
+static inline spsi_v spsi_cone_share(const spsi_cone *cone, spsi_v cosine) {
+    const spsi_v share =
+        spsi_clamp(spsi_fma(cosine, spsi_set(cone->scale), spsi_set(cone->offset)), spsi_set(0), spsi_set(1));
+    return spsi_mul(share, share);
+}
+
+/* The same for one direction. */
+static double spsi_cone_at(const spsi_cone *cone, double cosine) {
+    const double share = fmin(fmax(cosine * (double)cone->scale + (double)cone->offset, 0), 1);
+    return cone->exists ? share * share : 1;
+}
+
 /* Vector from a point to a light, in units of a packet's reach: the whole way to a point light, a unit vector towards a
    directional one. */
 static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], double toward[3]) {
@@ -6502,6 +6718,7 @@ typedef struct spsi_sweep {
     int back_to_front;
     spsi_slabs slabs;
     spsi_rays rays; /* of the light's sheets */
+    int soft;       /* 1: its light's penumbrae are wider than half a texel */
 } spsi_sweep;
 
 /* Minimum cosine between s and the rays through a grid's corners. */
@@ -6564,14 +6781,19 @@ static const char *spsi_gases(const spsi_frame *frame) {
     return frame->particles.set_count > 0 ? "volumes or particles" : "volumes";
 }
 
+/* The fields of a light that spare it slabs. */
+static const char *spsi_unsliced(const spsi_lamp *lamp) {
+    return lamp->extent.exists ? "no_shadow" : "shadow_map or no_shadow";
+}
+
 /* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
 static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                           double cosine) {
     char rest[SPSI_SENTENCE_SIZE];
     SPS_SNPRINTF(rest, sizeof rest,
                  "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
-                 "needed; move it away, or set shadow_map or no_shadow on it",
-                 spsi_gases(frame), cosine);
+                 "needed; move it away, or set %s on it",
+                 spsi_gases(frame), cosine, spsi_unsliced(sweep->lamp));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, sweep->lamp->index, "", cosine, rest);
 }
 
@@ -6584,7 +6806,8 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!seen->world_to_clip) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->lamp && unshadowed_helps)
-        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set shadow_map or no_shadow on light[%d]", sweep->lamp->index);
+        SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
+                     sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
                  camera, cosine, seen->world_to_clip ? "is it row-major? If it is, " : "", way_out);
@@ -6608,8 +6831,13 @@ static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *f
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
-        least = !lamp->is_point ? spsi_dot(sweep->slabs.normal, toward)
-                                : spsi_cosine_to_bounds(sweep->slabs.normal, lamp->position, &frame->content->bounds);
+        least = HUGE_VAL;
+        for (int i = 0; i < lamp->point_count; ++i) {
+            const spsi_lamp *point = &lamp->points[i];
+            least = fmin(least, !point->is_point ? spsi_dot(sweep->slabs.normal, point->direction)
+                                                 : spsi_cosine_to_bounds(sweep->slabs.normal, point->position,
+                                                                         &frame->content->bounds));
+        }
         if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep, least);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
@@ -6709,18 +6937,41 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     return SPS_OK;
 }
 
+/* Width, in texels, of the widest penumbra that gas can cast on gas or polygons, or polygons on gas: that of an edge at
+   one end of everything, at the other end. What is beside or behind a lamp counts as touching it. */
+static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sweep) {
+    const spsi_lamp *lamp = sweep->lamp;
+    const double texel = fmin(spsi_length(sweep->rays.a), spsi_length(sweep->rays.b));
+    spsi_bounds all = frame->content->mesh_bounds;
+    double near_by = HUGE_VAL, far_off = 0, across[3];
+    spsi_bounds_add(&all, frame->content->bounds.low);
+    spsi_bounds_add(&all, frame->content->bounds.high);
+    spsi_along(all.high, all.low, -1, across);
+    if (!lamp->is_point) return 2 * tan(lamp->extent.radius) * spsi_length(across) / texel;
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3], q[3];
+        spsi_bounds_corner(&all, corner, point);
+        spsi_project(&sweep->rays, point, q);
+        near_by = fmin(near_by, fmax(q[2], lamp->extent.radius));
+        far_off = fmax(far_off, q[2]);
+    }
+    return 2 * lamp->extent.radius * (1 / near_by - 1 / far_off) / texel;
+}
+
 /* Fits the rays of the light's sheets. */
 static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
     char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
     if (spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
-                      spsi_light_texels_most(frame), &sweep->rays))
+                      spsi_light_texels_most(frame), &sweep->rays)) {
+        sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
         return SPS_OK;
+    }
     if (lamp->is_point)
         SPS_SNPRINTF(rest, sizeof rest,
                      "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set shadow_map or no_shadow on it",
-                     spsi_gases(frame));
+                     "middle; move it away, or set %s on it",
+                     spsi_gases(frame), spsi_unsliced(lamp));
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
 }
 
@@ -6856,13 +7107,17 @@ typedef struct spsi_tile {
 /* Column or row of patches of a pixel `at` from a tile's edge; pixels outside count as part of the nearest patch. */
 static inline int spsi_patch_at(int at) { return spsi_least(spsi_most(at, 0), SPSI_TILE_WIDTH - 1) / SPSI_PATCH; }
 
+/* Bit mask of the patches that meet a box of pixels, counted from the tile's first. */
+static inline uint64_t spsi_patch_box(int x0, int y0, int x1, int y1) {
+    const int c0 = spsi_patch_at(x0), c1 = spsi_patch_at(x1), r0 = spsi_patch_at(y0), r1 = spsi_patch_at(y1);
+    const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
+    return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
+}
+
 /* Bit mask of the patches of a tile that meet a box of its pixels and the margin around it. */
 static inline uint64_t spsi_patches(const spsi_tile *tile, int x0, int y0, int x1, int y1) {
     const int margin = tile->margin, left = tile->x0 + margin, top = tile->y0 + margin;
-    const int c0 = spsi_patch_at(x0 - margin - left), c1 = spsi_patch_at(x1 + margin - left);
-    const int r0 = spsi_patch_at(y0 - margin - top), r1 = spsi_patch_at(y1 + margin - top);
-    const uint64_t columns = (UINT64_C(0xff) << c0) & (UINT64_C(0xff) >> (7 - c1));
-    return columns * UINT64_C(0x0101010101010101) & (~UINT64_C(0) << 8 * r0) & (~UINT64_C(0) >> 8 * (7 - r1));
+    return spsi_patch_box(x0 - margin - left, y0 - margin - top, x1 + margin - left, y1 + margin - top);
 }
 
 /* Bit mask of the patches of a tile in which some pixel's optical depth is less than `end`. */
@@ -8275,6 +8530,21 @@ static void spsi_light_shader_build(const spsi_frame *frame, const spsi_rays *ra
     spsi_linear_of_slabs(rays, slabs, &shader->slab);
 }
 
+/* How a vector of a light's rays crosses slabs. */
+typedef struct spsi_row_slabs {
+    spsi_v length;          /* world length per unit of t */
+    spsi_v count, per_slab; /* number of slabs per unit of t, and its inverse */
+} spsi_row_slabs;
+
+static inline spsi_row_slabs spsi_row_slabs_at(const spsi_light_shader *shader, int x, int y) {
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
+    spsi_row_slabs slabs;
+    slabs.length = spsi_ray_lengths(shader->rays, at, (float)y);
+    slabs.count = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y));
+    slabs.per_slab = spsi_div(spsi_set(1), slabs.count);
+    return slabs;
+}
+
 /* A sheet's values for a vector of pixels. Round-off in the kernel's share can make sums slightly negative. */
 static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t at) {
     return spsi_max(spsi_load(tile->sheets + (size_t)channel * tile->channel_size + at), spsi_set(0));
@@ -8282,9 +8552,9 @@ static inline spsi_v spsi_sheet_sum(const spsi_tile *tile, int channel, size_t a
 
 /* Optical depth of one slab for a vector of texels; `at`: index of the slab in a channel. Classified volumes follow a
    parabola through the slabs before and after, as they do for the eye. */
-static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at, spsi_v length,
-                                      spsi_v per_slab, spsi_v slabs) {
-    const spsi_v part_length = spsi_mul(spsi_mul(per_slab, length), spsi_set(1.0f / SPSI_PARTS));
+static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const spsi_tile *tile, size_t at,
+                                      const spsi_row_slabs *slabs) {
+    const spsi_v part_length = spsi_mul(spsi_mul(slabs->per_slab, slabs->length), spsi_set(1.0f / SPSI_PARTS));
     spsi_v depth = spsi_set(0);
     for (int c = 0; c < shader->frame->matter.light_channel_count; ++c) {
         const int material = shader->material_of_channel[c];
@@ -8292,14 +8562,14 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
         spsi_parabola value;
         if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
         if (material < 0) {
-            depth = spsi_fma(sum, length, depth);
+            depth = spsi_fma(sum, slabs->length, depth);
             continue;
         }
         value = spsi_parabola_through(spsi_sheet_sum(tile, c, at - tile->sheet_size), sum,
                                       spsi_sheet_sum(tile, c, at + tile->sheet_size));
         for (int part = 0; part < SPSI_PARTS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
-            const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, &portion), slabs);
+            const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, &portion), slabs->count);
             depth = spsi_fma(spsi_classify_extinction(&shader->frame->matter.materials[material], mean), part_length,
                              depth);
         }
@@ -9016,14 +9286,11 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
         for (int x = into->x0; x < into->x0 + into->width; x += SPSI_LANES) {
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-            const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
-            const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
-            const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
+            const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
             const spsi_m here = spsi_less(at, spsi_set((float)(into->x0 + into->width) - 0.5f));
             for (int k = 0; k < SPSI_CHUNK; ++k) {
                 const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
-                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, length,
-                                                per_slab, slabs);
+                spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
                 stretches.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
@@ -9995,23 +10262,74 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
 }
 
-/* ============================================================================================== >>shadows
-   21 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
-   hold the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
-   k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
-   and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
-   anywhere in the current chunk. Polygons shade gas by a depth map and each other by rays; a point behind an opaque one
-   is dark, whatever the planes hold there. Cost: 68 bytes per texel of the planes. */
+/* ============================================================================================ >>penumbrae
+   21 Gas between an extended light and its sheets' planes. The light is K points, whose rays share the sheets: gas is
+   splatted once, along the rays of the light's centre, and only optical depth is kept K times, in texels that travel
+   with each point's rays. Slabs are parallel, so a point's texel u and the centre's texel x meet on a plane where
+       x = (u + d L) / (1 + d_t L),    L linear in u
+   with d the offset from centre to point in the centre's texels. For a directional light L is the number of slabs so
+   far, d the shift per slab, and a row of texels has one fraction. Optical depth is never resampled, so no blur builds
+   up, and occluders one behind the other are right. Planes hold -log of the mean transmittance.
+       A_s(u) += sheet_k(x at k + 1/2),    V_k(x) = mean over s of exp(-A_s(u at k))
+   Polygons stop a point's rays at the plane where they are. Cost: 3 bicubic lookups and an exponential per point, slab
+   and texel that has gas, 4 with polygons; 4 bytes per point and texel, 8 with polygons. */
 
-typedef struct spsi_planes {
-    float *depth[SPSI_CHUNK + 1]; /* width * height each */
-    int width, height, tiles_x, tiles_y;
-    int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
-    uint64_t *open;        /* per tile: a bit for each patch that light still passes */
-    unsigned char *uneven; /* per tile: 1: its planes differ and must be levelled before the next chunk */
-} spsi_planes;
+/* A rectangle of texels. */
+typedef struct spsi_area {
+    int x0, y0, x1, y1; /* first and last */
+} spsi_area;
 
-#define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
+static spsi_area spsi_area_meet(spsi_area a, spsi_area b) {
+    a.x0 = spsi_most(a.x0, b.x0), a.y0 = spsi_most(a.y0, b.y0);
+    a.x1 = spsi_least(a.x1, b.x1), a.y1 = spsi_least(a.y1, b.y1);
+    return a;
+}
+
+static spsi_area spsi_area_join(spsi_area a, spsi_area b) {
+    a.x0 = spsi_least(a.x0, b.x0), a.y0 = spsi_least(a.y0, b.y0);
+    a.x1 = spsi_most(a.x1, b.x1), a.y1 = spsi_most(a.y1, b.y1);
+    return a;
+}
+
+static spsi_area spsi_area_none(void) {
+    const spsi_area none = {0x7fffffff, 0x7fffffff, -0x7fffffff, -0x7fffffff};
+    return none;
+}
+
+static int spsi_area_empty(spsi_area a) { return a.x0 > a.x1 || a.y0 > a.y1; }
+
+#define SPSI_SLIDE_LEAST 0.1 /* minimum of 1 + d_t L where there is gas; elsewhere it is clamped */
+
+/* Texels on a plane as seen from another grid of rays: (x + d L) / (1 + d_t L), L = l . (1, x, y). */
+typedef struct spsi_slide {
+    float l[3], d[3];
+    int even; /* 1: all texels move by the same */
+} spsi_slide;
+
+/* Light from one point: its rays, and how much gas they have crossed. */
+typedef struct spsi_beam {
+    spsi_rays rays;
+    int x0, y0;      /* the centre's texel at its texel (0, 0), on the first plane of a directional light */
+    double shift[3]; /* d */
+    spsi_linear slab;
+    float *depth;      /* optical depth so far, per texel */
+    float *stop;       /* slab coordinate of the first polygon; NULL: there are none */
+    spsi_area crossed; /* texels that may have crossed gas or polygons, as those of the centre */
+} spsi_beam;
+
+typedef struct spsi_penumbra {
+    const spsi_rays *rays;   /* of the light's centre */
+    const spsi_slabs *slabs; /* of the sheets */
+    int tiles_x, tiles_y;
+    spsi_beam *beams;
+    int beam_count;
+    int first_slab; /* of the chunk that the sheets hold */
+    int pending;    /* 1: the beams have not yet crossed these sheets */
+    float *sheets;  /* mean extinction per slab, SPSI_CHUNK sheets of the rays' texels */
+    uint64_t *held; /* per tile, bits: patches whose sheets hold something */
+    float *scratch; /* per worker */
+    size_t scratch_floats;
+} spsi_penumbra;
 
 /* Bilinear lookup, clamped to the edge (the border of a light's planes is 0). */
 static inline spsi_v spsi_bilinear(const float *grid, int width, int height, spsi_v x, spsi_v y) {
@@ -10025,6 +10343,21 @@ static inline spsi_v spsi_bilinear(const float *grid, int width, int height, sps
     return spsi_mix(spsi_mix(quad[0], quad[1], fx), spsi_mix(quad[2], quad[3], fx), fy);
 }
 
+/* The same as spsi_bilinear for one point. */
+static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
+    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
+    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
+    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
+    const double fx = cx - ix, fy = cy - iy;
+    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
+    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
+}
+
+/* The same, but 0 beyond the grid. */
+static double spsi_bilinear_inside(const float *grid, int width, int height, double x, double y) {
+    return x > 0 && y > 0 && x < width - 1 && y < height - 1 ? spsi_bilinear_at(grid, width, height, x, y) : 0;
+}
+
 /* Weights of a cubic through four values, `t` of the way from the second to the third. [Catmull & Rom 1974] */
 static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     const spsi_v one = spsi_set(1), u = spsi_sub(one, t), tt = spsi_mul(t, t), uu = spsi_mul(u, u);
@@ -10033,6 +10366,683 @@ static inline void spsi_cubic_weights(spsi_v t, spsi_v weights[4]) {
     weights[2] = spsi_fma(uu, spsi_fma(spsi_set(1.5f), u, spsi_set(-2.5f)), one);
     weights[3] = spsi_mul(spsi_mul(spsi_set(-0.5f), u), tt);
 }
+
+/* Texels of floats. Lookups within two texels of their border find 0: what is looked up is farther inside. */
+typedef struct spsi_texel_grid {
+    const float *values;
+    int x0, y0, width, height;
+} spsi_texel_grid;
+
+static void spsi_slide_at(const spsi_slide *slide, double x, double y, double at[2]) {
+    const double l = (double)slide->l[0] + x * (double)slide->l[1] + y * (double)slide->l[2];
+    const double per = 1 / fmax(1 + (double)slide->d[2] * l, SPSI_SLIDE_LEAST);
+    at[0] = (x + (double)slide->d[0] * l) * per;
+    at[1] = (y + (double)slide->d[1] * l) * per;
+}
+
+/* From a beam's texels to the centre's on the plane at a slab coordinate (sign 1), or back (sign -1). */
+static void spsi_slide_build(const spsi_penumbra *penumbra, const spsi_beam *beam, double slab, int sign,
+                             spsi_slide *slide) {
+    const spsi_rays *rays = penumbra->rays;
+    const double *normal = penumbra->slabs->normal, *from = sign > 0 ? beam->rays.origin : rays->origin;
+    memset(slide, 0, sizeof *slide);
+    for (int i = 0; i < 3; ++i) slide->d[i] = (float)(sign * beam->shift[i]);
+    slide->l[0] = (float)slab;
+    if (rays->perspective) {
+        const double way = penumbra->slabs->start + slab * penumbra->slabs->thickness - spsi_dot(normal, from);
+        slide->l[0] = (float)(spsi_dot(normal, rays->c) / way);
+        slide->l[1] = (float)(spsi_dot(normal, rays->a) / way);
+        slide->l[2] = (float)(spsi_dot(normal, rays->b) / way);
+    }
+    slide->even = !rays->perspective;
+}
+
+/* Bounds of a rectangle of texels on the planes from `low` to `high`, as texels of the other side, with two to spare.
+ */
+static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam *beam, double low, double high,
+                                 int sign, spsi_area area) {
+    spsi_area out = spsi_area_none();
+    for (int corner = 0; corner < 8; ++corner) {
+        spsi_slide slide;
+        double at[2];
+        spsi_slide_build(penumbra, beam, corner & 4 ? high : low, sign, &slide);
+        spsi_slide_at(&slide, corner & 1 ? area.x1 : area.x0, corner & 2 ? area.y1 : area.y0, at);
+        for (int i = 0; i < 2; ++i) at[i] = fmin(fmax(at[i], -1e6), 1e6); /* far beyond any texel */
+        out.x0 = spsi_least(out.x0, (int)floor(at[0]) - 2), out.x1 = spsi_most(out.x1, (int)ceil(at[0]) + 2);
+        out.y0 = spsi_least(out.y0, (int)floor(at[1]) - 2), out.y1 = spsi_most(out.y1, (int)ceil(at[1]) + 2);
+    }
+    return out;
+}
+
+/* --- a row of texels as another grid sees it --- */
+
+/* Lookups are cubic: linear ones would blur every sheet by up to a quarter of a squared texel, half as much again as
+   its kernels. */
+
+#define SPSI_ROW_PART 64 /* texels of a row that are weighted at a time */
+
+/* Adds `scale` (per texel; NULL: 1) times what texels x0 .. x0 + count - 1 of row y find in a grid, where all of a row
+   moves by the same: four rows are weighted once, then four columns. */
+static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, int x0, int y, int count,
+                              const float *scale, float *out) {
+    const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
+    const int row = y + (int)floorf(move_y) - grid->y0 - 1, column = x0 + (int)floorf(move_x) - grid->x0 - 1;
+    const int first = spsi_most(0, -column), end = spsi_least(count, grid->width - 3 - column);
+    spsi_v across[4], down[4];
+    if (row < 0 || row + 3 >= grid->height || first >= end) return;
+    spsi_cubic_weights(spsi_set(move_x - floorf(move_x)), across);
+    spsi_cubic_weights(spsi_set(move_y - floorf(move_y)), down);
+    for (int start = first; start < end; start += SPSI_ROW_PART) {
+        const int part = spsi_least(SPSI_ROW_PART, end - start);
+        const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + start);
+        float weighted[SPSI_ROW_PART + 2 * SPSI_LANES];
+        for (int i = 0; i < part + 3; i += SPSI_LANES) {
+            const int some = spsi_least(SPSI_LANES, part + 3 - i);
+            spsi_v value = spsi_set(0);
+            for (int r = 0; r < 4; ++r)
+                value = spsi_fma(down[r], spsi_load_first(from + (size_t)r * (size_t)grid->width + i, some), value);
+            spsi_store(weighted + i, value);
+        }
+        for (int i = 0; i < part; i += SPSI_LANES) {
+            const int some = spsi_least(SPSI_LANES, part - i);
+            spsi_v sum = spsi_mul(across[0], spsi_load(weighted + i));
+            for (int c = 1; c < 4; ++c) sum = spsi_fma(across[c], spsi_load(weighted + i + c), sum);
+            if (scale) sum = spsi_mul(sum, spsi_load_first(scale + start + i, some));
+            spsi_store_first(out + start + i, spsi_add(sum, spsi_load_first(out + start + i, some)), some);
+        }
+    }
+}
+
+/* The cubic lookup of a vector of texels at any places; 0 where fewer than two texels are left to the border. */
+static spsi_v spsi_grid_gather(const spsi_texel_grid *grid, spsi_v u, spsi_v v, spsi_m inside) {
+    const spsi_v x = spsi_select(inside, u, spsi_set(1)), y = spsi_select(inside, v, spsi_set(1));
+    const spsi_v ix = spsi_floor(x), iy = spsi_floor(y);
+    spsi_v across[4], down[4], sum = spsi_set(0);
+    spsi_cubic_weights(spsi_sub(x, ix), across);
+    spsi_cubic_weights(spsi_sub(y, iy), down);
+    for (int r = 0; r < 4; ++r) {
+        spsi_v value = spsi_set(0);
+        for (int c = 0; c < 4; ++c)
+            value = spsi_fma(across[c],
+                             spsi_lookup(grid->values + (r * grid->width + c), grid->width, spsi_sub(ix, spsi_set(1)),
+                                         spsi_sub(iy, spsi_set(1))),
+                             value);
+        sum = spsi_fma(down[r], value, sum);
+    }
+    return spsi_select(inside, sum, spsi_set(0));
+}
+
+/* The same, where places differ by nearly one from lane to lane: then all lanes have the same texels, shifted by their
+   number, and only weights differ, which may reach a quarter of a texel beyond their four. */
+static spsi_v spsi_grid_lookup(const spsi_texel_grid *grid, spsi_v u, spsi_v v) {
+    const spsi_v one = spsi_set(1), half = spsi_set(0.5f), at = spsi_sub(u, spsi_iota());
+    const spsi_m inside = spsi_and(spsi_and(spsi_less(one, u), spsi_less(u, spsi_set((float)(grid->width - 2)))),
+                                   spsi_and(spsi_less(one, v), spsi_less(v, spsi_set((float)(grid->height - 2)))));
+    const size_t size = (size_t)grid->width * (size_t)grid->height;
+    float lanes_u[SPSI_LANES], lanes_v[SPSI_LANES];
+    int column, row;
+    spsi_v tx, ty, across[4], down[4], sum = spsi_set(0);
+    if (!spsi_bits(inside)) return sum;
+    spsi_store(lanes_u, spsi_clamp(at, spsi_set(-1e6f), spsi_set(1e6f)));
+    spsi_store(lanes_v, spsi_clamp(v, spsi_set(-1e6f), spsi_set(1e6f)));
+    column = (int)floorf(lanes_u[SPSI_LANES / 2]) - 1, row = (int)floorf(lanes_v[SPSI_LANES / 2]) - 1;
+    tx = spsi_sub(at, spsi_set((float)(column + 1)));
+    ty = spsi_sub(v, spsi_set((float)(row + 1)));
+    if (column < 0 || row < 0 || row + 4 > grid->height ||
+        (size_t)(row + 3) * (size_t)grid->width + (size_t)column + SPSI_LANES + 3 > size ||
+        spsi_bits(spsi_less(spsi_set(0.75f), spsi_max(spsi_abs(spsi_sub(tx, half)), spsi_abs(spsi_sub(ty, half))))))
+        return spsi_grid_gather(grid, u, v, inside);
+    spsi_cubic_weights(tx, across);
+    spsi_cubic_weights(ty, down);
+    for (int r = 0; r < 4; ++r) {
+        const float *from = grid->values + (size_t)(row + r) * (size_t)grid->width + (size_t)column;
+        spsi_v value = spsi_mul(across[0], spsi_load(from));
+        for (int c = 1; c < 4; ++c) value = spsi_fma(across[c], spsi_load(from + c), value);
+        sum = spsi_fma(down[r], value, sum);
+    }
+    return spsi_select(inside, sum, spsi_set(0));
+}
+
+/* As spsi_row_add_even, in general. */
+static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, int x0, int y, int count,
+                         const float *scale, float *out) {
+    const spsi_v one = spsi_set(1), fixed = spsi_set(slide->l[0] + (float)y * slide->l[2]);
+    const spsi_v least = spsi_set((float)SPSI_SLIDE_LEAST);
+    if (slide->even) {
+        spsi_row_add_even(grid, slide, x0, y, count, scale, out);
+        return;
+    }
+    for (int i = 0; i < count; i += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, count - i);
+        const spsi_v x = spsi_add(spsi_set((float)(x0 + i)), spsi_iota());
+        const spsi_v l = spsi_fma(x, spsi_set(slide->l[1]), fixed);
+        const spsi_v per = spsi_div(one, spsi_max(spsi_fma(l, spsi_set(slide->d[2]), one), least));
+        const spsi_v u = spsi_sub(spsi_mul(spsi_fma(l, spsi_set(slide->d[0]), x), per), spsi_set((float)grid->x0));
+        const spsi_v v =
+            spsi_sub(spsi_mul(spsi_fma(l, spsi_set(slide->d[1]), spsi_set((float)y)), per), spsi_set((float)grid->y0));
+        spsi_v value = spsi_grid_lookup(grid, u, v);
+        if (scale) value = spsi_mul(value, spsi_load_first(scale + i, some));
+        spsi_store_first(out + i, spsi_add(value, spsi_load_first(out + i, some)), some);
+    }
+}
+
+/* Minus the logarithm of a transmittance, which is clamped to e^-SPSI_LIGHT_END: with z = x^(1/16) >= e^-1 and
+   t = (z - 1) / (z + 1), ln z = 2 (t + t^3 / 3 + ..); after t^13, 16 times what is left is 2e-5. Exactly 0 at 1. */
+static inline spsi_v spsi_minus_log(spsi_v x) {
+    spsi_v z = spsi_max(x, spsi_set(1.1253517e-7f)), t, square, sum = spsi_set(1.0f / 13);
+    for (int i = 0; i < 4; ++i) z = spsi_sqrt(z);
+    t = spsi_div(spsi_sub(spsi_set(1), z), spsi_add(spsi_set(1), z));
+    square = spsi_mul(t, t);
+    for (int n = 11; n > 0; n -= 2) sum = spsi_fma(sum, square, spsi_set(1.0f / (float)n));
+    return spsi_mul(spsi_mul(t, sum), spsi_set(32));
+}
+
+/* --- setting it up --- */
+
+/* Maximum number of texels on a side of a beam, without its border, whose light's sheets have at most `side`: bounds a
+   beam's memory where the gas looks far wider from a point of the light than from its centre. */
+static int spsi_beam_texels_most(const spsi_frame *frame, int side) {
+    return 2 * spsi_most(spsi_light_texels_most(frame), side);
+}
+
+/* Aims the rays of one point at the gas. They have the axes of the centre's; those of a directional light have the
+   centre's texels where the slabs begin. Returns 0 if gas is beside or behind the point, or too far away. */
+static int spsi_beam_aim(const spsi_frame *frame, const spsi_penumbra *penumbra, const spsi_lamp *point,
+                         spsi_beam *beam) {
+    const spsi_rays *rays = penumbra->rays;
+    const spsi_slabs *slabs = penumbra->slabs;
+    const int most = spsi_beam_texels_most(frame, spsi_most(rays->width, rays->height));
+    double offset[3], low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL}, *corner;
+    beam->rays = *rays;
+    if (rays->perspective) {
+        spsi_along(point->position, rays->origin, -1, offset);
+        spsi_to_rays(rays, offset, beam->shift);
+        memcpy(beam->rays.origin, point->position, sizeof beam->rays.origin);
+    } else {
+        const double across = spsi_dot(slabs->normal, rays->c), own = spsi_dot(slabs->normal, point->direction);
+        spsi_along(rays->origin, rays->c, (slabs->start - spsi_dot(slabs->normal, rays->origin)) / across,
+                   beam->rays.origin);
+        spsi_along(rays->a, rays->c, -spsi_dot(slabs->normal, rays->a) / across, beam->rays.a);
+        spsi_along(rays->b, rays->c, -spsi_dot(slabs->normal, rays->b) / across, beam->rays.b);
+        for (int i = 0; i < 3; ++i) offset[i] = slabs->thickness * (point->direction[i] / own - rays->c[i] / across);
+        spsi_to_rays(rays, offset, beam->shift);
+        beam->shift[2] = 0;
+        memcpy(beam->rays.c, point->direction, sizeof beam->rays.c);
+        beam->rays.depth_reference = 0;
+    }
+    if (!spsi_rays_complete(&beam->rays)) return 0;
+    for (int n = 0; n < 8; ++n) {
+        double at[3], q[3], middle[3];
+        spsi_bounds_corner(&frame->content->bounds, n, at);
+        spsi_project(&beam->rays, at, q);
+        spsi_project(rays, at, middle);
+        if (rays->perspective && !(q[2] >= SPSI_SLIDE_LEAST * middle[2])) return 0;
+        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+    }
+    for (int k = 0; k < 2; ++k)
+        if (!(high[k] - low[k] < most) || !(fabs(low[k]) < 1e6)) return 0;
+    beam->x0 = (int)floor(low[0]) - 2, beam->y0 = (int)floor(low[1]) - 2;
+    beam->rays.width = (int)ceil(high[0]) + 2 - beam->x0 + 1;
+    beam->rays.height = (int)ceil(high[1]) + 2 - beam->y0 + 1;
+    corner = rays->perspective ? beam->rays.c : beam->rays.origin;
+    spsi_along(corner, beam->rays.a, beam->x0, corner);
+    spsi_along(corner, beam->rays.b, beam->y0, corner);
+    if (!spsi_rays_complete(&beam->rays)) return 0;
+    spsi_linear_of_slabs(&beam->rays, slabs, &beam->slab);
+    return 1;
+}
+
+/* Finds the slab coordinate at which polygons stop each of a beam's rays. `numbers` is scratch memory. */
+static void spsi_beam_stop(sps_context *context, const spsi_faces *faces, spsi_beam *beam, int *numbers) {
+    const int width = beam->rays.width, height = beam->rays.height;
+    spsi_area at;
+    spsi_rasterise(context, faces, &beam->rays, NULL, beam->stop, numbers);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            float *stop = beam->stop + (size_t)y * (size_t)width + (size_t)x;
+            const float base = beam->slab.base[0] + (float)x * beam->slab.base[1] + (float)y * beam->slab.base[2];
+            const float slope = beam->slab.slope[0] + (float)x * beam->slab.slope[1] + (float)y * beam->slab.slope[2];
+            if (!(*stop < SPSI_INFINITY)) continue;
+            *stop = base + slope * *stop;
+            at.x0 = at.x1 = beam->x0 + x, at.y0 = at.y1 = beam->y0 + y;
+            beam->crossed = spsi_area_join(beam->crossed, at);
+        }
+}
+
+/* Aims all beams of a sweep's light. */
+static sps_result spsi_penumbra_aim(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                    spsi_penumbra *penumbra) {
+    const spsi_lamp *lamp = sweep->lamp;
+    memset(penumbra, 0, sizeof *penumbra);
+    penumbra->rays = &sweep->rays;
+    penumbra->slabs = &sweep->slabs;
+    penumbra->tiles_x = spsi_tile_columns(&sweep->rays);
+    penumbra->tiles_y = spsi_tile_rows(&sweep->rays);
+    penumbra->beam_count = lamp->point_count;
+    penumbra->beams =
+        (spsi_beam *)spsi_reserve(context, SPSI_BUFFER_BEAMS, (size_t)lamp->point_count, sizeof(spsi_beam));
+    if (!penumbra->beams) return context->result;
+    for (int i = 0; i < lamp->point_count; ++i)
+        if (!spsi_beam_aim(frame, penumbra, &lamp->points[i], &penumbra->beams[i]))
+            return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0,
+                                  "is so wide or so close that some of its points have gas beside or behind them; make "
+                                  "it smaller, move it away, or set no_shadow on it");
+    return SPS_OK;
+}
+
+/* What a penumbra is kept in, in floats. */
+typedef struct spsi_penumbra_size {
+    uint64_t beams;   /* texels of all beams, twice with polygons */
+    uint64_t sheets;  /* of a chunk */
+    uint64_t scratch; /* per worker */
+    uint64_t held;    /* of the patches' bits */
+} spsi_penumbra_size;
+
+static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, int has_polygons) {
+    spsi_penumbra_size size = {0, 0, 0, 0};
+    for (int i = 0; i < penumbra->beam_count; ++i) {
+        const uint64_t texels = spsi_ray_count(&penumbra->beams[i].rays);
+        size.beams += texels * (uint64_t)(1 + has_polygons);
+        size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
+    }
+    size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
+    size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
+    return size;
+}
+
+/* At most what SIZE_MAX bytes hold, which cannot be reserved. */
+static size_t spsi_penumbra_floats(const sps_context *context, const spsi_penumbra_size *size) {
+    const uint64_t workers = (uint64_t)spsi_worker_count(context), most = SIZE_MAX / sizeof(float);
+    const uint64_t floats = size->beams + size->sheets + workers * size->scratch + size->held;
+    return (size_t)(floats < most ? floats : most);
+}
+
+/* Lays out the beams' texels, the sheets and the workers' scratch memory. */
+static sps_result spsi_penumbra_reserve(sps_context *context, spsi_penumbra *penumbra, int has_polygons) {
+    const spsi_penumbra_size size = spsi_penumbra_measure(penumbra, has_polygons);
+    float *memory =
+        (float *)spsi_reserve(context, SPSI_BUFFER_PENUMBRA, spsi_penumbra_floats(context, &size), sizeof(float));
+    if (!memory) return context->result;
+    penumbra->held = (uint64_t *)(void *)memory; /* first, as its alignment is the strictest */
+    memory += size.held;
+    memset(penumbra->held, 0, (size_t)(size.held + size.beams + size.sheets) * sizeof(float));
+    for (int i = 0; i < penumbra->beam_count; ++i) {
+        spsi_beam *beam = &penumbra->beams[i];
+        const size_t texels = spsi_ray_count(&beam->rays);
+        beam->depth = memory;
+        beam->stop = has_polygons ? memory + texels : NULL;
+        beam->crossed = spsi_area_none();
+        memory += texels * (size_t)(1 + has_polygons);
+    }
+    penumbra->sheets = memory;
+    penumbra->scratch = memory + size.sheets;
+    penumbra->scratch_floats = (size_t)size.scratch;
+    return SPS_OK;
+}
+
+static sps_result spsi_penumbra_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                      const spsi_faces *faces, spsi_penumbra *penumbra) {
+    const int has_polygons = faces->count > 0;
+    if (spsi_penumbra_aim(context, frame, sweep, penumbra) || spsi_penumbra_reserve(context, penumbra, has_polygons))
+        return context->result;
+    for (int i = 0; i < penumbra->beam_count && has_polygons; ++i)
+        spsi_beam_stop(context, faces, &penumbra->beams[i], (int *)(void *)penumbra->scratch);
+    return SPS_OK;
+}
+
+/* --- from slab to slab --- */
+
+/* Keeps a tile's sheets, as mean extinction. */
+static void spsi_penumbra_keep(const spsi_penumbra *penumbra, const spsi_light_shader *shader, const spsi_tile *tile,
+                               int index) {
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2, width = penumbra->rays->width;
+    const size_t texels = spsi_ray_count(penumbra->rays);
+    uint64_t held = 0;
+    for (int y = tile->y0; y <= tile->y1; ++y)
+        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
+            const size_t to = (size_t)y * (size_t)width + (size_t)x;
+            const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+            const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
+            const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
+            const spsi_v per_length = spsi_div(slabs.count, slabs.length);
+            spsi_v any = spsi_set(0);
+            for (int k = 0; k < SPSI_CHUNK; ++k) {
+                const spsi_v depth =
+                    spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
+                any = spsi_max(any, depth);
+                spsi_store_first(penumbra->sheets + (size_t)k * texels + to, spsi_mul(depth, per_length), count);
+            }
+            if (spsi_bits(spsi_less(spsi_set(0), any)))
+                held |= spsi_patch_box(x - tile->x0, y - tile->y0, x - tile->x0 + count - 1, y - tile->y0);
+        }
+    penumbra->held[index] = held;
+}
+
+/* Empties a tile's sheets. */
+static void spsi_penumbra_clear(const spsi_penumbra *penumbra, int index) {
+    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
+    const int width = penumbra->rays->width, some = spsi_least(SPSI_TILE_WIDTH, width - x0);
+    const size_t texels = spsi_ray_count(penumbra->rays);
+    if (!penumbra->held[index]) return;
+    penumbra->held[index] = 0;
+    for (int k = 0; k < SPSI_CHUNK; ++k)
+        for (int y = y0; y < spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT); ++y)
+            memset(penumbra->sheets + (size_t)k * texels + (size_t)y * (size_t)width + (size_t)x0, 0,
+                   (size_t)some * sizeof(float));
+}
+
+/* A beam's texels as far as they reach a tile of the planes within a chunk. */
+typedef struct spsi_beam_part {
+    const spsi_beam *beam;
+    spsi_area area;
+    int width, height;
+    float *depth;   /* optical depth so far */
+    float *stopped; /* share of light that polygons have stopped */
+    float *lengths; /* world length per slab */
+} spsi_beam_part;
+
+static spsi_area spsi_beam_area(const spsi_beam *beam) {
+    const spsi_area area = {beam->x0, beam->y0, beam->x0 + beam->rays.width - 1, beam->y0 + beam->rays.height - 1};
+    return area;
+}
+
+static spsi_area spsi_tile_area(const spsi_penumbra *penumbra, int index) {
+    const int x0 = index % penumbra->tiles_x * SPSI_TILE_WIDTH, y0 = index / penumbra->tiles_x * SPSI_TILE_HEIGHT;
+    const spsi_area area = {x0, y0, spsi_least(penumbra->rays->width, x0 + SPSI_TILE_WIDTH) - 1,
+                            spsi_least(penumbra->rays->height, y0 + SPSI_TILE_HEIGHT) - 1};
+    return area;
+}
+
+/* Whether the sheets hold something in an area of the planes' texels. */
+static int spsi_penumbra_holds(const spsi_penumbra *penumbra, spsi_area area) {
+    const int x0 = spsi_most(area.x0, 0) / SPSI_TILE_WIDTH, y0 = spsi_most(area.y0, 0) / SPSI_TILE_HEIGHT;
+    const int x1 = spsi_least(area.x1, penumbra->rays->width - 1), y1 = spsi_least(area.y1, penumbra->rays->height - 1);
+    for (int y = y0; y * SPSI_TILE_HEIGHT <= y1; ++y)
+        for (int x = x0; x * SPSI_TILE_WIDTH <= x1; ++x) {
+            const int left = x * SPSI_TILE_WIDTH, top = y * SPSI_TILE_HEIGHT;
+            if (penumbra->held[y * penumbra->tiles_x + x] &
+                spsi_patch_box(area.x0 - left, area.y0 - top, area.x1 - left, area.y1 - top))
+                return 1;
+        }
+    return 0;
+}
+
+/* The part of a tile of the planes that gas can look up: patches with gas within two texels, as far as a cubic lookup
+   reaches. Elsewhere planes are not computed. */
+typedef struct spsi_lookups {
+    spsi_area bounds;
+    spsi_area rows[SPSI_TILE_HEIGHT / SPSI_PATCH]; /* per row of patches */
+} spsi_lookups;
+
+static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_lookups *lookups) {
+    const spsi_area tile = spsi_tile_area(penumbra, index);
+    lookups->bounds = spsi_area_none();
+    for (int row = 0; row < SPSI_TILE_HEIGHT / SPSI_PATCH; ++row) {
+        lookups->rows[row] = spsi_area_none();
+        for (int column = 0; column < SPSI_TILE_WIDTH / SPSI_PATCH; ++column) {
+            const int x = tile.x0 + column * SPSI_PATCH, y = tile.y0 + row * SPSI_PATCH;
+            const spsi_area patch = {x, y, x + SPSI_PATCH - 1, y + SPSI_PATCH - 1};
+            const spsi_area around = {x - 2, y - 2, x + SPSI_PATCH + 1, y + SPSI_PATCH + 1};
+            const spsi_area inside = spsi_area_meet(patch, tile);
+            if (!spsi_area_empty(inside) && spsi_penumbra_holds(penumbra, around))
+                lookups->rows[row] = spsi_area_join(lookups->rows[row], inside);
+        }
+        lookups->bounds = spsi_area_join(lookups->bounds, lookups->rows[row]);
+    }
+}
+
+/* World length per slab along texels of a beam. */
+static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, float *lengths) {
+    for (int i = 0; i < count; i += SPSI_LANES) {
+        const spsi_v at = spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota());
+        const float row = (float)(y - beam->y0);
+        const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, at, row));
+        const spsi_v length = spsi_div(spsi_ray_lengths(&beam->rays, at, row), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
+        spsi_store_first(lengths + i, length, spsi_least(SPSI_LANES, count - i));
+    }
+}
+
+/* Adds sheet k, as a row of a beam's texels crosses it, to their optical depth. */
+static void spsi_beam_cross(const spsi_penumbra *penumbra, const spsi_slide *slide, int k, int x0, int y, int count,
+                            const float *lengths, float *depth) {
+    const spsi_rays *rays = penumbra->rays;
+    spsi_texel_grid sheet = {NULL, 0, 0, 0, 0};
+    sheet.values = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
+    sheet.width = rays->width;
+    sheet.height = rays->height;
+    spsi_row_add(&sheet, slide, x0, y, count, lengths, depth);
+}
+
+static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *memory, spsi_beam_part *part) {
+    const size_t width = (size_t)beam->rays.width;
+    size_t texels;
+    part->beam = beam;
+    part->area = area;
+    part->width = area.x1 - area.x0 + 1;
+    part->height = area.y1 - area.y0 + 1;
+    texels = (size_t)part->width * (size_t)part->height;
+    part->depth = memory;
+    part->stopped = memory + texels;
+    part->lengths = memory + 2 * texels;
+    for (int y = 0; y < part->height; ++y) {
+        const size_t from = (size_t)(area.y0 + y - beam->y0) * width + (size_t)(area.x0 - beam->x0);
+        const size_t to = (size_t)y * (size_t)part->width;
+        memcpy(part->depth + to, beam->depth + from, (size_t)part->width * sizeof(float));
+        spsi_beam_lengths(beam, area.x0, area.y0 + y, part->width, part->lengths + to);
+    }
+}
+
+/* The share of each texel's light that polygons have stopped before the plane at a slab coordinate, spread over the
+   slab around it. */
+static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
+    const spsi_beam *beam = part->beam;
+    for (int y = 0; y < part->height; ++y) {
+        const size_t own =
+            (size_t)(part->area.y0 + y - beam->y0) * (size_t)beam->rays.width + (size_t)(part->area.x0 - beam->x0);
+        float *stopped = part->stopped + (size_t)y * (size_t)part->width;
+        for (int x = 0; x < part->width; ++x) {
+            const float behind = slab + 0.5f - beam->stop[own + (size_t)x];
+            stopped[x] = behind > 0 ? behind < 1 ? behind : 1 : 0;
+        }
+    }
+}
+
+/* Adds what a beam has lost at a row of a plane's texels: optical depth is looked up, since transmittance bends more
+   between texels. */
+static void spsi_beam_add_row(const spsi_beam_part *part, const spsi_slide *slide, int x0, int y, int count,
+                              float *plane) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
+    spsi_texel_grid grid;
+    grid.x0 = part->area.x0, grid.y0 = part->area.y0, grid.width = part->width, grid.height = part->height;
+    grid.values = part->depth;
+    spsi_row_add(&grid, slide, x0, y, count, NULL, depth);
+    grid.values = part->stopped;
+    if (part->beam->stop) spsi_row_add(&grid, slide, x0, y, count, NULL, stopped);
+    for (int i = 0; i < count; i += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, count - i);
+        const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
+        const spsi_v lit = spsi_sub(one, spsi_clamp(spsi_load(stopped + i), zero, one)); /* cubics overshoot */
+        const spsi_v lost = spsi_sub(one, spsi_mul(through, lit));
+        spsi_store_first(plane + i, spsi_add(spsi_load_first(plane + i, some), lost), some);
+    }
+}
+
+/* Adds what one beam has lost at the planes of a chunk to a tile of them. */
+static void spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, const spsi_lookups *lookups,
+                          float *memory, float *const *planes) {
+    const double first = penumbra->first_slab;
+    const spsi_area reach = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, lookups->bounds);
+    const spsi_area area = spsi_area_meet(reach, spsi_beam_area(beam));
+    const size_t pitch = (size_t)penumbra->rays->width;
+    int held;
+    spsi_slide slide;
+    spsi_beam_part part;
+    if (spsi_area_empty(area)) return;
+    held = spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, area));
+    if (!held && spsi_area_empty(spsi_area_meet(area, beam->crossed))) return;
+    spsi_beam_part_load(beam, area, memory, &part);
+    for (int k = 0; k <= SPSI_CHUNK; ++k) {
+        if (beam->stop) spsi_beam_part_stop(&part, (float)(first + k));
+        spsi_slide_build(penumbra, beam, first + k, -1, &slide);
+        for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
+            const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
+            if (!spsi_area_empty(*row))
+                spsi_beam_add_row(&part, &slide, row->x0, y, row->x1 - row->x0 + 1,
+                                  planes[k] + (size_t)y * pitch + (size_t)row->x0);
+        }
+        if (k == SPSI_CHUNK || !held) continue;
+        spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
+        for (int y = 0; y < part.height; ++y) {
+            const size_t at = (size_t)y * (size_t)part.width;
+            spsi_beam_cross(penumbra, &slide, k, area.x0, area.y0 + y, part.width, part.lengths + at, part.depth + at);
+        }
+    }
+}
+
+/* Turns the sum of what beams have lost into -log of the mean transmittance. */
+static void spsi_penumbra_finish_row(const spsi_penumbra *penumbra, int count, float *plane) {
+    const spsi_v share = spsi_set(1.0f / (float)penumbra->beam_count), one = spsi_set(1);
+    for (int x = 0; x < count; x += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, count - x);
+        const spsi_v lost = spsi_mul(spsi_load_first(plane + x, some), share);
+        spsi_store_first(plane + x, spsi_minus_log(spsi_sub(one, lost)), some);
+    }
+}
+
+/* Fills a tile of the planes of the current chunk, as far as gas can look it up. */
+static void spsi_penumbra_tile(const spsi_penumbra *penumbra, int index, int worker, float *const *planes) {
+    const size_t pitch = (size_t)penumbra->rays->width;
+    float *memory = penumbra->scratch + (size_t)worker * penumbra->scratch_floats;
+    spsi_lookups lookups;
+    spsi_lookups_find(penumbra, index, &lookups);
+    if (spsi_area_empty(lookups.bounds)) return;
+    for (int pass = 0; pass < 2; ++pass) {
+        for (int k = 0; k <= SPSI_CHUNK; ++k)
+            for (int y = lookups.bounds.y0; y <= lookups.bounds.y1; ++y) {
+                const spsi_area *row = &lookups.rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
+                float *plane = planes[k] + (size_t)y * pitch;
+                if (spsi_area_empty(*row)) continue;
+                if (pass == 0)
+                    memset(plane + row->x0, 0, (size_t)(row->x1 - row->x0 + 1) * sizeof(float));
+                else
+                    spsi_penumbra_finish_row(penumbra, row->x1 - row->x0 + 1, plane + row->x0);
+            }
+        for (int i = 0; i < penumbra->beam_count && pass == 0; ++i)
+            spsi_beam_add(penumbra, &penumbra->beams[i], &lookups, memory, planes);
+    }
+}
+
+/* --- the beams' own way --- */
+
+#define SPSI_BEAM_BLOCK 32 /* texels on a side of a block, which crosses sheets as a whole or not at all */
+
+/* Rows of blocks of the tallest beam. */
+static int spsi_beam_tasks(const spsi_penumbra *penumbra) {
+    int most = 0;
+    for (int i = 0; i < penumbra->beam_count; ++i) most = spsi_most(most, penumbra->beams[i].rays.height);
+    return (most + SPSI_BEAM_BLOCK - 1) / SPSI_BEAM_BLOCK;
+}
+
+/* Lets a block of a beam's texels cross the chunk's sheets. */
+static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
+    const double first = penumbra->first_slab;
+    const int count = block.x1 - block.x0 + 1;
+    spsi_slide slides[SPSI_CHUNK];
+    if (!spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, block))) return;
+    for (int k = 0; k < SPSI_CHUNK; ++k) spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slides[k]);
+    for (int y = block.y0; y <= block.y1; ++y) {
+        float lengths[SPSI_BEAM_BLOCK + SPSI_LANES];
+        float *depth = beam->depth + (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(block.x0 - beam->x0);
+        spsi_beam_lengths(beam, block.x0, y, count, lengths);
+        for (int k = 0; k < SPSI_CHUNK; ++k)
+            spsi_beam_cross(penumbra, &slides[k], k, block.x0, y, count, lengths, depth);
+    }
+}
+
+/* A row of blocks of one beam. */
+static void spsi_beam_task(void *data, int index, int worker) {
+    const spsi_penumbra *penumbra = (const spsi_penumbra *)data;
+    const spsi_beam *beam = &penumbra->beams[index % penumbra->beam_count];
+    const spsi_area area = spsi_beam_area(beam);
+    const int y0 = area.y0 + index / penumbra->beam_count * SPSI_BEAM_BLOCK;
+    (void)worker;
+    for (int x0 = area.x0; x0 <= area.x1 && y0 <= area.y1; x0 += SPSI_BEAM_BLOCK) {
+        const spsi_area block = {x0, y0, x0 + SPSI_BEAM_BLOCK - 1, y0 + SPSI_BEAM_BLOCK - 1};
+        spsi_beam_block(penumbra, beam, spsi_area_meet(block, area));
+    }
+}
+
+/* Lets the beams cross the sheets that are kept, if they have not yet. */
+static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
+    if (!penumbra->pending) return;
+    penumbra->pending = 0;
+    spsi_parallel(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
+    for (int i = 0; i < penumbra->beam_count; ++i) {
+        spsi_beam *beam = &penumbra->beams[i];
+        for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
+            if (penumbra->held[tile])
+                beam->crossed = spsi_area_join(beam->crossed, spsi_slide_area(penumbra, beam, penumbra->first_slab,
+                                                                              penumbra->first_slab + SPSI_CHUNK, -1,
+                                                                              spsi_tile_area(penumbra, tile)));
+    }
+}
+
+/* Optical depth of gas in front of a point on one beam: what the beam has crossed, and the kept sheets up to there. */
+static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
+    const double slab = spsi_slab_at(penumbra->slabs, point);
+    const spsi_rays *rays = penumbra->rays;
+    double q[3], sum = 0, depth;
+    spsi_v length;
+    float lanes[SPSI_LANES];
+    spsi_project(&beam->rays, point, q);
+    if (beam->rays.perspective && !(q[2] > 0)) return 0;
+    depth = spsi_bilinear_inside(beam->depth, beam->rays.width, beam->rays.height, q[0], q[1]);
+    if (!penumbra->pending || !(slab > penumbra->first_slab)) return depth;
+    for (int k = 0; k < SPSI_CHUNK && slab > penumbra->first_slab + k; ++k) {
+        spsi_slide slide;
+        double at[2];
+        spsi_slide_build(penumbra, beam, penumbra->first_slab + k + 0.5, 1, &slide);
+        spsi_slide_at(&slide, q[0] + beam->x0, q[1] + beam->y0, at);
+        sum += fmin(slab - penumbra->first_slab - k, 1) *
+               spsi_bilinear_inside(penumbra->sheets + (size_t)k * spsi_ray_count(rays), rays->width, rays->height,
+                                    at[0], at[1]);
+    }
+    if (!(sum > 0)) return depth;
+    length = spsi_div(
+        spsi_ray_lengths(&beam->rays, spsi_set((float)q[0]), (float)q[1]),
+        spsi_max(spsi_abs(spsi_linear_slope(&beam->slab, spsi_set((float)q[0]), (float)q[1])), spsi_set(FLT_MIN * 16)));
+    spsi_store(lanes, length);
+    return depth + sum * (double)lanes[0];
+}
+
+/* Mean transmittance of gas between a light and a point, as -log of it. Polygons do not count. */
+static double spsi_penumbra_depth(const spsi_penumbra *penumbra, const double point[3]) {
+    double sum = 0;
+    for (int i = 0; i < penumbra->beam_count; ++i)
+        sum += exp(-spsi_beam_depth_at(penumbra, &penumbra->beams[i], point));
+    sum /= penumbra->beam_count;
+    return sum > 1e-7 ? -log(sum) : (double)SPSI_LIGHT_END;
+}
+
+/* ============================================================================================== >>shadows
+   22 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
+   hold the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
+   k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
+   and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
+   anywhere in the current chunk. Polygons shade gas by a depth map and each other by rays; a point behind an opaque one
+   is dark, whatever the planes hold there. Penumbrae are followed beam by beam, >>penumbrae. Cost: 68 bytes per texel
+   of the planes. */
+
+typedef struct spsi_planes {
+    float *depth[SPSI_CHUNK + 1]; /* width * height each */
+    int width, height, tiles_x, tiles_y;
+    int cubic;             /* 1: bicubic lookup, for classified volumes, whose depth bends within a voxel */
+    uint64_t *open;        /* per tile: a bit for each patch that light still passes */
+    unsigned char *uneven; /* per tile: 1: its planes differ and must be levelled before the next chunk */
+} spsi_planes;
+
+#define SPSI_PLANES_TEXEL_BYTES ((SPSI_CHUNK + 1) * sizeof(float))
 
 /* Bicubic lookup, clamped to the range of the four nearest values so that nothing overshoots. The optical depth of
    classified volumes bends within a voxel: bilinear interpolation would lie above the bend everywhere, and darken
@@ -10066,17 +11076,14 @@ static void spsi_planes_propagate(spsi_planes *planes, const spsi_light_shader *
         for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
             const size_t to = (size_t)y * (size_t)planes->width + (size_t)x;
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
-            const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-            const spsi_v length = spsi_ray_lengths(shader->rays, at, (float)y);
-            const spsi_v slabs = spsi_abs(spsi_linear_slope(&shader->slab, at, (float)y)); /* per t */
-            const spsi_v per_slab = spsi_div(spsi_set(1), slabs);
+            const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
             const int count = spsi_least(SPSI_LANES, tile->x1 - x + 1);
             spsi_v depth = spsi_load_first(planes->depth[SPSI_CHUNK] + to, count);
             for (int k = 0; k <= SPSI_CHUNK; ++k) {
                 spsi_store_first(planes->depth[k] + to, depth, count);
                 if (k == SPSI_CHUNK) break;
-                const spsi_v sheet = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size,
-                                                      length, per_slab, slabs);
+                const spsi_v sheet =
+                    spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 const spsi_v behind = spsi_min(spsi_add(depth, sheet), spsi_set(SPSI_DEPTH_MAX));
                 depth = spsi_select(spsi_less(depth, spsi_set(SPSI_LIGHT_END)), behind, depth);
             }
@@ -10102,6 +11109,8 @@ typedef struct spsi_sliced {
     spsi_target target;
     spsi_light_shader shader;
     spsi_planes planes;
+    int is_soft; /* 1: light propagates by `penumbra` */
+    spsi_penumbra penumbra;
 } spsi_sliced;
 
 typedef enum spsi_shadow_kind {
@@ -10115,7 +11124,8 @@ typedef struct spsi_shadow {
     spsi_shadow_kind kind;
     const spsi_sliced *sliced; /* with sheets */
     const sps_tmap *tmap;      /* with a map */
-    const unsigned char *lit;  /* per pixel of the image: spsi_surface_sight */
+    int soft;                  /* 1: its sheets hold polygons' shadows too */
+    const float *lit;          /* per pixel of the image: spsi_sight */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
 } spsi_shadow;
@@ -10146,8 +11156,10 @@ static sps_result spsi_planes_build(sps_context *context, const spsi_frame *fram
 }
 
 static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                    const spsi_contents *contents, spsi_sliced *sliced) {
+                                    const spsi_faces *faces, const spsi_contents *contents, spsi_sliced *sliced) {
     sliced->contents = contents;
+    sliced->is_soft = sweep->soft;
+    if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
     return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut,
@@ -10174,10 +11186,41 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_tile_count(&sliced->target, &tile, worker);
 }
 
-/* Advances to the contents' current chunk. */
+/* Fills the sheets of one tile and keeps them. */
+static void spsi_soft_sheets_task(void *data, int index, int worker) {
+    spsi_sliced *sliced = (spsi_sliced *)data;
+    const int column = index % sliced->planes.tiles_x, row = index / sliced->planes.tiles_x;
+    spsi_tile tile;
+    spsi_tile_place(&sliced->target, column, row, worker, &tile);
+    if (!spsi_tile_splat(&sliced->target, sliced->contents, column, row, &tile)) {
+        spsi_penumbra_clear(&sliced->penumbra, index);
+        return;
+    }
+    spsi_penumbra_keep(&sliced->penumbra, &sliced->shader, &tile, index);
+    spsi_tile_count(&sliced->target, &tile, worker);
+}
+
+static void spsi_soft_planes_task(void *data, int index, int worker) {
+    const spsi_sliced *sliced = (const spsi_sliced *)data;
+    spsi_penumbra_tile(&sliced->penumbra, index, worker, sliced->planes.depth);
+}
+
+/* Advances to the contents' current chunk. Hard light propagates tile by tile, since it never leaves its ray; a
+   penumbra needs all sheets of the chunk. */
 static void spsi_sliced_advance(sps_context *context, spsi_sliced *sliced) {
     const double start = spsi_clock(context);
-    spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_sliced_task, sliced);
+    const int tiles = sliced->planes.tiles_x * sliced->planes.tiles_y;
+    if (sliced->is_soft) {
+        spsi_penumbra_cross(context, &sliced->penumbra);
+        sliced->penumbra.first_slab = sliced->contents->first_slab;
+        sliced->penumbra.pending = 1;
+        spsi_parallel(context, tiles, spsi_soft_sheets_task, sliced);
+        spsi_parallel(context, tiles, spsi_soft_planes_task, sliced);
+        context->stats.soft_texels +=
+            (SPSI_CHUNK + 1) * (uint64_t)sliced->penumbra.beam_count * (uint64_t)spsi_ray_count(sliced->target.rays);
+    } else {
+        spsi_parallel(context, tiles, spsi_sliced_task, sliced);
+    }
     context->stats.seconds_light += spsi_clock(context) - start;
 }
 
@@ -10188,7 +11231,10 @@ static void spsi_level_task(void *data, int index, int worker) {
 
 /* Advances past the current chunk: all planes hold the optical depth so far. */
 static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
-    spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
+    if (sliced->is_soft)
+        spsi_penumbra_cross(context, &sliced->penumbra);
+    else
+        spsi_parallel(context, sliced->planes.tiles_x * sliced->planes.tiles_y, spsi_level_task, sliced);
 }
 
 /* --- lookup --- */
@@ -10231,16 +11277,6 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* The same as spsi_bilinear for one point. */
-static double spsi_bilinear_at(const float *grid, int width, int height, double x, double y) {
-    const double cx = x > 0 ? fmin(x, width - 1) : 0, cy = y > 0 ? fmin(y, height - 1) : 0;
-    const int ix = spsi_least((int)cx, width - 2), iy = spsi_least((int)cy, height - 2);
-    const float *quad = grid + (size_t)iy * (size_t)width + (size_t)ix, *next = quad + width;
-    const double fx = cx - ix, fy = cy - iy;
-    const double above = (double)quad[0] + fx * ((double)quad[1] - (double)quad[0]);
-    return above + fy * ((double)next[0] + fx * ((double)next[1] - (double)next[0]) - above);
-}
-
 /* Optical depth between the lamp and a point, in or next to the chunk that begins with `first_slab`. */
 static double spsi_shadow_depth(const spsi_shadow *shadow, int first_slab, const double point[3]) {
     const spsi_planes *planes;
@@ -10253,6 +11289,7 @@ static double spsi_shadow_depth(const spsi_shadow *shadow, int first_slab, const
         spsi_tmap_at(shadow->tmap, 1, point, &depth, &lit);
         return (double)depth;
     }
+    if (shadow->sliced->is_soft) return spsi_penumbra_depth(&shadow->sliced->penumbra, point);
     planes = &shadow->sliced->planes;
     rays = shadow->sliced->target.rays;
     spsi_project(rays, point, q);
@@ -10273,6 +11310,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     float *memory;
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
+        if (shadows[i].soft) continue;
         spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
         more = spsi_depth_map_floats(&shadows[i].depth_map);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
@@ -10280,7 +11318,8 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     memory = (float *)spsi_reserve(context, SPSI_BUFFER_DEPTH_MAPS, floats, sizeof(float));
     if (!memory) return context->result;
     for (int i = 0; i < count; ++i) memory = spsi_depth_map_lay_out(&shadows[i].depth_map, memory);
-    for (int i = 0; i < count; ++i) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
+    for (int i = 0; i < count; ++i)
+        if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
 }
 
@@ -10315,7 +11354,7 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 }
 
 /* ============================================================================================== >>shading
-   22 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
+   23 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -10469,6 +11508,10 @@ static inline void spsi_cross_v(const spsi_v a[3], const spsi_v b[3], spsi_v out
         const int j = (i + 1) % 3, k = (i + 2) % 3;
         out[i] = spsi_sub(spsi_mul(a[j], b[k]), spsi_mul(a[k], b[j]));
     }
+}
+
+static void spsi_set3(const double from[3], spsi_v to[3]) {
+    for (int i = 0; i < 3; ++i) to[i] = spsi_set((float)from[i]);
 }
 
 static inline spsi_v spsi_dot_v(const spsi_v a[3], const spsi_v b[3]) {
@@ -10761,10 +11804,10 @@ static inline spsi_v spsi_pixel_size(const spsi_rays *rays, spsi_v d) {
 /* The direction in which a light travels at a part of a slab, and its mean irradiance over the part per unit of the
    light's color. To a point light, equal angles along the part have equal weight, so the ray that halves the angle
    stands for all. */
-static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
-                         spsi_v travel[3], spsi_v *irradiance) {
+static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
+                               const spsi_part *part, spsi_v travel[3], spsi_v *irradiance) {
     double direction[3];
-    spsi_v foot[3], ends[2][3], s, q, half, square;
+    spsi_v foot[3], ends[2][3], axis[3], s, q, half, square;
     *irradiance = spsi_set(1);
     if (!lamp->is_point) {
         spsi_lamp_direction(lamp, shader->position_origin, direction);
@@ -10789,6 +11832,22 @@ static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const
     for (int i = 0; i < 3; ++i) travel[i] = spsi_add(ends[0][i], ends[1][i]);
     square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
     for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
+    if (!lamp->cone.exists) return;
+    spsi_set3(lamp->direction, axis);
+    *irradiance = spsi_mul(*irradiance, spsi_cone_share(&lamp->cone, spsi_dot_v(axis, travel)));
+}
+
+/* The same for a light with an extent: the direction from its centre, and the mean irradiance of its points. */
+static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
+                         spsi_v travel[3], spsi_v *irradiance) {
+    spsi_v sum = spsi_set(0), aside[3];
+    spsi_lamp_point_at(shader, lamp, p, part, travel, irradiance);
+    if (lamp->few_count == 1) return;
+    for (int i = 0; i < lamp->few_count; ++i) {
+        spsi_lamp_point_at(shader, &lamp->few[i], p, part, aside, irradiance);
+        sum = spsi_add(sum, *irradiance);
+    }
+    *irradiance = spsi_mul(sum, spsi_set(1.0f / (float)lamp->few_count));
 }
 
 /* Adds one light's contribution from all samples of a part to radiance. `carried`: mean transmittance between light and
@@ -10890,14 +11949,22 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
 
 /* Irradiance on a surface per unit of a light's color, before any shadow. Only the shading normal decides which side is
    lit; testing the facet as well would draw its outline where light grazes a curved mesh. */
-static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
+static double spsi_surface_point_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
     double toward[3], square, cosine;
     spsi_toward_lamp(lamp, surface->point, toward);
     cosine = spsi_dot(surface->normal, toward);
     if (!(cosine > 0)) return 0;
     square = fmax(spsi_dot(toward, toward), DBL_MIN);
     cosine /= sqrt(square) * spsi_length(surface->normal);
-    return lamp->is_point ? cosine / square : cosine;
+    if (!lamp->is_point) return cosine;
+    return cosine / square * spsi_cone_at(&lamp->cone, -spsi_dot(lamp->direction, toward) / sqrt(square));
+}
+
+/* The same from all points of a light. */
+static double spsi_surface_irradiance(const spsi_lamp *lamp, const spsi_surface *surface) {
+    double sum = 0;
+    for (int i = 0; i < lamp->point_count; ++i) sum += spsi_surface_point_irradiance(&lamp->points[i], surface);
+    return sum / lamp->point_count;
 }
 
 /* Reflectance of a face where a pixel meets it. */
@@ -10910,13 +11977,6 @@ static void spsi_surface_color(const spsi_faces *faces, const spsi_hit *hit, dou
             w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
 }
 
-/* Whether a light reaches a pixel's polygon. */
-typedef enum spsi_surface_sight {
-    SPSI_SURFACE_AWAY = 0, /* no polygon, or one that faces away from the light: no ray was traced */
-    SPSI_SURFACE_LIT,
-    SPSI_SURFACE_SHADED
-} spsi_surface_sight;
-
 #define SPSI_SIGHT_BLOCK 4  /* pixels along a side of a block, whose rays form a packet */
 #define SPSI_SIGHT_TILE  32 /* pixels along a side of a task's tile, whose rays meet much the same boxes and faces */
 
@@ -10925,39 +11985,66 @@ typedef struct spsi_sight_job {
     const spsi_faces *faces;
     const spsi_hit *hits;
     const spsi_lamp *lamp;
-    double toward[3]; /* to a directional light */
-    unsigned char *lit;
+    float *lit;     /* per pixel: share of a light's irradiance that no polygon keeps off; 0: no polygon */
+    uint64_t *rays; /* per worker: number of rays */
 } spsi_sight_job;
 
+/* The polygons at a block's pixels that face the light. Pixel (x, y) has bit (y * SPSI_SIGHT_BLOCK + x). */
+typedef struct spsi_sight_surfaces {
+    int x0, y0, facing; /* bit mask */
+    spsi_surface at[SPSI_PACKET];
+    int face[SPSI_PACKET];
+    double all[SPSI_PACKET], seen[SPSI_PACKET]; /* irradiance without polygons' shadows, and with them */
+} spsi_sight_surfaces;
+
+/* Traces rays from a block's polygons to one point of the light. Returns their number. */
+static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_surfaces *block) {
+    spsi_packet packet;
+    double toward[3], irradiance[SPSI_PACKET];
+    int rays = 0, open;
+    spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
+    for (int at = 0; at < SPSI_PACKET; ++at) {
+        if (!(block->facing >> at & 1)) continue;
+        irradiance[at] = spsi_surface_point_irradiance(point, &block->at[at]);
+        if (!(irradiance[at] > 0)) continue;
+        spsi_toward_lamp(point, block->at[at].start, toward);
+        spsi_packet_add(&job->faces->tree, at, block->face[at], block->at[at].start, toward, &packet);
+        block->all[at] += irradiance[at];
+        rays += 1;
+    }
+    open = packet.open;
+    if (!open) return 0;
+    spsi_packet_trace(job->faces, &packet);
+    open &= packet.open;
+    for (int at = 0; at < SPSI_PACKET; ++at)
+        if (open >> at & 1) block->seen[at] += irradiance[at];
+    return rays;
+}
+
 /* Traces the shadow rays of a block's pixels, as far as they are in the region. */
-static void spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
-    const int width = job->frame->content->eye.width, is_direction = !job->lamp->is_point;
-    const int *region = job->frame->view.region;
+static int spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
+    const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
     const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
-    spsi_packet packet;
-    int asked;
-    spsi_packet_begin(job->faces, is_direction, 1, &packet);
+    spsi_sight_surfaces block;
+    int rays = 0;
+    memset(&block, 0, sizeof block);
     for (int y = spsi_most(y0, region[1]); y < y1; ++y)
         for (int x = spsi_most(x0, region[0]); x < x1; ++x) {
             const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
-            spsi_surface surface;
-            double toward[3];
+            const int at = (y - y0) * SPSI_SIGHT_BLOCK + x - x0;
             if (hit->face < 0) continue;
-            spsi_surface_at(&job->frame->content->eye, job->faces, hit, x, y, &surface);
-            if (!(spsi_surface_irradiance(job->lamp, &surface) > 0)) continue;
-            memcpy(toward, job->toward, sizeof toward);
-            if (!is_direction) spsi_along(job->lamp->position, surface.start, -1, toward);
-            spsi_packet_add(&job->faces->tree, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, hit->face, surface.start, toward,
-                            &packet);
+            spsi_surface_at(&job->frame->content->eye, job->faces, hit, x, y, &block.at[at]);
+            block.face[at] = hit->face;
+            block.facing |= 1 << at;
         }
-    asked = packet.open;
-    if (!asked) return;
-    spsi_packet_trace(job->faces, &packet);
+    for (int i = 0; i < job->lamp->point_count && block.facing; ++i)
+        rays += spsi_sight_point(job, &job->lamp->points[i], &block);
     for (int at = 0; at < SPSI_PACKET; ++at)
-        if (asked >> at & 1)
+        if (block.seen[at] > 0)
             job->lit[(size_t)(y0 + at / SPSI_SIGHT_BLOCK) * (size_t)width + (size_t)(x0 + at % SPSI_SIGHT_BLOCK)] =
-                packet.open >> at & 1 ? SPSI_SURFACE_LIT : SPSI_SURFACE_SHADED;
+                (float)(block.seen[at] / block.all[at]);
+    return rays;
 }
 
 /* Number of tiles of the image that a region's columns or rows touch. */
@@ -10973,14 +12060,16 @@ static void spsi_sight_task(void *data, int index, int worker) {
     const int columns = spsi_sight_tiles(region[0], region[2]);
     const int x0 = (region[0] / SPSI_SIGHT_TILE + index % columns) * SPSI_SIGHT_TILE;
     const int y0 = (region[1] / SPSI_SIGHT_TILE + index / columns) * SPSI_SIGHT_TILE;
-    (void)worker;
     for (int y = y0; y < y0 + SPSI_SIGHT_TILE; y += SPSI_SIGHT_BLOCK)
-        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK) spsi_sight_block(job, x, y);
+        for (int x = x0; x < x0 + SPSI_SIGHT_TILE; x += SPSI_SIGHT_BLOCK)
+            job->rays[worker] += (uint64_t)spsi_sight_block(job, x, y);
 }
 
-/* Finds the pixels whose polygons a light reaches: an exact ray for each polygon that faces it. */
+/* Finds the share of a light that reaches each pixel's polygon: an exact ray for each point of the light that the
+   polygon faces. All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
+   for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
 static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
-                       const spsi_lamp *lamp, unsigned char *lit) {
+                       const spsi_lamp *lamp, uint64_t *rays, float *lit) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job;
@@ -10989,14 +12078,12 @@ static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi
     job.hits = hits;
     job.lamp = lamp;
     job.lit = lit;
-    memset(job.lit, SPSI_SURFACE_AWAY, spsi_ray_count(&frame->content->eye));
-    spsi_toward_lamp(lamp, frame->content->mesh_bounds.low, job.toward);
+    job.rays = rays;
+    memset(job.lit, 0, spsi_ray_count(&frame->content->eye) * sizeof *lit);
+    memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
                   spsi_sight_task, &job);
-    for (int y = region[1]; y < region[1] + region[3]; ++y)
-        for (int x = region[0]; x < region[0] + region[2]; ++x)
-            context->stats.shadow_rays +=
-                job.lit[(size_t)y * (size_t)frame->content->eye.width + (size_t)x] != SPSI_SURFACE_AWAY;
+    for (int i = 0; i < spsi_worker_count(context); ++i) context->stats.shadow_rays += rays[i];
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
 
@@ -11019,8 +12106,9 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
         double arrives;
-        if (shadow ? shadow->lit[at] != SPSI_SURFACE_LIT : !shader->sweep->first || lamp->shadows) continue;
+        if (shadow ? !(shadow->lit[at] > 0) : !shader->sweep->first || lamp->shadows) continue;
         arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
+        if (shadow) arrives *= (double)shadow->lit[at];
         if (shadow && arrives > 0) arrives *= exp(-spsi_shadow_depth(shadow, shader->first_slab, surface.point));
         for (int c = 0; c < 3; ++c)
             radiance[c] += (float)fmin(color[c] * arrives * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
@@ -11227,7 +12315,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ================================================================================================ >>sweep
-   23 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   24 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
    light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
    shaded. */
 
@@ -11361,7 +12449,7 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
         run->shadows[i].kind = SPSI_SHADOW_SHEETS;
         run->shadows[i].sliced = &run->sliced;
     }
-    return spsi_sliced_begin(context, run->frame, run->sweep, &run->contents, &run->sliced);
+    return spsi_sliced_begin(context, run->frame, run->sweep, run->shader.faces, &run->contents, &run->sliced);
 }
 
 /* The linear quantities that shading evaluates along the eye's rays. */
@@ -11528,7 +12616,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* ================================================================================================ >>frame
-   24 The frame: one sweep after another, then the image. */
+   25 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -11652,24 +12740,39 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     return SPS_OK;
 }
 
+/* Bytes of what shadow rays find: a share per pixel and light, and the workers' counters. SIZE_MAX cannot be reserved.
+ */
+static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int count) {
+    const size_t counters = (size_t)spsi_worker_count(context) * sizeof(uint64_t);
+    if (pixels > (SIZE_MAX - counters) / sizeof(float) / (size_t)spsi_most(1, count)) return SIZE_MAX;
+    return counters + pixels * (size_t)count * sizeof(float);
+}
+
+static void spsi_shadow_start(const spsi_sweep *sweep, const spsi_lamp *lamp, spsi_shadow *shadow) {
+    shadow->lamp = lamp;
+    shadow->soft = sweep->soft && lamp == sweep->lamp;
+}
+
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
 static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep, int n,
                                      spsi_run *run) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
     const size_t pixels = spsi_ray_count(&frame->content->eye);
-    unsigned char *lit;
+    uint64_t *rays;
+    float *lit;
     run->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *run->shadows);
     if (!run->shadows) return context->result;
     memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            run->shadows[run->shader.shadow_count++].lamp = &frame->lamps.list[i];
+            spsi_shadow_start(sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
     if (!picture->hits || count == 0) return SPS_OK;
-    lit = (unsigned char *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, pixels, (size_t)count);
-    if (!lit) return context->result;
+    rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, pixels, count));
+    if (!rays) return context->result;
+    lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (int i = 0; i < count; ++i, lit += pixels) {
-        spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].lamp, lit);
+        spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].lamp, rays, lit);
         run->shadows[i].lit = lit;
     }
     return SPS_OK;
@@ -11725,13 +12828,13 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
 }
 
 /* ================================================================================================= >>plan
-   25 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   26 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",     "eye polygons", "light polygons", "triangle tree", "shadow rays", "eye sheets",   "light sheets",
-    "light maps", "gradient",     "scattering",     "emission",      "ambient",     "surface light"};
+    "gather",     "eye polygons", "light polygons", "triangle tree", "shadow rays", "eye sheets", "light sheets",
+    "light maps", "penumbrae",    "gradient",       "scattering",    "emission",    "ambient",    "surface light"};
 
 /* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
@@ -11818,9 +12921,36 @@ static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
     return shadow > spsi_shape_floats(&eye) ? shadow : spsi_shape_floats(&eye);
 }
 
+/* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
+   enough is not known then, but the size of the beams has a maximum. Boxes of volumes may be wider than what is in
+   them, and penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
+static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
+                                           sps_plan_report *report) {
+    const int polygons = frame->meshes.triangle_count > 0;
+    const uint64_t side = spsi_plan_light_side(frame, sweep);
+    const uint64_t most = (uint64_t)spsi_beam_texels_most(frame, (int)side) + 8;
+    sps_pass_report *pass = &report->pass[SPS_PASS_PENUMBRAE];
+    spsi_penumbra penumbra;
+    spsi_penumbra_size size;
+    size_t bytes;
+    pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
+    if (frame->particles.set_count > 0) {
+        size.scratch = 3 * most * most;
+        size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
+        size.sheets = SPSI_CHUNK * side * side;
+        size.held = side * side;
+    } else {
+        if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
+        size = spsi_penumbra_measure(&penumbra, polygons);
+    }
+    bytes = (size_t)sweep->lamp->point_count * sizeof(spsi_beam) + spsi_penumbra_floats(context, &size) * sizeof(float);
+    if (bytes > pass->bytes) pass->bytes = bytes;
+    return SPS_OK;
+}
+
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
-static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
-                                  uint64_t bricks, sps_plan_report *report) {
+static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
+                                        uint64_t bricks, sps_plan_report *report) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
     const size_t workers = (size_t)spsi_worker_count(context);
     const size_t side = spsi_plan_light_side(frame, sweep);
@@ -11843,11 +12973,14 @@ static void spsi_plan_sweep_bytes(const sps_context *context, const spsi_frame *
             (side * side + tiles) * SPSI_PLANES_TEXEL_BYTES + spsi_plan_lists_bytes(frame, (int)side, (int)side);
         if (light > report->pass[SPS_PASS_LIGHT_SHEETS].bytes) report->pass[SPS_PASS_LIGHT_SHEETS].bytes = light;
     }
+    if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
+        return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
-    if (!sweep->lamp) return;
+    if (!sweep->lamp) return SPS_OK;
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
     report->shadow_height =
         spsi_most(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);
+    return SPS_OK;
 }
 
 static void spsi_plan_pass(sps_plan_report *report, sps_pass pass, int runs, const char *why, const char *why_not) {
@@ -11879,13 +13012,29 @@ static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan
                    !shade ? nothing : "no light that casts shadows has a shadow_map");
 }
 
+static void spsi_plan_penumbra_pass(const spsi_frame *frame, int gases, sps_plan_report *report) {
+    int extended = 0;
+    report->light_points = frame->lamps.count > 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        extended |= frame->lamps.list[i].extent.exists && frame->lamps.list[i].shadows;
+        report->light_points = spsi_most(report->light_points, frame->lamps.list[i].point_count);
+    }
+    spsi_plan_pass(report, SPS_PASS_PENUMBRAE, report->pass[SPS_PASS_PENUMBRAE].runs, "lights have an extent",
+                   !extended ? "no light that casts shadows has an extent"
+                   : !gases  ? "no volume or particle that could be seen"
+                             : "all penumbrae in gas are narrower than half a texel: they are left sharp");
+}
+
 static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
+    const int hard = shadows - (polygons ? report->pass[SPS_PASS_PENUMBRAE].runs : 0);
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->matter.scatters ? shadows : 0,
-                   "polygons cast shadows on gas, one map per light",
-                   shadows == 0 ? nothing : "no volume or particle that scatters light");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->matter.scatters ? hard : 0,
+                   "polygons cast shadows on gas, one map per light without penumbrae",
+                   shadows == 0 ? nothing
+                   : hard == 0  ? "all lights that cast shadows cast penumbrae on gas"
+                                : "no volume or particle that scatters light");
     spsi_plan_pass(report, SPS_PASS_TRIANGLE_TREE, shadows > 0 && !held, "polygons cast shadows on polygons",
                    shadows == 0 ? nothing : "the tree is held from an earlier call");
     spsi_plan_pass(report, SPS_PASS_SHADOW_RAYS, shadows, "polygons cast shadows on polygons", nothing);
@@ -11903,6 +13052,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                               : "volumes or particles are seen, one sweep",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
+    spsi_plan_penumbra_pass(frame, gases, report);
     spsi_plan_pass(report, SPS_PASS_GRADIENT, frame->gradients.exist ? sweeps : 0, "a volume is shaded as a surface",
                    "no volume shaded as a surface, or no light for it");
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
@@ -11935,7 +13085,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = lights * spsi_depth_map_floats_most(size) * sizeof(float);
             report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->meshes.triangle_count);
             report->pass[SPS_PASS_SHADOW_RAYS].bytes =
-                lights * (size_t)frame->content->eye.width * (size_t)frame->content->eye.height;
+                spsi_sight_bytes(context, spsi_ray_count(&frame->content->eye), (int)lights);
         }
     }
     for (int i = 0; i < SPS_PASS_COUNT; ++i) sum += report->pass[i].bytes;
@@ -12001,7 +13151,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
         spsi_sweep sweep;
         const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
         if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
-        spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report);
+        if (spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report)) return context->result;
     }
     spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
@@ -12020,14 +13170,15 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   26 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   27 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
    floats), and which triangles stop a ray towards a light (>>polygons), but nothing else about where light goes. Second
    order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
 
-#define SPSI_REFERENCE_REACH 3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
-#define SPSI_REFERENCE_TAPS  8
+#define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
+#define SPSI_REFERENCE_TAPS   8
+#define SPSI_REFERENCE_POINTS 64 /* of an extended light at each place */
 
 typedef struct spsi_dense {
     const float *values;
@@ -12308,10 +13459,6 @@ static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp
     return exp(-depth);
 }
 
-static void spsi_set3(const double from[3], spsi_v to[3]) {
-    for (int i = 0; i < 3; ++i) to[i] = spsi_set((float)from[i]);
-}
-
 /* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
 static void spsi_march_sample(const spsi_material *material, const float appearance[4], const double gradient[3],
                               spsi_sample *sample) {
@@ -12378,6 +13525,27 @@ static void spsi_point_build(const spsi_marcher *marcher, const spsi_ray *ray, s
     }
 }
 
+/* Number of points by which the reference samples a light at each place. */
+static int spsi_reference_points(const spsi_lamp *lamp) {
+    if (!lamp->extent.exists) return 1;
+    return lamp->samples > 0 ? lamp->samples : SPSI_REFERENCE_POINTS;
+}
+
+/* The n-th of these points: a low-discrepancy sequence [Roberts 2018, R2] that starts elsewhere at every place, by a
+   hash of its bits, so that what the points miss is noise and averages out along a ray. */
+static void spsi_reference_point(const spsi_lamp *lamp, const double place[3], int n, spsi_lamp *point) {
+    const uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, place, 3 * sizeof *place);
+    const double x = 0.75487766624669276 * (n + 1) + (double)(hash >> 40) / 16777216;
+    const double y = 0.56984029099805327 * (n + 1) + (double)(hash >> 16 & 0xffffff) / 16777216;
+    const double u = x - floor(x), v = y - floor(y), turn = 2 * SPSI_PI * v;
+    if (!lamp->extent.exists)
+        *point = *lamp;
+    else if (lamp->extent.is_disc)
+        spsi_lamp_place(lamp, sqrt(u) * cos(turn), sqrt(u) * sin(turn), point);
+    else
+        spsi_lamp_place(lamp, 2 * u - 1, 2 * v - 1, point);
+}
+
 /* The mean of 1 / r^2 over a step, computed as the renderer does over a part of a slab, but in double precision. */
 static double spsi_point_inverse_square(const spsi_point *point, const double from[3]) {
     double offset[3], foot[3], s, q, x, y;
@@ -12390,13 +13558,15 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Adds the radiance per unit of length that all gas at a point scatters from one light. */
+/* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
 static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
-                                double source[3]) {
-    double travel[3], irradiance = 1;
+                                double weight, double source[3]) {
+    double travel[3], irradiance = weight;
     spsi_v toward_v[3], travel_v[3], response[3];
     spsi_lamp_direction(lamp, point->position, travel);
-    if (lamp->is_point) irradiance = spsi_point_inverse_square(point, lamp->position);
+    if (lamp->is_point) irradiance *= spsi_point_inverse_square(point, lamp->position);
+    irradiance *= spsi_cone_at(&lamp->cone, spsi_dot(lamp->direction, travel));
+    if (!(irradiance > 0)) return;
     if (lamp->shadows) {
         if (!spsi_sees_lamp(marcher->faces, lamp, point->position, -1)) return;
         irradiance *= spsi_march_lamp(marcher, lamp, point->position);
@@ -12429,7 +13599,29 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
         }
     }
     for (int i = 0; i < frame->lamps.count && point->extinction_sum > 0; ++i)
-        spsi_point_add_lamp(marcher, point, &frame->lamps.list[i], source);
+        for (int n = 0; n < spsi_reference_points(&frame->lamps.list[i]); ++n) {
+            spsi_lamp at;
+            spsi_reference_point(&frame->lamps.list[i], point->position, n, &at);
+            spsi_point_add_lamp(marcher, point, &at, 1.0 / spsi_reference_points(&frame->lamps.list[i]), source);
+        }
+}
+
+/* Irradiance that reaches a surface from all points of a light, per unit of its color. */
+static double spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lamp, int face,
+                                 const spsi_surface *surface) {
+    const int count = spsi_reference_points(lamp);
+    double sum = 0;
+    for (int n = 0; n < count; ++n) {
+        spsi_lamp at;
+        double arrives;
+        spsi_reference_point(lamp, surface->point, n, &at);
+        arrives = spsi_surface_point_irradiance(&at, surface);
+        if (!(arrives > 0)) continue;
+        if (lamp->shadows && !spsi_sees_lamp(marcher->faces, &at, surface->start, face)) continue;
+        if (lamp->shadows) arrives *= spsi_march_lamp(marcher, &at, surface->point);
+        sum += arrives;
+    }
+    return sum / count;
 }
 
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
@@ -12442,12 +13634,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     for (int c = 0; c < 3; ++c) radiance[c] = color[c] * (double)frame->ambient[c];
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
-        double arrives = spsi_surface_irradiance(lamp, &surface) / SPSI_PI;
-        if (!(arrives > 0)) continue;
-        if (lamp->shadows) {
-            if (!spsi_sees_lamp(marcher->faces, lamp, surface.start, hit->face)) continue;
-            arrives *= spsi_march_lamp(marcher, lamp, surface.point);
-        }
+        const double arrives = spsi_march_arrival(marcher, lamp, hit->face, &surface) / SPSI_PI;
         for (int c = 0; c < 3; ++c) radiance[c] += color[c] * arrives * (double)lamp->color[c];
     }
 }
@@ -12682,7 +13869,7 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
 }
 
 /* =============================================================================================== >>public
-   27 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   28 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */

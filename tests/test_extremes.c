@@ -201,7 +201,7 @@ static const char *spoil_mesh_and_lights(mixed *m, int *n) {
     SPOIL(mesh->placement.axis[0][0] = 1, "mesh[0].placement's determinant is 0;") /* only one axis: flat */
     SPOIL(lamp->start_canary = 7, "light[1].start_canary is 7;")
     SPOIL(lamp->end_canary = 7, "light[1].end_canary is 7;")
-    SPOIL(put_int(&lamp->kind, 2), "light[1].kind is 2;")
+    SPOIL(put_int(&lamp->kind, 4), "light[1].kind is 4;")
     SPOIL(lamp->position[0] = nan, "light[1].position is nan;")
     SPOIL(lamp->position[2] = infinite, "light[1].position is inf;")
     SPOIL(lamp->color[0] = -1, "light[1].color is -1;")

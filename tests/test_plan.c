@@ -190,7 +190,8 @@ static void check_left_out(const outcome *o, const outcome *full, sps_pass pass)
 
 static void test_everything_runs(const outcome *full) {
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
-        CHECK(runs(full, (sps_pass)i) == (i != SPS_PASS_GRADIENT && i != SPS_PASS_LIGHT_MAPS));
+        CHECK(runs(full, (sps_pass)i) ==
+              (i != SPS_PASS_GRADIENT && i != SPS_PASS_LIGHT_MAPS && i != SPS_PASS_PENUMBRAE));
     CHECK(full->plan.sweep_count == 1 && full->plan.sheet_channels == 1 && full->plan.color_channels == 1);
     CHECK(full->plan.slab_count > 4 && full->plan.shadow_width > 4 && full->plan.shadow_height > 4);
     CHECK(full->stats.eye_fragments > 0 && full->stats.light_fragments > 0 && full->stats.pixels_of_polygons > 0);
@@ -613,6 +614,42 @@ static void test_light_maps(const outcome *full) {
     }
 }
 
+/* Penumbrae run only for lights with an extent that casts any, and not more is held than was planned. */
+static void test_penumbrae(void) {
+    setup t;
+    outcome o;
+    setup_build(&t);
+    t.s.light[0].samples = 5; /* of no extent */
+    o = measure(&t);
+    CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 0 && o.plan.light_points == 1 && o.stats.soft_texels == 0);
+    CHECK(strcmp(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "no light that casts shadows has an extent") == 0);
+    t.s.light[0].angular_diameter = 0.2;
+    o = measure(&t);
+    CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 1 && o.plan.light_points == 5 && o.stats.soft_texels > 0);
+    CHECK(o.plan.pass[SPS_PASS_PENUMBRAE].bytes > 0);
+    CHECK(runs(&o, SPS_PASS_LIGHT_POLYGONS) == 0); /* gas sees polygons through the same planes */
+    t.s.light[0].angular_diameter = 1e-4;
+    o = measure(&t);
+    CHECK(o.stats.soft_texels == 0);
+    CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 1); /* nobody has seen how far away the polygons are */
+    t.s.scene.mesh_count = 0;
+    o = measure(&t);
+    CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 0 && o.stats.soft_texels == 0);
+    CHECK(strstr(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "half a texel") != NULL);
+    t.s.scene.mesh_count = 1;
+    t.s.light[0].kind = SPS_LIGHT_RECTANGLE;
+    check_set3(t.s.light[0].position, 2, 6, 3);
+    check_set3(t.s.light[0].axes[0], 0.3, 0.1, 0);
+    check_set3(t.s.light[0].axes[1], 0, 0.1, 0.3);
+    o = measure(&t);
+    CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 1 && o.stats.soft_texels > 0);
+    t.s.scene.volume_count = 0;
+    o = measure(&t);
+    CHECK(runs(&o, SPS_PASS_PENUMBRAE) == 0 && o.stats.soft_texels == 0);
+    CHECK(strcmp(o.plan.pass[SPS_PASS_PENUMBRAE].reason, "no volume or particle that could be seen") == 0);
+    check_free_triangles(&t.triangles);
+}
+
 /* A map without a size is planned as large as its light's rays, not as large as a map may be. The box's diagonal is 36
    voxels, and a texel is at least half a voxel: 80 texels on a side with their border. A light in an empty corner of
    the box has six faces in the plan and a single one, of more texels, once the voxels are read. */
@@ -715,6 +752,7 @@ int main(void) {
     test_large_region();
     test_light_maps(&full);
     test_light_map_sizes();
+    test_penumbrae();
     test_sheet_channels();
     test_slabs_of_flat_voxels();
     check_free_triangles(&t.triangles);

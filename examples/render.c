@@ -88,42 +88,16 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
 }
 
 /* Sets the technique by which all lights cast the shadows of gas. */
-static void set_shadows(arguments *all) {
+static void set_shadows(arguments *all, sps_light *lights) {
     if (all->shadow == 0) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
     all->map.window = (sps_tmap_window)all->map_window;
     all->map.epsilon = (float)all->map_epsilon;
     for (int i = 0; i < all->light_count; ++i) {
-        all->lights[i].shadow_map = &all->map;
-        all->lights[i].shadow_map_size = all->map_size;
+        lights[i].shadow_map = &all->map;
+        lights[i].shadow_map_size = all->map_size;
     }
 }
-
-/* What the scene borrows. */
-typedef struct scene_arrays {
-    sps_volume *volumes;
-    sps_particles *particles;
-    sps_mesh *meshes;
-} scene_arrays;
-
-static int load_scene(arguments *all, const scene_arrays *arrays, sps_scene *scene, ex_error *error) {
-    for (int i = 0; i < all->volume_count; ++i)
-        if (load_volume(&all->volumes[i], &arrays->volumes[i], error)) return 1;
-    for (int i = 0; i < all->mesh_count; ++i)
-        if (load_mesh(&all->meshes[i], &arrays->meshes[i], error)) return 1;
-    for (int i = 0; i < all->particle_set_count; ++i)
-        if (load_particles(&all->particles[i], &arrays->particles[i], error)) return 1;
-    scene->volumes = arrays->volumes, scene->volume_count = all->volume_count;
-    scene->meshes = arrays->meshes, scene->mesh_count = all->mesh_count;
-    scene->particles = arrays->particles, scene->particle_set_count = all->particle_set_count;
-    set_shadows(all);
-    scene->lights = all->lights, scene->light_count = all->light_count;
-    to_floats(all->ambient, scene->ambient);
-    to_floats(all->background, scene->background);
-    return 0;
-}
-
-/* ================================================================================================ the view */
 
 static void widen(double lo[3], double hi[3], const double *a, const double *b) {
     for (int i = 0; i < 3; ++i) {
@@ -144,9 +118,8 @@ static void widen_by_box(double lo[3], double hi[3], const sps_placement *box) {
     }
 }
 
-/* Places the camera so that the scene's bounding sphere fits into the image. */
-static void frame_scene(const arguments *all, sps_view *view) {
-    const double direction[3] = {0.4, 0.3, 1};
+/* Finds the middle of a loaded scene's bounding box, and half of its edges. */
+static void find_middle(const arguments *all, double middle[3], double half[3]) {
     double lo[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, hi[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX};
     for (int i = 0; i < all->volume_count; ++i) widen_by_box(lo, hi, &all->volumes[i].placement);
     for (int i = 0; i < all->mesh_count; ++i) widen(lo, hi, all->meshes[i].mesh.lo, all->meshes[i].mesh.hi);
@@ -155,14 +128,79 @@ static void frame_scene(const arguments *all, sps_view *view) {
             widen(lo, hi, all->particles[i].particles.lo, all->particles[i].particles.hi);
     if (lo[0] > hi[0])
         for (int a = 0; a < 3; ++a) lo[a] = 0, hi[a] = 1; /* the scene is empty */
-    double half[3];
-    for (int a = 0; a < 3; ++a) half[a] = 0.5 * (hi[a] - lo[a]);
+    for (int a = 0; a < 3; ++a) middle[a] = 0.5 * (lo[a] + hi[a]), half[a] = 0.5 * (hi[a] - lo[a]);
+}
+
+/* Turns a disc or a rectangle to a point, with the first axis perpendicular to `up`. Where the light is at that point,
+   it faces upwards. */
+static void set_light_axes(const light_size *size, const double middle[3], const double up[3], sps_light *light) {
+    const double *at = light->position;
+    const ex_vec upwards = ex_vec_unit(ex_vec_of(up[0], up[1], up[2]));
+    const ex_vec way = ex_vec_unit(ex_vec_of(middle[0] - at[0], middle[1] - at[1], middle[2] - at[2]));
+    const ex_vec facing = ex_vec_length(way) > 0 ? way : upwards, cross = ex_vec_cross(facing, upwards);
+    const ex_vec across = ex_vec_length(cross) > 1e-9 ? ex_vec_unit(cross) : ex_vec_perpendicular(facing);
+    const ex_vec sides[2] = {across, ex_vec_cross(across, facing)};
+    for (int a = 0; a < 2; ++a) {
+        const ex_vec axis = ex_vec_scale(sides[a], size->count == 1 ? size->lengths[0] : 0.5 * size->lengths[a]);
+        light->axes[a][0] = axis.x, light->axes[a][1] = axis.y, light->axes[a][2] = axis.z;
+    }
+    light->kind = size->count == 1 ? SPS_LIGHT_DISC : SPS_LIGHT_RECTANGLE;
+}
+
+static void load_lights(const arguments *all, sps_light *lights) {
+    double middle[3], half[3];
+    find_middle(all, middle, half);
+    for (int i = 0; i < all->light_count; ++i) {
+        const light_arguments *from = &all->lights[i];
+        sps_light *light = &lights[i];
+        light->kind = from->kind;
+        memcpy(from->kind == SPS_LIGHT_POINT ? light->position : light->direction, from->place, sizeof from->place);
+        to_floats(from->color, light->color);
+        light->angular_diameter = from->angle * EX_PI / 180;
+        light->samples = from->samples;
+        if (from->size.count > 0) set_light_axes(&from->size, middle, all->up, light);
+    }
+}
+
+/* What the scene borrows. */
+typedef struct scene_arrays {
+    sps_volume *volumes;
+    sps_particles *particles;
+    sps_mesh *meshes;
+    sps_light *lights;
+} scene_arrays;
+
+static int load_scene(arguments *all, const scene_arrays *arrays, sps_scene *scene, ex_error *error) {
+    for (int i = 0; i < all->volume_count; ++i)
+        if (load_volume(&all->volumes[i], &arrays->volumes[i], error)) return 1;
+    for (int i = 0; i < all->mesh_count; ++i)
+        if (load_mesh(&all->meshes[i], &arrays->meshes[i], error)) return 1;
+    for (int i = 0; i < all->particle_set_count; ++i)
+        if (load_particles(&all->particles[i], &arrays->particles[i], error)) return 1;
+    scene->volumes = arrays->volumes, scene->volume_count = all->volume_count;
+    scene->meshes = arrays->meshes, scene->mesh_count = all->mesh_count;
+    scene->particles = arrays->particles, scene->particle_set_count = all->particle_set_count;
+    load_lights(all, arrays->lights);
+    set_shadows(all, arrays->lights);
+    scene->lights = arrays->lights, scene->light_count = all->light_count;
+    to_floats(all->ambient, scene->ambient);
+    to_floats(all->background, scene->background);
+    return 0;
+}
+
+/* ================================================================================================ the view */
+
+/* Places the camera so that the scene's bounding sphere fits into the image. */
+static void frame_scene(const arguments *all, sps_view *view) {
+    const double direction[3] = {0.4, 0.3, 1};
+    double middle[3], half[3];
+    find_middle(all, middle, half);
     const double radius = fmax(sqrt(ex_dot(half, half)), 1e-12);
     const double aspect = fmin(1.0, (double)view->width / (double)view->height);
     const double angle = all->ortho > 0 ? 0.5 : atan(tan(0.5 * view->camera.field_of_view) * aspect);
     const double distance = 1.02 * radius / sin(angle);
     for (int a = 0; a < 3; ++a) {
-        view->camera.target[a] = 0.5 * (lo[a] + hi[a]);
+        view->camera.target[a] = middle[a];
         view->camera.position[a] =
             view->camera.target[a] + direction[a] * distance / sqrt(ex_dot(direction, direction));
     }
@@ -192,7 +230,7 @@ static void make_view(const arguments *all, sps_view *view) {
 /* clang-format off */
 #define PLAN_COUNTS(X)                                                                                                 \
     X(sweep_count) X(color_channels) X(sheet_channels) X(slab_count) X(shadow_width) X(shadow_height)                  \
-    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls)                                      \
+    X(light_points) X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls)                     \
     X(voxels_read) X(bytes)
 /* clang-format on */
 
@@ -234,7 +272,7 @@ static void name_subject(const arguments *all, const sps_error_info *why, char *
     if (!option && why->object == SPS_OBJECT_PARTICLES && i < all->particle_set_count)
         option = "--particles", given = all->particles[i].file;
     if (!option && why->object == SPS_OBJECT_LIGHT && i < all->light_count)
-        option = "--light", given = all->light_texts[i];
+        option = "--light", given = all->lights[i].text;
     snprintf(out, size, "%s%s%s%s", option ? option : "", *given ? " " : "", given, option ? ": " : "");
 }
 
@@ -247,7 +285,9 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     sps_get_error(session->context, &why);
     name_subject(all, &why, subject, sizeof subject);
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
-        way_out = " (--shadow with a map, --no-shadows and --reference have no such limit)";
+        way_out = all->lights[why.index].size.count > 0 || all->lights[why.index].angle > 0
+                      ? " (--no-shadows and --reference have no such limit)"
+                      : " (--shadow with a map, --no-shadows and --reference have no such limit)";
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW) way_out = " (--reference has no such limit)";
     ex_fail(error, "%s%s%s", subject, why.sentence, way_out);
     return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? EX_MISTAKEN : EX_FAILED;
@@ -280,7 +320,7 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced)                                                     \
     X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(shadow_rays) X(particles) X(slabs) X(slabs_empty)     \
     X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
-    X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
+    X(soft_texels) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
 /* clang-format on */
 
 static int write_stats(const char *path, const sps_context *context, ex_error *error) {
@@ -363,8 +403,7 @@ static void begin_arguments(arguments *all, const settings *given) {
     all->volumes = (volume_arguments *)ex_allocate(most, sizeof *all->volumes);
     all->particles = (particles_arguments *)ex_allocate(most, sizeof *all->particles);
     all->meshes = (mesh_arguments *)ex_allocate(most, sizeof *all->meshes);
-    all->lights = (sps_light *)ex_allocate(most, sizeof *all->lights);
-    all->light_texts = (const char **)ex_allocate(most, sizeof *all->light_texts);
+    all->lights = (light_arguments *)ex_allocate(most, sizeof *all->lights);
     all->width = all->height = 512;
     all->up[1] = 1;
     all->fov = 40;
@@ -382,7 +421,6 @@ static void free_arguments(arguments *all) {
     free(all->volumes);
     free(all->meshes);
     free(all->lights);
-    free(all->light_texts);
 }
 
 /* Does what the settings say. Returns the exit status. */
@@ -398,10 +436,12 @@ static int run(arguments *all, ex_error *error) {
     arrays.volumes = (sps_volume *)ex_allocate(most, sizeof *arrays.volumes);
     arrays.particles = (sps_particles *)ex_allocate(most, sizeof *arrays.particles);
     arrays.meshes = (sps_mesh *)ex_allocate(most, sizeof *arrays.meshes);
+    arrays.lights = (sps_light *)ex_allocate(most, sizeof *arrays.lights);
     const int status = run_checked(all, &arrays, error);
     free(arrays.volumes);
     free(arrays.particles);
     free(arrays.meshes);
+    free(arrays.lights);
     return status;
 }
 

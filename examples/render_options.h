@@ -52,6 +52,22 @@ typedef struct mesh_arguments {
     ex_mesh mesh;
 } mesh_arguments;
 
+/* The extent of a point light: the radius of a disc, or the edges of a rectangle. */
+typedef struct light_size {
+    double lengths[2];
+    int count; /* 1: a disc, 2: a rectangle */
+} light_size;
+
+typedef struct light_arguments {
+    option_set given;
+    const char *text; /* the value of --light */
+    sps_light_kind kind;
+    double place[3], color[3]; /* the position of a point light, the direction of a directional one */
+    light_size size;
+    double angle; /* degrees */
+    int samples;
+} light_arguments;
+
 /* One option with its value. */
 typedef struct setting {
     const struct option_rule *rule;
@@ -68,16 +84,15 @@ typedef struct settings {
     size_t text_count, text_capacity;
 } settings;
 
-/* No list can be longer than the list of settings, so all have its length. The first volume, set of particles and mesh
-   exist before their file is known, for options that come before it. */
+/* No list can be longer than the list of settings, so all have its length. The first volume, set of particles, mesh and
+   light exist before --volume and so on, for options that come before it. */
 typedef struct arguments {
     option_set given;
     const settings *settings;
     volume_arguments *volumes;
     particles_arguments *particles;
     mesh_arguments *meshes;
-    sps_light *lights;
-    const char **light_texts;
+    light_arguments *lights;
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
@@ -87,7 +102,7 @@ typedef struct arguments {
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
-typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH } option_owner; /* whose field an option sets */
+typedef enum option_owner { SCENE = 0, VOLUME, PARTICLES, MESH, LIGHT } option_owner; /* whose field an option sets */
 
 typedef struct option_rule {
     const char *name, *form, *help; /* form NULL: it takes no value */
@@ -275,7 +290,7 @@ static int add_mesh(const option_rule *rule, arguments *all, void *place, const 
 static int add_light(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
     static const char *const kinds[] = {"directional,", "point,"};
     double numbers[6];
-    sps_light *light = all->lights + all->light_count;
+    light_arguments *light = all->lights + all->light_count;
     (void)place;
     const int point = strncmp(value, kinds[1], strlen(kinds[1])) == 0;
     if (!point && strncmp(value, kinds[0], strlen(kinds[0])) != 0) return malformed(rule, value, error);
@@ -286,9 +301,20 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
     if (!point && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
         return unfit(rule, value, "the direction is zero", error);
     light->kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
-    memcpy(point ? light->position : light->direction, numbers, 3 * sizeof *numbers);
-    for (int i = 0; i < 3; ++i) light->color[i] = (float)numbers[3 + i];
-    all->light_texts[all->light_count++] = value;
+    memcpy(light->place, numbers, sizeof light->place);
+    memcpy(light->color, numbers + 3, sizeof light->color);
+    light->text = value;
+    all->light_count++;
+    return 0;
+}
+
+static int set_light_size(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    light_size *size = (light_size *)place;
+    (void)all;
+    size->count = read_numbers(value, 2, size->lengths);
+    if (size->count < 1) return malformed(rule, value, error);
+    if (!within(size->lengths, size->count, rule->lo, rule->hi))
+        return outside(rule, value, rule->form, rule->lo, rule->hi, error);
     return 0;
 }
 
@@ -298,6 +324,7 @@ static int add_light(const option_rule *rule, arguments *all, void *place, const
 #define OF_VOLUME(field)    VOLUME, offsetof(volume_arguments, field)
 #define OF_MESH(field)      MESH, offsetof(mesh_arguments, field)
 #define OF_PARTICLES(field) PARTICLES, offsetof(particles_arguments, field)
+#define OF_LIGHT(field)     LIGHT, offsetof(light_arguments, field)
 #define NO_NUMBERS          0, 0, 0, NULL
 #define COORDINATES         -FARTHEST, FARTHEST, NULL /* ranges of numbers */
 #define POSITIVE            0, LARGEST, NULL
@@ -333,6 +360,9 @@ static const option_rule options[] = {
     {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
     {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
     {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, COORDINATES},
+    {"--light-size", "R | W,H", "of a point light: a disc's radius, or a rectangle's edges; not with maps (--shadow)", set_light_size, OF_LIGHT(size), 2, 0, FARTHEST, NULL},
+    {"--light-angle", "DEG", "of a directional light: its angular diameter; not with maps (--shadow)", set_reals, OF_LIGHT(angle), 1, 0, 114, NULL},
+    {"--light-samples", "K", "points that stand for a light with one of these; default by --quality", set_integers, OF_LIGHT(samples), 1, 1, 256, NULL},
     {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
@@ -379,7 +409,9 @@ static const char *const headings[][2] = {
     {"--particles", "Particles, in the same way: balls of gas."},
     {"--mesh", "Meshes, in the same way."},
     {"--camera", "View."},
-    {"--light", "Light. Colors are linear: irradiance of a directional light, of a point light at distance 1."},
+    {"--light", "Light. Colors are linear: irradiance of a directional light, of a point light at distance 1.\n"
+                "  --light-... applies to lights in the same way. A light with an extent casts penumbrae; a disc or a\n"
+                "  rectangle faces the middle of the scene, and W is its edge perpendicular to --up."},
     {"--slab", "Rendering."},
     {"--out", "Results. At least one is required."},
     {"--help", "Help."},
@@ -410,13 +442,14 @@ static const option_rule *find_option(const char *name) {
 /* Whether a set contains an option. */
 static int has(option_set given, const char *name) { return (int)(given >> (find_option(name) - options) & 1); }
 
-/* The struct whose field the option sets: the arguments, or the volume, particles or mesh before it, or else the first.
- */
+/* The struct whose field the option sets: the arguments, or the volume, particles, mesh or light before it, or else the
+   first. */
 static void *find_owner(const option_rule *rule, arguments *all) {
     if (rule->owner == SCENE) return all;
     if (rule->owner == VOLUME) return all->volumes + (all->volume_count ? all->volume_count - 1 : 0);
     if (rule->owner == PARTICLES) return all->particles + (all->particle_set_count ? all->particle_set_count - 1 : 0);
-    return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
+    if (rule->owner == MESH) return all->meshes + (all->mesh_count ? all->mesh_count - 1 : 0);
+    return all->lights + (all->light_count ? all->light_count - 1 : 0);
 }
 
 static int apply_option(const option_rule *rule, arguments *all, const char *value, ex_error *error) {
@@ -572,12 +605,12 @@ static int check_volumes(const arguments *all, ex_error *error) {
     return 0;
 }
 
-/* Refuses options for a first volume, set of particles or mesh that never came. */
+/* Refuses options for a first volume, set of particles, mesh or light that never came. */
 static int check_owners(const arguments *all, ex_error *error) {
-    static const char *const owners[] = {"", "--volume", "--particles", "--mesh"};
-    const option_set lost = (all->volume_count ? 0 : all->volumes[0].given) |
-                            (all->particle_set_count ? 0 : all->particles[0].given) |
-                            (all->mesh_count ? 0 : all->meshes[0].given);
+    static const char *const owners[] = {"", "--volume", "--particles", "--mesh", "--light"};
+    const option_set lost =
+        (all->volume_count ? 0 : all->volumes[0].given) | (all->particle_set_count ? 0 : all->particles[0].given) |
+        (all->mesh_count ? 0 : all->meshes[0].given) | (all->light_count ? 0 : all->lights[0].given);
     for (int i = 0; i < OPTION_COUNT; ++i)
         if (lost >> i & 1)
             return ex_fail(error, "%s: there is no %s that it could be about", options[i].name,
@@ -638,10 +671,29 @@ static int check_map(const arguments *all, ex_error *error) {
     return 0;
 }
 
+/* The extent of a light must match its kind and how it casts shadows. */
+static int check_lights(const arguments *all, ex_error *error) {
+    static const char *const extents[] = {"--light-angle", "--light-size"}; /* by sps_light_kind */
+    for (int i = 0; i < all->light_count; ++i) {
+        const light_arguments *light = &all->lights[i];
+        const char *own = extents[light->kind], *other = extents[1 - light->kind];
+        if (has(light->given, other))
+            return ex_fail(error, "%s says nothing about --light %s: give %s", other, light->text, own);
+        if (has(light->given, "--light-samples") && !has(light->given, own))
+            return ex_fail(error, "--light-samples says nothing about --light %s, which has no %s", light->text, own);
+        if (has(light->given, own) && all->shadow > 0)
+            return ex_fail(error,
+                           "%s of --light %s and --shadow %s exclude each other: a map holds the shadow of a point",
+                           own, light->text, shadow_names[all->shadow]);
+    }
+    return 0;
+}
+
 /* Checks that need the whole command line. */
 static int check(const arguments *all, ex_error *error) {
     const int *region = all->region;
-    if (check_owners(all, error) || check_volumes(all, error) || check_map(all, error)) return 1;
+    if (check_owners(all, error) || check_volumes(all, error) || check_map(all, error) || check_lights(all, error))
+        return 1;
     if (has(all->given, "--fov") && has(all->given, "--ortho"))
         return ex_fail(error, "--fov (perspective) and --ortho (orthographic) exclude each other: give one of them");
     if (all->plan && all->reference)

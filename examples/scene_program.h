@@ -38,42 +38,79 @@ typedef struct ex_finish {
     void *user;
 } ex_finish;
 
-/* The view at twice the size of the picture, which smooths the edges of polygons. */
-static inline sps_view ex_scene_large_view(const sps_view *view, const ex_scene_options *options) {
+/* Scenes that one view shows side by side. */
+typedef struct ex_panels {
+    const sps_scene *scenes;
+    int count;
+    const ex_finish *finish; /* of a single panel; may be NULL */
+} ex_panels;
+
+/* The view of a panel at twice the size, which smooths the edges of polygons. --width is that of all panels. */
+static inline sps_view ex_scene_large_view(const sps_view *view, int panels, const ex_scene_options *options) {
     sps_view large = *view;
     int width = view->width, height = view->height;
-    if (options->width) height = (int)((double)height * options->width / width + 0.5), width = options->width;
+    if (options->width) {
+        width = options->width > panels ? options->width / panels : 1;
+        height = (int)((double)height * width / view->width + 0.5);
+    }
     if (height < 1) height = 1;
     large.width = 2 * width, large.height = 2 * height;
     if (options->quality) large.quality = (sps_quality)options->quality;
     return large;
 }
 
-/* Renders the large picture, makes it small, and writes it. `finish` may be NULL. */
-static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, const ex_scene_options *options,
-                                  const ex_finish *finish, ex_error *error) {
-    const sps_view large = ex_scene_large_view(view, options);
-    const size_t pixels = (size_t)large.width * (size_t)large.height;
+/* Renders all panels into the large picture. */
+static inline int ex_scene_render_panels(sps_context *context, const ex_panels *panels, const sps_view *large,
+                                         const sps_image *picture, ex_error *error) {
+    for (int i = 0; i < panels->count; ++i) {
+        sps_image image = *picture;
+        image.rgba += (size_t)i * (size_t)large->width * 4;
+        if (sps_render(context, &panels->scenes[i], large, &image) != SPS_OK)
+            return ex_fail(error, "%s", sps_error(context));
+    }
+    if (panels->finish) panels->finish->apply_fn(panels->finish->user, large, picture);
+    return 0;
+}
+
+/* Renders the large picture, makes it small, and writes it. */
+static inline int ex_scene_render(const ex_panels *panels, const sps_view *view, const ex_scene_options *options,
+                                  ex_error *error) {
+    const sps_view large = ex_scene_large_view(view, panels->count, options);
+    const int width = panels->count * large.width, height = large.height;
+    const size_t pixels = (size_t)width * (size_t)height;
     ex_session session;
     sps_image image;
     if (ex_session_begin(&session, options->threads, error)) return 1;
     memset(&image, 0, sizeof image);
     image.rgba = (float *)ex_allocate(pixels, 4 * sizeof(float));
-    if (finish) image.depth = (float *)ex_allocate(pixels, sizeof(float));
+    image.row_pixels = (size_t)width;
+    if (panels->finish) image.depth = (float *)ex_allocate(pixels, sizeof(float));
     const double start = ex_now(NULL);
-    int failed = sps_render(session.context, scene, &large, &image) != SPS_OK;
-    if (failed) ex_fail(error, "%s", sps_error(session.context));
-    if (finish && !failed) finish->apply_fn(finish->user, &large, &image);
+    int failed = ex_scene_render_panels(session.context, panels, &large, &image, error);
     const double seconds = ex_now(NULL) - start;
     ex_session_end(&session);
     if (!failed) {
-        ex_halve(image.rgba, large.width, large.height, 4, image.rgba);
-        failed = ex_write_png(options->out, image.rgba, large.width / 2, large.height / 2, error);
+        ex_halve(image.rgba, width, height, 4, image.rgba);
+        failed = ex_write_png(options->out, image.rgba, width / 2, height / 2, error);
     }
-    if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, large.width / 2, large.height / 2, seconds);
+    if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, width / 2, height / 2, seconds);
     free(image.rgba);
     free(image.depth);
     return failed;
+}
+
+/* The same as ex_scene_program for several scenes side by side; `view` is that of one. */
+static inline int ex_panels_program(int argc, char **argv, const char *name, const ex_panels *panels,
+                                    const sps_view *view) {
+    ex_scene_options options = {name, 0, 0, 0};
+    ex_error error;
+    int status = EX_OK;
+    if (ex_scene_options_read(argc, argv, &options, &error))
+        status = EX_MISTAKEN;
+    else if (ex_scene_render(panels, view, &options, &error))
+        status = EX_FAILED;
+    if (status != EX_OK) fprintf(stderr, "%s: %s\n", argv[0], error.text);
+    return status;
 }
 
 /* The rest of a scene program: reads --out FILE.png --width W --threads N --quality Q and renders the picture. `name`
@@ -81,15 +118,8 @@ static inline int ex_scene_render(const sps_scene *scene, const sps_view *view, 
  */
 static inline int ex_scene_program(int argc, char **argv, const char *name, const sps_scene *scene,
                                    const sps_view *view, const ex_finish *finish) {
-    ex_scene_options options = {name, 0, 0, 0};
-    ex_error error;
-    int status = EX_OK;
-    if (ex_scene_options_read(argc, argv, &options, &error))
-        status = EX_MISTAKEN;
-    else if (ex_scene_render(scene, view, &options, finish, &error))
-        status = EX_FAILED;
-    if (status != EX_OK) fprintf(stderr, "%s: %s\n", argv[0], error.text);
-    return status;
+    const ex_panels panel = {scene, 1, finish};
+    return ex_panels_program(argc, argv, name, &panel, view);
 }
 
 #endif /* EX_SCENE_PROGRAM_H */

@@ -1376,6 +1376,118 @@ static void test_shadow_option(void) {
     CHECK_COMPLAINTS(all);
 }
 
+/* A disc and a rectangle before the middle of corner.obj (0.5, 1, -0.5), and a sun, against the same lights in the
+   library: W lies along x, which is perpendicular to --up and to the way from light to middle, and H along y. Floats of
+   a picture differ by what the two programs' compilers make of a sum. */
+static void test_extents_as_placed(void) {
+    static const char *const options[] = {"--light point,0.5,1,2,9,9,9 --light-size 0.9",
+                                          "--light point,0.5,1,2,9,9,9 --light-size 2,0.6",
+                                          "--light directional,0,-1,-1,3,3,3 --light-angle 60"};
+    static const double origin[3] = {-1, 0, 0}, right[3] = {2, 0, 0}, top[3] = {0, 2, -1};
+    check_triangles triangles = {0};
+    sps_context *context = check_context(NULL);
+    check_add_corners(&triangles, origin, right, top);
+    for (int i = 0; i < 3; ++i) {
+        char line[300], file[400];
+        float rgba[4 * 20], rows[3 * 20];
+        check_scene s;
+        sps_light *light;
+        check_clear(&s, 5, 4);
+        check_add_mesh(&s, &triangles, 0.8);
+        check_set3(s.view.camera.position, 0.5, 1, 4);
+        check_set3(s.view.camera.target, 0.5, 1, -0.5);
+        check_set3(s.view.camera.up, 0, 1, 0);
+        check_perspective(&s.view.camera, 40 * SPSI_PI / 180);
+        light = i < 2 ? check_add_point(&s, 0.5, 1, 2, 9) : check_add_directional(&s, 0, -1, -1, 3);
+        light->samples = 7;
+        if (i < 2) light->kind = i == 0 ? SPS_LIGHT_DISC : SPS_LIGHT_RECTANGLE;
+        check_set3(light->axes[0], i == 0 ? 0.9 : 1, 0, 0);
+        check_set3(light->axes[1], 0, i == 0 ? 0.9 : 0.3, 0);
+        if (i == 2) light->angular_diameter = SPSI_PI / 3;
+        check_render(context, &s, rgba);
+        snprintf(line, sizeof line,
+                 SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 %s --light-samples 7 --pfm extent.pfm",
+                 options[i]);
+        CHECK(run_render(line).status == 0);
+        if (!CHECK(read_file("extent.pfm", file, sizeof file) == 12 + sizeof rows)) continue;
+        memcpy(rows, file + 12, sizeof rows);
+        for (int pixel = 0; pixel < 20; ++pixel)
+            for (int c = 0; c < 3; ++c)
+                CHECK_NEAR((double)rows[3 * ((3 - pixel / 5) * 5 + pixel % 5) + c], (double)rgba[4 * pixel + c], 1e-5);
+    }
+    check_free_triangles(&triangles);
+    sps_destroy(context);
+}
+
+/* Each extent makes a picture of its own, one of 0 that of a light without; what has no effect is a mistake. */
+static void test_light_options(void) {
+    enum { EXTENTS = 9, HARD = 2 };
+    static const char *const extents[EXTENTS] = {"--light point,3,4,2,90,90,90",
+                                                 "--light directional,-1,-1,-1,9,9,9",
+                                                 "--light point,3,4,2,90,90,90 --light-size 1",
+                                                 "--light-size 2,0.5 --light point,3,4,2,90,90,90",
+                                                 "--light point,3,4,2,90,90,90 --light-size 0.5,2",
+                                                 "--light point,3,4,2,90,90,90 --light-size 1 --light-samples 5",
+                                                 "--light directional,-1,-1,-1,9,9,9 --light-angle 20",
+                                                 "--light directional,-1,-1,-1,9,9,9 --light-angle 20 --quality high",
+                                                 "--light point,3,4,2,90,90,90 --light-size 1 --light "
+                                                 "directional,-1,-1,-1,9,9,9 --light-angle 20"};
+    static const complaint all[] = {
+        {VOLUME "--light point,3,4,2,9,9,9 --light-size 0,0 --light-samples 256 --pfm point.pfm", 0, NULL},
+        {VOLUME "--light point,3,4,2,9,9,9 --pfm hard.pfm", 0, NULL},
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --light-samples 3 --reference --out a.png", 0, NULL},
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --no-shadows --out a.png", 0, NULL},
+        {VOLUME "--light point,3,4,2,1,1,1 --light-size 1 --light-samples 3 --plan >plan", 0, NULL},
+        {VOLUME "--light directional,0,0,-1,1,1,1 --light-angle 0 --out a.png", 0, NULL},
+        {"--light-size 1 --plan", 2, "--light-size: there is no --light that it could be about"},
+        {"--light-size -1", 2, "--light-size: '-1' is out of range: R | W,H must be within 0..1e+15"},
+        {"--light-size 1,-1", 2, "--light-size: '1,-1' is out of range"},
+        {"--light-size wide", 2, "--light-size: 'wide' is not R | W,H"},
+        {"--light-size 1,2,3", 2, "--light-size: '1,2,3' is not R | W,H"},
+        {"--light-size nan", 2, "--light-size: 'nan' is not R | W,H"},
+        {"--light-angle -1", 2, "--light-angle: '-1' is out of range: DEG must be within 0..114"},
+        {"--light-angle 115", 2, "--light-angle: '115' is out of range"},
+        {"--light-angle 1,1", 2, "--light-angle: '1,1' is not DEG"},
+        {"--light-samples 0", 2, "--light-samples: '0' is out of range: K must be within 1..256"},
+        {"--light-samples 257", 2, "--light-samples: '257' is out of range"},
+        {"--light-samples 1.5", 2, "--light-samples: '1.5' is not K"},
+        {"--light directional,0,0,1,1,1,1 --light-size 1 --plan", 2,
+         "--light-size says nothing about --light directional,0,0,1,1,1,1: give --light-angle"},
+        {"--light point,0,0,1,1,1,1 --light-angle 1 --plan", 2,
+         "--light-angle says nothing about --light point,0,0,1,1,1,1: give --light-size"},
+        {"--light point,0,0,1,1,1,1 --light-samples 9 --plan", 2,
+         "--light-samples says nothing about --light point,0,0,1,1,1,1, which has no --light-size"},
+        {"--light directional,0,0,1,1,1,1 --light-samples 9 --plan", 2, "which has no --light-angle"},
+        {"--light point,0,0,1,1,1,1 --light directional,0,0,1,1,1,1 --light-size 1 --plan", 2,
+         "--light-size says nothing about --light directional,0,0,1,1,1,1"},
+        {VOLUME "--light point,9,9,9,1,1,1 --light-size 1 --shadow deep --plan", 2,
+         "--light-size of --light point,9,9,9,1,1,1 and --shadow deep exclude each other: a map holds the shadow"},
+        {VOLUME "--shadow beer --map-size 9 --light directional,0,0,1,1,1,1 --light-angle 1 --plan", 2,
+         "--light-angle of --light directional,0,0,1,1,1,1 and --shadow beer exclude each other"},
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --out a.png", 1, "--light point,.5,.5,.5,1,1,1: light[0]"},
+        {VOLUME "--light point,.5,.5,.5,1,1,1 --light-size 1 --out a.png", 1,
+         "no_shadow on it (--no-shadows and --reference have no such limit)"}};
+    static char pictures[EXTENTS][400];
+    char text[4000], other[400];
+    for (int i = 0; i < EXTENTS; ++i) {
+        char line[400];
+        snprintf(line, sizeof line, VOLUME "--mesh corner.obj --extinction 15 %s --pfm extent.pfm --stats a.json",
+                 extents[i]);
+        CHECK(run_render(line).status == 0);
+        CHECK(read_file("extent.pfm", pictures[i], sizeof pictures[i]) > 12);
+        CHECK(read_file("a.json", text, sizeof text) > 12);
+        CHECK((strstr(text, "\"soft_texels\": 0,") != NULL) == (i < HARD));
+        for (int k = 0; k < i; ++k)
+            if (!CHECK(memcmp(pictures[k], pictures[i], sizeof pictures[i]) != 0))
+                printf("    %s and %s give one picture\n", extents[k], extents[i]);
+    }
+    CHECK_COMPLAINTS(all);
+    CHECK(read_file("plan", text, sizeof text) > 60 && strstr(text, "light_points     3\n"));
+    CHECK(read_file("point.pfm", text, sizeof text) == read_file("hard.pfm", other, sizeof other));
+    CHECK(memcmp(text, other, 12 + 4 * 3 * 20) == 0);
+    test_extents_as_placed();
+}
+
 /* Errors that only the library detects name the option. */
 static void test_library_errors(void) {
     static const complaint library[] = {
@@ -1489,6 +1601,9 @@ static void test_help(void) {
                                         "--fov DEG",
                                         "--ortho HEIGHT",
                                         "--light directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b",
+                                        "--light-size R | W,H",
+                                        "--light-angle DEG",
+                                        "--light-samples K",
                                         "--ambient r,g,b",
                                         "--background r,g,b",
                                         "--width W",
@@ -1551,6 +1666,7 @@ static void test_command_line(void) {
     test_bad_values();
     test_particles_option();
     test_shadow_option();
+    test_light_options();
     test_library_errors();
     test_bad_files();
     test_precious_files();

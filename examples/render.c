@@ -157,6 +157,9 @@ static void load_lights(const arguments *all, sps_light *lights) {
         memcpy(from->kind == SPS_LIGHT_POINT ? light->position : light->direction, from->place, sizeof from->place);
         to_floats(from->color, light->color);
         light->angular_diameter = from->angle * EX_PI / 180;
+        if (from->cone[1] > 0) memcpy(light->direction, from->axis, sizeof light->direction);
+        light->inner_cone = from->cone[0] * EX_PI / 180;
+        light->outer_cone = from->cone[1] * EX_PI / 180;
         light->samples = from->samples;
         if (from->size.count > 0) set_light_axes(&from->size, middle, all->up, light);
     }

@@ -63,6 +63,7 @@ typedef struct light_arguments {
     const char *text; /* the value of --light */
     sps_light_kind kind;
     double place[3], color[3]; /* the position of a point light, the direction of a directional one */
+    double axis[3], cone[2];   /* of a spotlight: its direction; inner and outer angle from it, in degrees */
     light_size size;
     double angle; /* degrees */
     int samples;
@@ -287,22 +288,44 @@ static int add_mesh(const option_rule *rule, arguments *all, void *place, const 
     return 0;
 }
 
-static int add_light(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
-    static const char *const kinds[] = {"directional,", "point,"};
-    double numbers[6];
-    light_arguments *light = all->lights + all->light_count;
-    (void)place;
-    const int point = strncmp(value, kinds[1], strlen(kinds[1])) == 0;
-    if (!point && strncmp(value, kinds[0], strlen(kinds[0])) != 0) return malformed(rule, value, error);
-    if (read_numbers(value + strlen(kinds[point]), 6, numbers) != 6) return malformed(rule, value, error);
-    if (!within(numbers, 3, rule->lo, rule->hi))
-        return outside(rule, value, point ? "x,y,z" : "dx,dy,dz", rule->lo, rule->hi, error);
-    if (!within(numbers + 3, 3, 0, LARGEST)) return outside(rule, value, "r,g,b", 0, LARGEST, error);
-    if (!point && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
+/* x,y,z,dx,dy,dz,inner,outer,r,g,b: a point light with a cone. */
+static int read_spot(const option_rule *rule, const char *value, const double numbers[11], light_arguments *light,
+                     ex_error *error) {
+    const double *cone = numbers + 6;
+    if (!within(numbers + 3, 3, rule->lo, rule->hi)) return outside(rule, value, "dx,dy,dz", rule->lo, rule->hi, error);
+    if (numbers[3] == 0 && numbers[4] == 0 && numbers[5] == 0)
         return unfit(rule, value, "the direction is zero", error);
-    light->kind = point ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
+    if (!within(cone, 2, 0, 180)) return outside(rule, value, "inner,outer", 0, 180, error);
+    if (!(cone[0] < cone[1])) return unfit(rule, value, "the inner angle must be less than the outer", error);
+    memcpy(light->axis, numbers + 3, sizeof light->axis);
+    memcpy(light->cone, cone, sizeof light->cone);
+    return 0;
+}
+
+static int add_light(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    static const struct {
+        const char *name;
+        sps_light_kind kind;
+        int count; /* of numbers; the last three are the color */
+    } kinds[] = {
+        {"directional,", SPS_LIGHT_DIRECTIONAL, 6}, {"point,", SPS_LIGHT_POINT, 6}, {"spot,", SPS_LIGHT_POINT, 11}};
+    double numbers[11];
+    light_arguments *light = all->lights + all->light_count;
+    int kind = 0, count;
+    (void)place;
+    while (kind < 3 && strncmp(value, kinds[kind].name, strlen(kinds[kind].name)) != 0) ++kind;
+    if (kind == 3) return malformed(rule, value, error);
+    count = kinds[kind].count;
+    if (read_numbers(value + strlen(kinds[kind].name), count, numbers) != count) return malformed(rule, value, error);
+    if (!within(numbers, 3, rule->lo, rule->hi))
+        return outside(rule, value, kind > 0 ? "x,y,z" : "dx,dy,dz", rule->lo, rule->hi, error);
+    if (!within(numbers + count - 3, 3, 0, LARGEST)) return outside(rule, value, "r,g,b", 0, LARGEST, error);
+    if (kind == 0 && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
+        return unfit(rule, value, "the direction is zero", error);
+    if (kind == 2 && read_spot(rule, value, numbers, light, error)) return 1;
+    light->kind = kinds[kind].kind;
     memcpy(light->place, numbers, sizeof light->place);
-    memcpy(light->color, numbers + 3, sizeof light->color);
+    memcpy(light->color, numbers + count - 3, sizeof light->color);
     light->text = value;
     all->light_count++;
     return 0;
@@ -359,7 +382,7 @@ static const option_rule options[] = {
     {"--width", "W", "pixels; default 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
     {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
     {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
-    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b", "dx,dy,dz: the way the light travels; repeatable", add_light, SCENE, 0, 6, COORDINATES},
+    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b | spot,x,y,z,dx,dy,dz,inner,outer,r,g,b", "dx,dy,dz: the way the light travels; inner, outer: a spotlight's angles from it, in degrees; repeatable", add_light, SCENE, 0, 6, COORDINATES},
     {"--light-size", "R | W,H", "of a point light: a disc's radius, or a rectangle's edges; not with maps (--shadow)", set_light_size, OF_LIGHT(size), 2, 0, FARTHEST, NULL},
     {"--light-angle", "DEG", "of a directional light: its angular diameter; not with maps (--shadow)", set_reals, OF_LIGHT(angle), 1, 0, 114, NULL},
     {"--light-samples", "K", "points that stand for a light with one of these; default by --quality", set_integers, OF_LIGHT(samples), 1, 1, 256, NULL},

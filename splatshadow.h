@@ -10645,6 +10645,7 @@ static spsi_penumbra_size spsi_penumbra_measure(const spsi_penumbra *penumbra, i
         size.beams += texels * (uint64_t)(1 + has_polygons);
         size.scratch = 3 * texels > size.scratch ? 3 * texels : size.scratch;
     }
+    size.scratch += SPSI_LANES; /* lengths are stored in whole vectors */
     size.sheets = SPSI_CHUNK * (uint64_t)spsi_ray_count(penumbra->rays);
     size.held = 2 * (uint64_t)penumbra->tiles_x * (uint64_t)penumbra->tiles_y;
     return size;
@@ -10791,15 +10792,17 @@ static void spsi_lookups_find(const spsi_penumbra *penumbra, int index, spsi_loo
     }
 }
 
-/* World length per slab along texels of a beam. */
+/* World length per slab along a vector of a beam's rays. */
+static void spsi_slab_lengths(const spsi_beam *beam, spsi_v x, float y, float lengths[SPSI_LANES]) {
+    const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, x, y));
+    spsi_store(lengths, spsi_div(spsi_ray_lengths(&beam->rays, x, y), spsi_max(slabs, spsi_set(FLT_MIN * 16))));
+}
+
+/* The same along texels x0 .. x0 + count - 1 of a row; `lengths` has room for whole vectors. */
 static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, float *lengths) {
-    for (int i = 0; i < count; i += SPSI_LANES) {
-        const spsi_v at = spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota());
-        const float row = (float)(y - beam->y0);
-        const spsi_v slabs = spsi_abs(spsi_linear_slope(&beam->slab, at, row));
-        const spsi_v length = spsi_div(spsi_ray_lengths(&beam->rays, at, row), spsi_max(slabs, spsi_set(FLT_MIN * 16)));
-        spsi_store_first(lengths + i, length, spsi_least(SPSI_LANES, count - i));
-    }
+    for (int i = 0; i < count; i += SPSI_LANES)
+        spsi_slab_lengths(beam, spsi_add(spsi_set((float)(x0 - beam->x0 + i)), spsi_iota()), (float)(y - beam->y0),
+                          lengths + i);
 }
 
 /* Adds sheet k, as a row of a beam's texels crosses it, to their optical depth. */
@@ -10988,32 +10991,44 @@ static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
     }
 }
 
+/* Whether a ray of a beam, given by its texel, may meet gas in the kept sheets up to a slab coordinate. */
+static int spsi_beam_meets(const spsi_penumbra *penumbra, const spsi_beam *beam, const double texel[2], double slab) {
+    spsi_area area = spsi_area_none();
+    for (int end = 0; end < 2; ++end) {
+        spsi_slide slide;
+        spsi_area here;
+        double at[2];
+        spsi_slide_build(penumbra, beam, end ? slab : penumbra->first_slab, 1, &slide);
+        spsi_slide_at(&slide, texel[0], texel[1], at);
+        for (int i = 0; i < 2; ++i) at[i] = fmin(fmax(at[i], -1e6), 1e6);
+        here.x0 = (int)floor(at[0]) - 1, here.y0 = (int)floor(at[1]) - 1;
+        here.x1 = here.x0 + 3, here.y1 = here.y0 + 3;
+        area = spsi_area_join(area, here);
+    }
+    return spsi_penumbra_holds(penumbra, area);
+}
+
 /* Optical depth of gas in front of a point on one beam: what the beam has crossed, and the kept sheets up to there. */
 static double spsi_beam_depth_at(const spsi_penumbra *penumbra, const spsi_beam *beam, const double point[3]) {
-    const double slab = spsi_slab_at(penumbra->slabs, point);
+    const double first = penumbra->first_slab, slab = fmin(spsi_slab_at(penumbra->slabs, point), first + SPSI_CHUNK);
     const spsi_rays *rays = penumbra->rays;
-    double q[3], sum = 0, depth;
-    spsi_v length;
-    float lanes[SPSI_LANES];
+    double q[3], texel[2], sum = 0, depth;
+    float lengths[SPSI_LANES];
     spsi_project(&beam->rays, point, q);
     if (beam->rays.perspective && !(q[2] > 0)) return 0;
+    texel[0] = q[0] + beam->x0, texel[1] = q[1] + beam->y0;
     depth = spsi_bilinear_inside(beam->depth, beam->rays.width, beam->rays.height, q[0], q[1]);
-    if (!penumbra->pending || !(slab > penumbra->first_slab)) return depth;
-    for (int k = 0; k < SPSI_CHUNK && slab > penumbra->first_slab + k; ++k) {
+    if (!penumbra->pending || !(slab > first) || !spsi_beam_meets(penumbra, beam, texel, slab)) return depth;
+    for (int k = 0; k < SPSI_CHUNK && slab > first + k; ++k) {
+        const float *sheet = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
         spsi_slide slide;
         double at[2];
-        spsi_slide_build(penumbra, beam, penumbra->first_slab + k + 0.5, 1, &slide);
-        spsi_slide_at(&slide, q[0] + beam->x0, q[1] + beam->y0, at);
-        sum += fmin(slab - penumbra->first_slab - k, 1) *
-               spsi_bilinear_inside(penumbra->sheets + (size_t)k * spsi_ray_count(rays), rays->width, rays->height,
-                                    at[0], at[1]);
+        spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
+        spsi_slide_at(&slide, texel[0], texel[1], at);
+        sum += fmin(slab - first - k, 1) * spsi_bilinear_inside(sheet, rays->width, rays->height, at[0], at[1]);
     }
-    if (!(sum > 0)) return depth;
-    length = spsi_div(
-        spsi_ray_lengths(&beam->rays, spsi_set((float)q[0]), (float)q[1]),
-        spsi_max(spsi_abs(spsi_linear_slope(&beam->slab, spsi_set((float)q[0]), (float)q[1])), spsi_set(FLT_MIN * 16)));
-    spsi_store(lanes, length);
-    return depth + sum * (double)lanes[0];
+    spsi_slab_lengths(beam, spsi_set((float)q[0]), (float)q[1], lengths);
+    return depth + sum * (double)lengths[0];
 }
 
 /* Mean transmittance of gas between a light and a point, as -log of it. Polygons do not count. */
@@ -12935,7 +12950,7 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
     size_t bytes;
     pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
-        size.scratch = 3 * most * most;
+        size.scratch = 3 * most * most + SPSI_LANES;
         size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
         size.sheets = SPSI_CHUNK * side * side;
         size.held = side * side;

@@ -484,8 +484,9 @@ typedef enum sps_light_kind {
 
 /* A light. One with an extent casts penumbrae: it shines as points spread evenly over it would, except that gas
    scatters its light as if it came from the centre, and that a surface takes the mean of what polygons let pass times
-   the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. A penumbra
-   in gas that is narrower than half a texel of the light's sheets everywhere is left sharp. Shadows of volumes and
+   the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. Where gas
+   cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all gas and polygons, its
+   shadows are left sharp. Shadows of volumes and
    particles come from slabs perpendicular to the half-way vector between eye and light, so every eye ray and every
    light ray through the volumes must cross those slabs with a cosine of at least 0.1; otherwise (a point light inside
    or close to a volume, a very wide camera) rendering fails with SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are

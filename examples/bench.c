@@ -3,7 +3,7 @@
    cc -std=c99 -O3 -march=native -pthread -I. examples/bench.c -o bench -lm
    bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
    bench speed      without the tables of error against time
-   bench lights     one light and two, by maps and by sheets
+   bench lights     one light and two, by maps and by sheets; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays and rasterising alone
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
@@ -138,21 +138,25 @@ static const sps_transfer_point bonsai_points[] = {
 static const sps_transfer bonsai_transfer = {bonsai_points, sizeof bonsai_points / sizeof *bonsai_points, NULL, NULL,
                                              0};
 
-/* 0: loaded; else says why not. */
-static int bonsai_load(ex_grid *grid) {
-    static const int size[3] = {256, 256, 256};
+/* Loads a file without a header. 0: loaded; else says why not. */
+static int scan_load(ex_grid *grid, const char *name, const int size[3], ex_type type) {
     const char *folder = getenv("SPLATSHADOW_DATA");
     char path[4096];
     ex_voxel_file file;
     ex_error error;
     if (!folder) {
-        printf("  left out: SPLATSHADOW_DATA does not say where bonsai_256x256x256_u8.raw is\n");
+        printf("  left out: SPLATSHADOW_DATA does not say where %s is\n", name);
         return 1;
     }
-    snprintf(path, sizeof path, "%s/bonsai_256x256x256_u8.raw", folder);
-    if (!ex_voxel_file_raw(&file, path, size, EX_U8, &error) && !ex_grid_load(grid, &file, &error)) return 0;
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    if (!ex_voxel_file_raw(&file, path, size, type, &error) && !ex_grid_load(grid, &file, &error)) return 0;
     printf("  left out: %s\n", error.text);
     return 1;
+}
+
+static int bonsai_load(ex_grid *grid) {
+    static const int size[3] = {256, 256, 256};
+    return scan_load(grid, "bonsai_256x256x256_u8.raw", size, EX_U8);
 }
 
 static void bonsai_frame(frame *f, ex_grid *grid) {
@@ -1091,6 +1095,95 @@ static void bench_lights(void) {
     ex_session_end(&session);
 }
 
+/* =============================================================================================== penumbrae */
+
+static int smoke_load(ex_grid *grid) {
+    static const int size[3] = {111, 222, 112};
+    return scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16);
+}
+
+static void smoke_frame(frame *f, ex_grid *grid) {
+    static const double eye[3] = {1.6, 1.6, 5.2}, target[3] = {0.5, 0.95, 0.5}, light[3] = {-1, -1.3, -0.5};
+    frame_begin(f, 288, 480);
+    memcpy(f->volume.size, grid->size, sizeof f->volume.size);
+    for (int i = 0; i < 3; ++i) {
+        f->volume.placement.axis[i][i] = grid->size[i] / 111.0;
+        f->volume.albedo[i] = 0.87f, f->light.color[i] = 6;
+    }
+    f->volume.read_fn = ex_grid_read, f->volume.range_fn = ex_grid_range, f->volume.user = grid;
+    f->volume.revision = 2;
+    f->volume.extinction = 300;
+    memcpy(f->light.direction, light, sizeof light);
+    memcpy(f->view.camera.position, eye, sizeof eye);
+    memcpy(f->view.camera.target, target, sizeof target);
+    f->view.camera.field_of_view = 30 * EX_PI / 180;
+}
+
+/* The root mean square difference of the colors of two frames. */
+static double frames_rms(const frame *a, const frame *b) {
+    const size_t count = 4 * (size_t)a->view.width * (size_t)a->view.height;
+    double sum = 0;
+    for (size_t i = 0; i < count; ++i)
+        if (i % 4 != 3) sum += pow((double)a->rgba[i] - (double)b->rgba[i], 2);
+    return sqrt(sum / (0.75 * (double)count));
+}
+
+/* A frame under a sun of 10 degrees: time against a sharp sun, and what its points miss compared with 256 of them. The
+   target is of the fewest points whose error is at most 0.005. */
+static void bench_soft(const char *name, const frame *hard, double target) {
+    enum { KINDS = 4 };
+    static const int points[KINDS] = {4, 8, 16, 32};
+    ex_session session;
+    frame frames[1 + KINDS], exact = *hard;
+    contender c[1 + KINDS];
+    int met = 0;
+    ex_session_measure(&session, program, WORKERS);
+    for (int i = 0; i <= KINDS + 1; ++i) {
+        frame *f = i <= KINDS ? &frames[i] : &exact;
+        *f = *hard;
+        f->scene.volumes = &f->volume, f->scene.meshes = &f->mesh, f->scene.lights = &f->light;
+        f->rgba = (float *)ex_allocate((size_t)f->view.width * (size_t)f->view.height, 4 * sizeof(float));
+        f->light.angular_diameter = i > 0 ? 10 * EX_PI / 180 : 0;
+        f->light.samples = i > KINDS ? 256 : i > 0 ? points[i - 1] : 0;
+        if (i <= KINDS) contender_set(&c[i], &session, f, 0);
+    }
+    race(c, 1 + KINDS, REPEATS);
+    render_seconds(&session, &exact, &exact.view);
+    plain("sharp", c[0].seconds, "s");
+    for (int i = 1; i <= KINDS; ++i) {
+        const double error = frames_rms(&frames[i], &exact), ratio = c[i].seconds / c[0].seconds;
+        char what[80];
+        snprintf(what, sizeof what, "%s, %d points: rms error %.4f, time / sharp", name, points[i - 1], error);
+        if (error <= 0.005 && !met)
+            at_most(what, ratio, "", target);
+        else
+            plain(what, ratio, "");
+        met |= error <= 0.005;
+    }
+    for (int i = 0; i <= KINDS; ++i) frame_end(&frames[i]);
+    frame_end(&exact);
+    ex_session_end(&session);
+}
+
+static void bench_penumbrae(void) {
+    ex_grid grid;
+    frame f;
+    printf("\nPenumbrae: a sun of 10 degrees against a sharp one, 2 workers, voxels held\n");
+    if (bonsai_load(&grid) == 0) {
+        bonsai_frame(&f, &grid);
+        f.volume.shading = SPS_SHADING_SURFACE;
+        bench_soft("bonsai", &f, 1.6);
+        frame_end(&f);
+        ex_grid_free(&grid);
+    }
+    if (smoke_load(&grid) == 0) {
+        smoke_frame(&f, &grid);
+        bench_soft("smoke", &f, 1.5);
+        frame_end(&f);
+        ex_grid_free(&grid);
+    }
+}
+
 /* ==================================================================================================== main */
 
 int main(int argc, char **argv) {
@@ -1111,7 +1204,10 @@ int main(int argc, char **argv) {
         bench_empty_space();
         bench_particles();
     }
-    if (lights) bench_lights();
+    if (lights) {
+        bench_lights();
+        bench_penumbrae();
+    }
     if (polygons) bench_polygons();
     if (maps) bench_maps();
     if (accuracy) {

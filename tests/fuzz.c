@@ -252,6 +252,19 @@ static void random_map(sps_tmap_settings *map) {
     if (one_in(10)) map->byte_budget = (size_t)below(100000);
 }
 
+/* An extent and a cone, valid for the most part. */
+static void random_extent(sps_light *light) {
+    if (one_in(2)) return;
+    put_int(&light->kind, below(one_in(30) ? 6 : 4));
+    if (light->kind == SPS_LIGHT_DIRECTIONAL || one_in(30)) light->angular_diameter = strange(0, 0.4);
+    for (int a = 0; a < 2; ++a)
+        for (int i = 0; i < 3; ++i) light->axes[a][i] = one_in(3) ? 0 : strange(-0.5, 0.5);
+    light->samples = one_in(20) ? below(400) - 20 : below(12);
+    if (light->kind == SPS_LIGHT_DIRECTIONAL || one_in(2)) return;
+    light->outer_cone = strange(0, 1.5);
+    light->inner_cone = one_in(10) ? strange(0, 1.5) : light->outer_cone * unit();
+}
+
 static void random_light(scenery *x, int n) {
     sps_light *light = &x->s.light[n];
     light->kind = one_in(2) ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
@@ -260,6 +273,7 @@ static void random_light(scenery *x, int n) {
         light->position[i] = one_in(6) ? strange(-1, 1) : strange(-9, 9);
     }
     random_color(light->color, 5);
+    random_extent(light);
     light->no_shadow = one_in(5);
     random_map(&x->maps[n]);
     if (one_in(3)) light->shadow_map = &x->maps[n];

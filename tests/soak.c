@@ -72,16 +72,25 @@ static const char *excuse(uint64_t seed, long number) {
     return NULL;
 }
 
+/* A light with an extent in the place of every other one without that casts sharp shadows by slabs, or none. Drawn by a
+   generator of its own, so that all other scenes stay the ones that `known` lists. */
+static void draw_extent(check_random random, int levels[FEATURES]) {
+    const int extended = LIGHT_WIDE_SUN + draw_below(&random, 3);
+    const int has_map = levels[SHADOW] != SHADOW_SLABS && levels[SHADOW] != SHADOW_NONE;
+    if (one_in(&random, 2) && levels[LIGHT] != LIGHT_NONE && !has_map) levels[LIGHT] = extended;
+}
+
 /* Compatible levels, each as likely as the others; but few scenes are without a light. */
 static void draw_levels(check_random *random, int levels[FEATURES]) {
     int good;
     do {
         good = 1;
-        for (int f = 0; f < FEATURES; ++f) levels[f] = draw_below(random, level_count(f));
-        if (levels[LIGHT] == LIGHT_NONE) levels[LIGHT] = draw_below(random, level_count(LIGHT));
+        for (int f = 0; f < FEATURES; ++f) levels[f] = draw_below(random, f == LIGHT ? LIGHT_WIDE_SUN : level_count(f));
+        if (levels[LIGHT] == LIGHT_NONE) levels[LIGHT] = draw_below(random, LIGHT_WIDE_SUN);
         for (int a = 0; a < FEATURES; ++a)
             for (int b = 0; b < a; ++b) good &= !scene_excluded(a, levels[a], b, levels[b]);
     } while (!good);
+    draw_extent(*random, levels);
 }
 
 static void judge(soak *s, const outcome *o) {

@@ -382,7 +382,7 @@ static const option_rule options[] = {
     {"--width", "W", "pixels; default 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
     {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
     {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
-    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b | spot,x,y,z,dx,dy,dz,inner,outer,r,g,b", "dx,dy,dz: the way the light travels; inner, outer: a spotlight's angles from it, in degrees; repeatable", add_light, SCENE, 0, 6, COORDINATES},
+    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b | spot,x,y,z,dx,dy,dz,inner,outer,r,g,b", "dx,dy,dz: the way the light travels; inner, outer: degrees from it; repeatable", add_light, SCENE, 0, 6, COORDINATES},
     {"--light-size", "R | W,H", "of a point light: a disc's radius, or a rectangle's edges; not with maps (--shadow)", set_light_size, OF_LIGHT(size), 2, 0, FARTHEST, NULL},
     {"--light-angle", "DEG", "of a directional light: its angular diameter; not with maps (--shadow)", set_reals, OF_LIGHT(angle), 1, 0, 114, NULL},
     {"--light-samples", "K", "points that stand for a light with one of these; default by --quality", set_integers, OF_LIGHT(samples), 1, 1, 256, NULL},

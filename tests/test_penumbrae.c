@@ -382,7 +382,7 @@ static void test_reference(void) {
             if (figures())
                 printf("%s%s: rms error %.5f, of the same light without extent %.5f, mean %.4f\n", names[kind],
                        polygons ? " with polygons" : "", error, hard, mean);
-            CHECK(error < hard + 0.01 * mean);
+            CHECK(error < hard + 0.0025 * mean); /* noise of 8 points; half of the sideways shift would cost 0.0044 */
         }
     check_free_triangles(&ground);
     check_free_triangles(&blocker);

@@ -94,24 +94,27 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
-    lights that share a sweep are held at the same time. One with an extent adds 64 per texel of shadow buffer, 4 per
-    texel and point of it (8 if polygons shade gas) and 12 per texel and worker. sps_plan returns an upper bound
-beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is never
-exceeded. ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value,
-sps_get_error the same as data. After a failure the image is untouched and the context can be used again. THREADS   A
-context serves one call at a time; any number of contexts can run at once, and any number of threads may query a
-finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, background, progress,
-message, allocator) run on the calling thread, one at a time, and must not call into the same context. With both
-parallel_for_fn and progress_fn, several workers may call clock_fn at once. REPEATABLE   A build produces the same bits
-for any number of workers, on every run, and for any region of an image. So it does on different machines if they have
-the same C library and all threads use the same rounding mode and the same treatment of denormal numbers. LIMITS Images
-and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15. Voxels are resolved
-from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for point lights up to 1e7 times
-as far away as the gas is wide. A polygon shades only what lies farther behind it than the round-off of its corners,
-which are floats: 1.2e-7 of their distance from the mesh's origin. Values above 1e18 are an error, values below 1e-30
-count as 0. Beyond an optical depth of 86, transmittance is exactly 0; a polygon has an optical depth of 1e15. Where a
-volume's optical depth is well above 1 per voxel, its silhouette shrinks by a fraction of a voxel, because kernels are
-cut. Classified volumes need slabs of 0.7 voxels or less.
+    lights that share a sweep are held at the same time. A light with an extent adds 64 bytes per texel of its shadow
+    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. sps_plan returns an upper
+    bound beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is
+    never exceeded.
+ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
+    same as data. After a failure the image is untouched and the context can be used again.
+THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
+    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, background,
+    progress, message, allocator) run on the calling thread, one at a time, and must not call into the same context.
+    With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
+REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
+    it does on different machines if they have the same C library and all threads use the same rounding mode and the
+    same treatment of denormal numbers.
+LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15.
+    Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
+    point lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than
+    the round-off of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
+    Values above 1e18 are an error, values below 1e-30 count as 0. Beyond an optical depth of 86, transmittance is
+    exactly 0; a polygon has an optical depth of 1e15. Where a volume's optical depth is well above 1 per voxel, its
+    silhouette shrinks by a fraction of a voxel, because kernels are cut. Classified volumes need slabs of 0.7 voxels
+    or less.
 
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
@@ -486,12 +489,11 @@ typedef enum sps_light_kind {
    scatters its light as if it came from the centre, and that a surface takes the mean of what polygons let pass times
    the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. Where gas
    cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all gas and polygons, its
-   shadows are left sharp. Shadows of volumes and
-   particles come from slabs perpendicular to the half-way vector between eye and light, so every eye ray and every
-   light ray through the volumes must cross those slabs with a cosine of at least 0.1; otherwise (a point light inside
-   or close to a volume, a very wide camera) rendering fails with SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are
-   perpendicular to the eye's central ray: only a camera that sees volumes across more than 168 degrees (2.94) from
-   corner to corner is refused then. Polygons have no such limit. */
+   shadows are left sharp. Shadows of volumes and particles come from slabs perpendicular to the half-way vector between
+   eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine of at
+   least 0.1; otherwise (a point light inside or close to a volume, a very wide camera) rendering fails with
+   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are perpendicular to the eye's central ray: only a camera that sees
+   volumes across more than 168 degrees (2.94) from corner to corner is refused then. Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -10422,13 +10424,19 @@ static spsi_area spsi_slide_area(const spsi_penumbra *penumbra, const spsi_beam 
 
 #define SPSI_ROW_PART 64 /* texels of a row that are weighted at a time */
 
-/* Adds `scale` (per texel; NULL: 1) times what texels x0 .. x0 + count - 1 of row y find in a grid, where all of a row
-   moves by the same: four rows are weighted once, then four columns. */
-static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, int x0, int y, int count,
-                              const float *scale, float *out) {
+/* Texels x0 .. x0 + count - 1 of row y, to each of which `scale` times what it finds in a grid is added. */
+typedef struct spsi_texel_row {
+    int x0, y, count;
+    const float *scale; /* per texel; NULL: 1 */
+    float *out;         /* per texel */
+} spsi_texel_row;
+
+/* Adds what a row finds where all of it moves by the same: four rows of the grid are weighted once, then four
+   columns. */
+static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
     const float move_x = slide->d[0] * slide->l[0], move_y = slide->d[1] * slide->l[0];
-    const int row = y + (int)floorf(move_y) - grid->y0 - 1, column = x0 + (int)floorf(move_x) - grid->x0 - 1;
-    const int first = spsi_most(0, -column), end = spsi_least(count, grid->width - 3 - column);
+    const int row = to->y + (int)floorf(move_y) - grid->y0 - 1, column = to->x0 + (int)floorf(move_x) - grid->x0 - 1;
+    const int first = spsi_most(0, -column), end = spsi_least(to->count, grid->width - 3 - column);
     spsi_v across[4], down[4];
     if (row < 0 || row + 3 >= grid->height || first >= end) return;
     spsi_cubic_weights(spsi_set(move_x - floorf(move_x)), across);
@@ -10448,8 +10456,8 @@ static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *sli
             const int some = spsi_least(SPSI_LANES, part - i);
             spsi_v sum = spsi_mul(across[0], spsi_load(weighted + i));
             for (int c = 1; c < 4; ++c) sum = spsi_fma(across[c], spsi_load(weighted + i + c), sum);
-            if (scale) sum = spsi_mul(sum, spsi_load_first(scale + start + i, some));
-            spsi_store_first(out + start + i, spsi_add(sum, spsi_load_first(out + start + i, some)), some);
+            if (to->scale) sum = spsi_mul(sum, spsi_load_first(to->scale + start + i, some));
+            spsi_store_first(to->out + start + i, spsi_add(sum, spsi_load_first(to->out + start + i, some)), some);
         }
     }
 }
@@ -10505,25 +10513,24 @@ static spsi_v spsi_grid_lookup(const spsi_texel_grid *grid, spsi_v u, spsi_v v) 
 }
 
 /* As spsi_row_add_even, in general. */
-static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, int x0, int y, int count,
-                         const float *scale, float *out) {
-    const spsi_v one = spsi_set(1), fixed = spsi_set(slide->l[0] + (float)y * slide->l[2]);
+static void spsi_row_add(const spsi_texel_grid *grid, const spsi_slide *slide, const spsi_texel_row *to) {
+    const spsi_v one = spsi_set(1), fixed = spsi_set(slide->l[0] + (float)to->y * slide->l[2]);
     const spsi_v least = spsi_set((float)SPSI_SLIDE_LEAST);
     if (slide->even) {
-        spsi_row_add_even(grid, slide, x0, y, count, scale, out);
+        spsi_row_add_even(grid, slide, to);
         return;
     }
-    for (int i = 0; i < count; i += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, count - i);
-        const spsi_v x = spsi_add(spsi_set((float)(x0 + i)), spsi_iota());
+    for (int i = 0; i < to->count; i += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, to->count - i);
+        const spsi_v x = spsi_add(spsi_set((float)(to->x0 + i)), spsi_iota());
         const spsi_v l = spsi_fma(x, spsi_set(slide->l[1]), fixed);
         const spsi_v per = spsi_div(one, spsi_max(spsi_fma(l, spsi_set(slide->d[2]), one), least));
         const spsi_v u = spsi_sub(spsi_mul(spsi_fma(l, spsi_set(slide->d[0]), x), per), spsi_set((float)grid->x0));
-        const spsi_v v =
-            spsi_sub(spsi_mul(spsi_fma(l, spsi_set(slide->d[1]), spsi_set((float)y)), per), spsi_set((float)grid->y0));
+        const spsi_v v = spsi_sub(spsi_mul(spsi_fma(l, spsi_set(slide->d[1]), spsi_set((float)to->y)), per),
+                                  spsi_set((float)grid->y0));
         spsi_v value = spsi_grid_lookup(grid, u, v);
-        if (scale) value = spsi_mul(value, spsi_load_first(scale + i, some));
-        spsi_store_first(out + i, spsi_add(value, spsi_load_first(out + i, some)), some);
+        if (to->scale) value = spsi_mul(value, spsi_load_first(to->scale + i, some));
+        spsi_store_first(to->out + i, spsi_add(value, spsi_load_first(to->out + i, some)), some);
     }
 }
 
@@ -10807,14 +10814,11 @@ static void spsi_beam_lengths(const spsi_beam *beam, int x0, int y, int count, f
 }
 
 /* Adds sheet k, as a row of a beam's texels crosses it, to their optical depth. */
-static void spsi_beam_cross(const spsi_penumbra *penumbra, const spsi_slide *slide, int k, int x0, int y, int count,
-                            const float *lengths, float *depth) {
+static void spsi_beam_cross(const spsi_penumbra *penumbra, const spsi_slide *slide, int k, const spsi_texel_row *row) {
     const spsi_rays *rays = penumbra->rays;
-    spsi_texel_grid sheet = {NULL, 0, 0, 0, 0};
-    sheet.values = penumbra->sheets + (size_t)k * spsi_ray_count(rays);
-    sheet.width = rays->width;
-    sheet.height = rays->height;
-    spsi_row_add(&sheet, slide, x0, y, count, lengths, depth);
+    const spsi_texel_grid sheet = {penumbra->sheets + (size_t)k * spsi_ray_count(rays), 0, 0, rays->width,
+                                   rays->height};
+    spsi_row_add(&sheet, slide, row);
 }
 
 static void spsi_beam_part_load(const spsi_beam *beam, spsi_area area, float *memory, spsi_beam_part *part) {
@@ -10853,18 +10857,18 @@ static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
 
 /* Adds what a beam has lost at a row of a plane's texels: optical depth is looked up, since transmittance bends more
    between texels. */
-static void spsi_beam_add_row(const spsi_beam_part *part, const spsi_slide *slide, int x0, int y, int count,
+static void spsi_beam_add_row(const spsi_beam_part *part, const spsi_slide *slide, const spsi_area *area, int y,
                               float *plane) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     float depth[SPSI_TILE_WIDTH + SPSI_LANES] = {0}, stopped[SPSI_TILE_WIDTH + SPSI_LANES] = {0};
-    spsi_texel_grid grid;
-    grid.x0 = part->area.x0, grid.y0 = part->area.y0, grid.width = part->width, grid.height = part->height;
-    grid.values = part->depth;
-    spsi_row_add(&grid, slide, x0, y, count, NULL, depth);
+    spsi_texel_grid grid = {part->depth, part->area.x0, part->area.y0, part->width, part->height};
+    spsi_texel_row row = {area->x0, y, area->x1 - area->x0 + 1, NULL, depth};
+    spsi_row_add(&grid, slide, &row);
     grid.values = part->stopped;
-    if (part->beam->stop) spsi_row_add(&grid, slide, x0, y, count, NULL, stopped);
-    for (int i = 0; i < count; i += SPSI_LANES) {
-        const int some = spsi_least(SPSI_LANES, count - i);
+    row.out = stopped;
+    if (part->beam->stop) spsi_row_add(&grid, slide, &row);
+    for (int i = 0; i < row.count; i += SPSI_LANES) {
+        const int some = spsi_least(SPSI_LANES, row.count - i);
         const spsi_v through = spsi_exp(spsi_sub(zero, spsi_max(zero, spsi_load(depth + i))));
         const spsi_v lit = spsi_sub(one, spsi_clamp(spsi_load(stopped + i), zero, one)); /* cubics overshoot */
         const spsi_v lost = spsi_sub(one, spsi_mul(through, lit));
@@ -10892,14 +10896,14 @@ static void spsi_beam_add(const spsi_penumbra *penumbra, const spsi_beam *beam, 
         for (int y = lookups->bounds.y0; y <= lookups->bounds.y1; ++y) {
             const spsi_area *row = &lookups->rows[y % SPSI_TILE_HEIGHT / SPSI_PATCH];
             if (!spsi_area_empty(*row))
-                spsi_beam_add_row(&part, &slide, row->x0, y, row->x1 - row->x0 + 1,
-                                  planes[k] + (size_t)y * pitch + (size_t)row->x0);
+                spsi_beam_add_row(&part, &slide, row, y, planes[k] + (size_t)y * pitch + (size_t)row->x0);
         }
         if (k == SPSI_CHUNK || !held) continue;
         spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slide);
         for (int y = 0; y < part.height; ++y) {
             const size_t at = (size_t)y * (size_t)part.width;
-            spsi_beam_cross(penumbra, &slide, k, area.x0, area.y0 + y, part.width, part.lengths + at, part.depth + at);
+            const spsi_texel_row row = {area.x0, area.y0 + y, part.width, part.lengths + at, part.depth + at};
+            spsi_beam_cross(penumbra, &slide, k, &row);
         }
     }
 }
@@ -10951,16 +10955,15 @@ static int spsi_beam_tasks(const spsi_penumbra *penumbra) {
 /* Lets a block of a beam's texels cross the chunk's sheets. */
 static void spsi_beam_block(const spsi_penumbra *penumbra, const spsi_beam *beam, spsi_area block) {
     const double first = penumbra->first_slab;
-    const int count = block.x1 - block.x0 + 1;
     spsi_slide slides[SPSI_CHUNK];
     if (!spsi_penumbra_holds(penumbra, spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, 1, block))) return;
     for (int k = 0; k < SPSI_CHUNK; ++k) spsi_slide_build(penumbra, beam, first + k + 0.5, 1, &slides[k]);
     for (int y = block.y0; y <= block.y1; ++y) {
         float lengths[SPSI_BEAM_BLOCK + SPSI_LANES];
-        float *depth = beam->depth + (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(block.x0 - beam->x0);
-        spsi_beam_lengths(beam, block.x0, y, count, lengths);
-        for (int k = 0; k < SPSI_CHUNK; ++k)
-            spsi_beam_cross(penumbra, &slides[k], k, block.x0, y, count, lengths, depth);
+        const size_t at = (size_t)(y - beam->y0) * (size_t)beam->rays.width + (size_t)(block.x0 - beam->x0);
+        const spsi_texel_row row = {block.x0, y, block.x1 - block.x0 + 1, lengths, beam->depth + at};
+        spsi_beam_lengths(beam, row.x0, y, row.count, lengths);
+        for (int k = 0; k < SPSI_CHUNK; ++k) spsi_beam_cross(penumbra, &slides[k], k, &row);
     }
 }
 

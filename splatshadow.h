@@ -514,8 +514,8 @@ typedef struct sps_light {
     double inner_cone, outer_cone;
     /* Number of points that stand for an extent, up to 256; 0: from quality (draft 8, medium 16, high 32, ultra 64).
        The error of a penumbra falls nearly in proportion. Cost: per point and pixel of polygons, a shadow ray and, in
-       gas, up to 17 lookups; in gas, three lookups per point, slab and texel that has gas. sps_reference takes as many
-       points for each sample, 64 if this is 0, and other ones. */
+       gas, up to 17 lookups; in gas, three lookups per point, slab and texel that has gas. sps_reference uses this
+       number of points for each sample, 64 if this is 0, and other ones. */
     int samples;
     int no_shadow; /* 1: shines through everything */
     /* NULL: shadows of gas come from slabs. Otherwise from a transmittance map made with these settings, which has no
@@ -612,7 +612,8 @@ typedef struct sps_image {
 typedef enum sps_pass {
     SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
-    SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, per shadowing light, for gas that scatters */
+    SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
+                                penumbrae */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep */
@@ -4438,6 +4439,12 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
     return SPS_OK;
 }
 
+/* The longer half axis of an ellipse with two conjugate half axes: the larger singular value of the matrix (u v). */
+static double spsi_ellipse_radius(const double u[3], const double v[3]) {
+    const double a = spsi_dot(u, u), b = spsi_dot(v, v), c = spsi_dot(u, v);
+    return sqrt(0.5 * (a + b + sqrt((a - b) * (a - b) + 4 * c * c)));
+}
+
 static void spsi_extent_build(const sps_light *light, const double direction[3], spsi_light_extent *extent) {
     extent->exists = 1;
     extent->is_disc = light->kind != SPS_LIGHT_RECTANGLE;
@@ -4447,8 +4454,8 @@ static void spsi_extent_build(const sps_light *light, const double direction[3],
         return;
     }
     memcpy(extent->axis, light->axes, sizeof extent->axis);
-    extent->radius = spsi_length(light->axes[0]) + spsi_length(light->axes[1]);
-    if (extent->is_disc) extent->radius = fmax(spsi_length(light->axes[0]), spsi_length(light->axes[1]));
+    extent->radius = extent->is_disc ? spsi_ellipse_radius(light->axes[0], light->axes[1])
+                                     : spsi_length(light->axes[0]) + spsi_length(light->axes[1]);
 }
 
 /* The light without extent at place (x, y) of an extended one. Places on a directional light's disc are spread evenly
@@ -6145,11 +6152,12 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 
 /* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
    sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
-   has. */
+   has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
 static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     double centre[3], forward[3], right[3], down[3], across[3], size, own;
     spsi_bounds_centre(&frame->content->bounds, centre);
     spsi_lamp_direction(lamp, centre, forward);
+    if (!(spsi_dot(forward, forward) > 0)) forward[2] = 1;
     spsi_basis(forward, right, down);
     size = spsi_voxel_across(frame, right, down) / frame->accuracy.shadow_texels;
     if (frame->content->particle_count == 0) return size;
@@ -10980,18 +10988,25 @@ static void spsi_beam_task(void *data, int index, int worker) {
     }
 }
 
+/* Texels of the tiles whose sheets hold something. */
+static spsi_area spsi_penumbra_held(const spsi_penumbra *penumbra) {
+    spsi_area area = spsi_area_none();
+    for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
+        if (penumbra->held[tile]) area = spsi_area_join(area, spsi_tile_area(penumbra, tile));
+    return area;
+}
+
 /* Lets the beams cross the sheets that are kept, if they have not yet. */
 static void spsi_penumbra_cross(sps_context *context, spsi_penumbra *penumbra) {
+    const double first = penumbra->first_slab;
+    const spsi_area held = spsi_penumbra_held(penumbra);
     if (!penumbra->pending) return;
     penumbra->pending = 0;
     spsi_parallel(context, penumbra->beam_count * spsi_beam_tasks(penumbra), spsi_beam_task, penumbra);
-    for (int i = 0; i < penumbra->beam_count; ++i) {
+    for (int i = 0; i < penumbra->beam_count && !spsi_area_empty(held); ++i) {
         spsi_beam *beam = &penumbra->beams[i];
-        for (int tile = 0; tile < penumbra->tiles_x * penumbra->tiles_y; ++tile)
-            if (penumbra->held[tile])
-                beam->crossed = spsi_area_join(beam->crossed, spsi_slide_area(penumbra, beam, penumbra->first_slab,
-                                                                              penumbra->first_slab + SPSI_CHUNK, -1,
-                                                                              spsi_tile_area(penumbra, tile)));
+        const spsi_area crossed = spsi_slide_area(penumbra, beam, first, first + SPSI_CHUNK, -1, held);
+        beam->crossed = spsi_area_join(beam->crossed, crossed);
     }
 }
 

@@ -663,6 +663,7 @@ static void test_light_map_sizes(void) {
     settings.technique = SPS_TMAP_DEEP_OPACITY;
     settings.components = 4;
     setup_build(&t);
+    t.s.view.shadow_size = 0;
     t.s.light[0].shadow_map = &settings;
     o = measure(&t);
     CHECK(o.plan.pass[SPS_PASS_LIGHT_MAPS].bytes <= side * side * texel + 100000);

@@ -6545,10 +6545,21 @@ static sps_result spsi_gather_images(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
+/* Whether any of a vector of lookups may find something: an image of pixels of `size` texels ends half as far beyond
+   its edges. */
+static int spsi_image_meets(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size) {
+    const spsi_v margin = spsi_max(size, spsi_set(1)), before = spsi_sub(spsi_set(0), margin);
+    const spsi_v after_x = spsi_add(margin, spsi_set((float)image->width[0]));
+    const spsi_v after_y = spsi_add(margin, spsi_set((float)image->height[0]));
+    return spsi_bits(spsi_and(spsi_and(spsi_less(before, x), spsi_less(x, after_x)),
+                              spsi_and(spsi_less(before, y), spsi_less(y, after_y)))) != 0;
+}
+
 /* Color of an image at texel (x, y) of its largest level, as seen by pixels of `size` texels. */
 static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size, spsi_v rgb[3]) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f);
     rgb[0] = rgb[1] = rgb[2] = zero;
+    if (!spsi_image_meets(image, x, y, size)) return;
     for (int level = 0; level < image->level_count; ++level) {
         const int width = image->width[level], height = image->height[level];
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
@@ -12213,11 +12224,26 @@ typedef struct spsi_incident {
     spsi_v irradiance[3]; /* mean over the part, per unit of the light's color; all the same without an image */
 } spsi_incident;
 
-/* The part of a slab that a light without extent shines on: the ray's middle as seen from the light, and half of its
-   length. To a light with a position, equal angles along the part have equal weight, so the ray that halves the angle
-   stands for all. */
-static void spsi_lamp_travel(const spsi_lamp *lamp, const spsi_pixels *p, const spsi_v middle[3], spsi_v half,
-                             spsi_v travel[3]) {
+/* A part of a slab as seen from a light. */
+typedef struct spsi_reach {
+    spsi_v middle[3]; /* from the light */
+    spsi_v half;      /* half of its length along the eye's ray */
+    spsi_v pixel;     /* world size of a pixel */
+} spsi_reach;
+
+static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
+                             const spsi_part *part, spsi_reach *reach) {
+    reach->half = spsi_mul(part->half, p->length);
+    reach->pixel = spsi_pixel_size(&shader->frame->content->eye, part->middle);
+    spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, reach->middle);
+    for (int i = 0; i < 3; ++i)
+        reach->middle[i] =
+            spsi_add(reach->middle[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
+}
+
+/* The direction in which light travels at a part. To a light with a position, equal angles along the part have equal
+   weight, so the ray that halves the angle stands for all. */
+static void spsi_lamp_travel(const spsi_lamp *lamp, const spsi_pixels *p, const spsi_reach *reach, spsi_v travel[3]) {
     spsi_v ends[2][3], square;
     if (!lamp->is_point) {
         spsi_set3(lamp->direction, travel);
@@ -12225,7 +12251,8 @@ static void spsi_lamp_travel(const spsi_lamp *lamp, const spsi_pixels *p, const 
     }
     for (int end = 0; end < 2; ++end) {
         for (int i = 0; i < 3; ++i)
-            ends[end][i] = spsi_fma(half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), middle[i]);
+            ends[end][i] =
+                spsi_fma(reach->half, end ? p->toward[i] : spsi_sub(spsi_set(0), p->toward[i]), reach->middle[i]);
         square = spsi_max(spsi_dot_v(ends[end], ends[end]), spsi_set(FLT_MIN));
         for (int i = 0; i < 3; ++i) ends[end][i] = spsi_div(ends[end][i], spsi_sqrt(square));
     }
@@ -12234,49 +12261,71 @@ static void spsi_lamp_travel(const spsi_lamp *lamp, const spsi_pixels *p, const 
     for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
 }
 
-/* The mean of 1 / r^2 over the same part, with a pixel's area taken into account. */
-static spsi_v spsi_lamp_falloff(const spsi_pixels *p, const spsi_v middle[3], spsi_v half, spsi_v pixel) {
-    const spsi_v s = spsi_dot_v(middle, p->toward);
+/* The mean of 1 / r^2 over a part, with a pixel's area taken into account. */
+static spsi_v spsi_lamp_falloff(const spsi_pixels *p, const spsi_reach *reach) {
+    const spsi_v s = spsi_dot_v(reach->middle, p->toward), beside = spsi_mul(reach->pixel, spsi_set(SPSI_LAMP_PIXELS));
     spsi_v foot[3];
-    for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(middle[i], spsi_mul(s, p->toward[i]));
-    return spsi_mean_inverse_square(
-        spsi_max(spsi_mul(pixel, spsi_set(SPSI_LAMP_PIXELS)), spsi_sqrt(spsi_dot_v(foot, foot))), s, half);
+    for (int i = 0; i < 3; ++i) foot[i] = spsi_sub(reach->middle[i], spsi_mul(s, p->toward[i]));
+    return spsi_mean_inverse_square(spsi_max(beside, spsi_sqrt(spsi_dot_v(foot, foot))), s, reach->half);
 }
 
-/* Light from a point of a light at a part of a slab. */
+#define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
+
+/* Colors the light at a part by the light's image: by the mean of all steps along it, or by one of them. Pixels are at
+   least as large as a step across the light's rays: what lies between lookups would show as moire. */
+static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_pixels *p,
+                                const spsi_reach *reach, int only, spsi_incident *incident) {
+    const spsi_v share = spsi_set(only < 0 ? 1.0f / SPSI_IMAGE_STEPS : 1),
+                 cosine = spsi_dot_v(p->toward, incident->travel);
+    const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), spsi_mul(cosine, cosine)), spsi_set(0)));
+    const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_set(2.0f / SPSI_IMAGE_STEPS));
+    spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    for (int n = 0; n < SPSI_IMAGE_STEPS; ++n) {
+        const spsi_v along = spsi_mul(reach->half, spsi_set((2 * (float)n + 1) / SPSI_IMAGE_STEPS - 1));
+        spsi_v at[3], here[3];
+        if (only >= 0 && n != only) continue;
+        for (int i = 0; i < 3; ++i) at[i] = spsi_fma(along, p->toward[i], reach->middle[i]);
+        spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
+        for (int c = 0; c < 3; ++c) color[c] = spsi_fma(share, here[c], color[c]);
+    }
+    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], color[c]);
+}
+
+/* Light from a point of a light at a part of a slab. `step` of its image, or -1: all of them. */
 static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
-                               const spsi_part *part, spsi_incident *incident) {
+                               const spsi_part *part, int step, spsi_incident *incident) {
     const spsi_frame *frame = shader->frame;
-    const spsi_v half = spsi_mul(part->half, p->length), pixel = spsi_pixel_size(&frame->content->eye, part->middle);
-    spsi_v middle[3], axis[3], color[3], irradiance = spsi_set(1);
-    if (lamp->is_point || lamp->projection.exists)
-        spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, middle);
-    for (int i = 0; i < 3 && (lamp->is_point || lamp->projection.exists); ++i)
-        middle[i] = spsi_add(middle[i], spsi_set((float)(shader->position_origin[i] - lamp->position[i])));
-    if (lamp->falls_off) irradiance = spsi_lamp_falloff(p, middle, half, pixel);
-    spsi_lamp_travel(lamp, p, middle, half, incident->travel);
+    spsi_v axis[3], irradiance = spsi_set(1);
+    spsi_reach reach;
+    spsi_reach_build(shader, lamp, p, part, &reach);
+    if (lamp->falls_off) irradiance = spsi_lamp_falloff(p, &reach);
+    spsi_lamp_travel(lamp, p, &reach, incident->travel);
     if (lamp->cone.exists) {
         spsi_set3(lamp->direction, axis);
         irradiance = spsi_mul(irradiance, spsi_cone_share(&lamp->cone, spsi_dot_v(axis, incident->travel)));
     }
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    if (!lamp->projection.exists) return;
-    spsi_projection_lookup(frame, lamp, middle, pixel, color);
-    for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(irradiance, color[c]);
+    if (lamp->projection.exists) spsi_incident_color(frame, lamp, p, &reach, step, incident);
 }
 
-/* The same from a light with an extent: the direction from its centre, and the mean irradiance of its points. */
+/* The same from a light with an extent: the direction from its centre, and the mean irradiance of its points, which
+   share the steps along its image. */
 static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
                          spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / (float)lamp->few_count);
+    const int shared = lamp->few_count >= SPSI_IMAGE_STEPS;
     spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    spsi_lamp_point_at(shader, lamp, p, part, incident);
-    if (lamp->few_count == 1) return;
-    for (int i = 0; i < lamp->few_count; ++i) {
-        spsi_incident point;
-        spsi_lamp_point_at(shader, &lamp->few[i], p, part, &point);
-        for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], point.irradiance[c]);
+    spsi_reach reach;
+    if (lamp->few_count == 1) {
+        spsi_lamp_point_at(shader, lamp, p, part, -1, incident);
+        return;
     }
+    for (int i = 0; i < lamp->few_count; ++i) {
+        spsi_lamp_point_at(shader, &lamp->few[i], p, part, shared ? i % SPSI_IMAGE_STEPS : -1, incident);
+        for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], incident->irradiance[c]);
+    }
+    spsi_reach_build(shader, lamp, p, part, &reach);
+    spsi_lamp_travel(lamp, p, &reach, incident->travel);
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(sum[c], share);
 }
 

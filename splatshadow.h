@@ -494,7 +494,8 @@ typedef enum sps_falloff {
 /* An image that a light throws, like a slide: its light is multiplied by the image's color, and there is none beyond
    the edges, over which the image fades within a texel. Lookups are bilinear, in a pyramid of halved images where
    pixels are larger than texels. Every point of a light with an extent throws the image. Cost: 3 floats per texel and
-   1/3 more; per part of a slab and per pixel of a polygon, for each of the light's points, 12 to 24 lookups. */
+   1/3 more; for each of the light's points, 12 to 24 lookups per pixel of a polygon, and four times as many per part of
+   a slab that the image reaches. */
 typedef struct sps_projector {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* texels, 1..4096 each */
@@ -12271,19 +12272,17 @@ static spsi_v spsi_lamp_falloff(const spsi_pixels *p, const spsi_reach *reach) {
 
 #define SPSI_IMAGE_STEPS 4 /* lookups of an image along a part of a slab */
 
-/* Colors the light at a part by the light's image: by the mean of all steps along it, or by one of them. Pixels are at
-   least as large as a step across the light's rays: what lies between lookups would show as moire. */
+/* Colors the light at a part by the mean of the light's image along it. Pixels are at least as large as a step across
+   the light's rays: what lies between lookups would show as moire. */
 static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_pixels *p,
-                                const spsi_reach *reach, int only, spsi_incident *incident) {
-    const spsi_v share = spsi_set(only < 0 ? 1.0f / SPSI_IMAGE_STEPS : 1),
-                 cosine = spsi_dot_v(p->toward, incident->travel);
+                                const spsi_reach *reach, spsi_incident *incident) {
+    const spsi_v share = spsi_set(1.0f / SPSI_IMAGE_STEPS), cosine = spsi_dot_v(p->toward, incident->travel);
     const spsi_v sine = spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), spsi_mul(cosine, cosine)), spsi_set(0)));
     const spsi_v step = spsi_mul(spsi_mul(reach->half, sine), spsi_set(2.0f / SPSI_IMAGE_STEPS));
     spsi_v color[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     for (int n = 0; n < SPSI_IMAGE_STEPS; ++n) {
         const spsi_v along = spsi_mul(reach->half, spsi_set((2 * (float)n + 1) / SPSI_IMAGE_STEPS - 1));
         spsi_v at[3], here[3];
-        if (only >= 0 && n != only) continue;
         for (int i = 0; i < 3; ++i) at[i] = spsi_fma(along, p->toward[i], reach->middle[i]);
         spsi_projection_lookup(frame, lamp, at, spsi_max(reach->pixel, step), here);
         for (int c = 0; c < 3; ++c) color[c] = spsi_fma(share, here[c], color[c]);
@@ -12291,9 +12290,9 @@ static void spsi_incident_color(const spsi_frame *frame, const spsi_lamp *lamp, 
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(incident->irradiance[c], color[c]);
 }
 
-/* Light from a point of a light at a part of a slab. `step` of its image, or -1: all of them. */
+/* Light from a point of a light at a part of a slab. */
 static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
-                               const spsi_part *part, int step, spsi_incident *incident) {
+                               const spsi_part *part, spsi_incident *incident) {
     const spsi_frame *frame = shader->frame;
     spsi_v axis[3], irradiance = spsi_set(1);
     spsi_reach reach;
@@ -12305,23 +12304,21 @@ static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp,
         irradiance = spsi_mul(irradiance, spsi_cone_share(&lamp->cone, spsi_dot_v(axis, incident->travel)));
     }
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    if (lamp->projection.exists) spsi_incident_color(frame, lamp, p, &reach, step, incident);
+    if (lamp->projection.exists) spsi_incident_color(frame, lamp, p, &reach, incident);
 }
 
-/* The same from a light with an extent: the direction from its centre, and the mean irradiance of its points, which
-   share the steps along its image. */
+/* The same from a light with an extent: the direction from its centre, and the mean irradiance of its points. */
 static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p, const spsi_part *part,
                          spsi_incident *incident) {
     const spsi_v share = spsi_set(1.0f / (float)lamp->few_count);
-    const int shared = lamp->few_count >= SPSI_IMAGE_STEPS;
     spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
     spsi_reach reach;
     if (lamp->few_count == 1) {
-        spsi_lamp_point_at(shader, lamp, p, part, -1, incident);
+        spsi_lamp_point_at(shader, lamp, p, part, incident);
         return;
     }
     for (int i = 0; i < lamp->few_count; ++i) {
-        spsi_lamp_point_at(shader, &lamp->few[i], p, part, shared ? i % SPSI_IMAGE_STEPS : -1, incident);
+        spsi_lamp_point_at(shader, &lamp->few[i], p, part, incident);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], incident->irradiance[c]);
     }
     spsi_reach_build(shader, lamp, p, part, &reach);

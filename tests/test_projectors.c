@@ -21,7 +21,7 @@ typedef struct slide {
     int pattern;
 } slide;
 
-enum { WHITE, NOISE, CHECKER, HALVES };
+enum { WHITE, NOISE, CHECKER, HALVES, GREY };
 
 /* A color of the texel at (x, y): a hash. */
 static void noise(int x, int y, float rgb[3]) {
@@ -39,6 +39,7 @@ static int sample_slide(void *user, size_t count, const float *uv, float *out) {
         const int x = (int)((double)uv[0] * s->size), y = (int)((double)uv[1] * s->size);
         out[0] = out[1] = out[2] = 1;
         if (s->pattern == NOISE) noise(x, y, out);
+        if (s->pattern == GREY) out[0] = out[1] = out[2] = 0.5f;
         if (s->pattern == CHECKER) out[0] = out[1] = out[2] = (float)((x ^ y) & 1);
         if (s->pattern == HALVES) out[0] = (float)(uv[0] < 0.5f), out[1] = (float)(uv[1] < 0.5f), out[2] = 0;
         if (s->wrong != 0 && y == s->size - 1 && x == 1) out[1] = s->wrong; /* NaN differs from 0 too */
@@ -128,6 +129,10 @@ static void test_any_frustum(void) {
             wrong += pixel(image_a, x, y)[2] > 0;
         }
     CHECK(wrong == 0);
+    s.light[0].direction[2] = 2; /* away from the wall: the same places of the image, thrown backwards */
+    projector.left = projector.bottom = -1, projector.right = projector.top = 1;
+    check_render(context, &s, image_a);
+    for (int i = 0; i < SIDE * SIDE; ++i) CHECK(!(image_a[4 * i] > 0) && !(image_a[4 * i + 1] > 0));
 }
 
 /* Where a pixel has 3 x 3 texels of a checker or more, it shows their mean, except at the edge: all halves are grey. */
@@ -320,6 +325,28 @@ static void test_reference(void) {
     }
 }
 
+/* A checker across the line of sight whose texels are a tenth of a slab is grey in gas: a step along a part of a slab
+   has 2.5 of them, so that halves of the image are looked up, which are grey. Only the image's edge differs. */
+static void test_fine_in_gas(void) {
+    double error;
+    for (int grey = 0; grey < 2; ++grey) {
+        slide image = {200, 0, 0, 0, grey ? GREY : CHECKER};
+        const sps_projector projector = projector_of(&image, 1);
+        check_scene s;
+        start_fog(&s, SPS_LIGHT_DIRECTIONAL, &projector);
+        s.light[0].angular_diameter = 0;
+        check_set3(s.light[0].position, 0, 0, 1);
+        check_set3(s.light[0].direction, -1, -0.2, -0.2);
+        s.scene.mesh_count = 0;
+        check_perspective(&s.view.camera, 0.05); /* pixels of a texel */
+        s.view.quality = SPS_QUALITY_MEDIUM;
+        check_render(context, &s, grey ? image_b : image_a);
+    }
+    error = check_largest(image_a, image_b, COUNT);
+    if (figures()) printf("fine checker in gas: %.5f of %.4f\n", error, (double)pixel(image_b, SIDE / 2, SIDE / 2)[0]);
+    CHECK(error < 0.01 * (double)pixel(image_b, SIDE / 2, SIDE / 2)[0]);
+}
+
 /* --- counts, workers, what is refused --- */
 
 static void test_counts(void) {
@@ -448,6 +475,7 @@ int main(void) {
     RUN(test_white);
     RUN(test_falloff);
     RUN(test_reference);
+    RUN(test_fine_in_gas);
     RUN(test_counts);
     RUN(test_workers);
     RUN(test_refused);

@@ -442,7 +442,13 @@ typedef enum sps_tmap_technique {
        over the gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
        against 0.170, worse in the other five scenes of docs/maps.md. The three numbers are read in the same way.)
        3 components; insertion and query cost least of all. */
-    SPS_TMAP_BEER
+    SPS_TMAP_BEER,
+    /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
+       interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark. By
+       default its entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
+       side; n 8..1024, default as many as make an entry as long as wide. 4 bytes per texel and plane, twice that while
+       it is made; cheapest of all maps to look up. */
+    SPS_TMAP_TABLE
 } sps_tmap_technique;
 
 /* Weight of harmonic k of a Fourier or cosine map that has n of them. */
@@ -707,6 +713,7 @@ typedef struct sps_stats_report {
        (particles: the pixels of their boxes). */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
+    uint64_t tables_made, tables_held; /* shadow tables that were made, and taken over from the last call */
     /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
@@ -956,23 +963,24 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them fit an int */
-#define SPSI_SLABS_MAX      (1 << 20) /* with this many, lookups along the eye's rays resolve a sixteenth of a slab */
-#define SPSI_VOLUMES_MAX    64
-#define SPSI_SETS_MAX       64 /* of particles */
-#define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
-#define SPSI_LOBES_MAX      8
-#define SPSI_WORKERS_MAX    1024
-#define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still fit an int */
-#define SPSI_PARTICLES_MAX  (1 << 29)
-#define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it do not overflow a double */
-#define SPSI_VALUE_MIN      1e-30f /* smaller values would only make denormal numbers */
-#define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission, so that sums stay finite */
-#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
-#define SPSI_LIGHT_END      16.0f  /* optical depth at which a light is no longer followed: 1e-7 of it is left */
-#define SPSI_POINTS_MAX     256    /* that stand for an extended light */
-#define SPSI_IMAGE_SIZE_MAX 4096   /* of an image that a light throws */
+#define SPSI_SIZE_MAX          16384     /* pixels or texels on a side; 2^28 of them fit an int */
+#define SPSI_SLABS_MAX         (1 << 20) /* with this many, lookups along the eye's rays resolve a sixteenth of a slab */
+#define SPSI_VOLUMES_MAX       64
+#define SPSI_SETS_MAX          64 /* of particles */
+#define SPSI_MATERIALS_MAX     (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
+#define SPSI_LOBES_MAX         8
+#define SPSI_WORKERS_MAX       1024
+#define SPSI_FACES_MAX         (1 << 29) /* four numbers of each still fit an int */
+#define SPSI_PARTICLES_MAX     (1 << 29)
+#define SPSI_VALUE_MAX         1e18f  /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_COORDINATE_MAX    1e15   /* products of squares of it do not overflow a double */
+#define SPSI_VALUE_MIN         1e-30f /* smaller values would only make denormal numbers */
+#define SPSI_RADIANCE_MAX      1e30f  /* cap of a sheet's emission, so that sums stay finite */
+#define SPSI_DEPTH_MAX         1e15f /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
+#define SPSI_LIGHT_END         16.0f /* optical depth at which a light is no longer followed: 1e-7 of it is left */
+#define SPSI_POINTS_MAX        256   /* that stand for an extended light */
+#define SPSI_IMAGE_SIZE_MAX    4096  /* of an image that a light throws */
+#define SPSI_TABLE_TEXELS_MOST 256   /* on a side of a shadow table whose size is not set */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in the level-2 cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
@@ -1032,6 +1040,12 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
     const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
     return _mm512_i32gather_ps(_mm512_add_epi32(row, _mm512_cvttps_epi32(x)), grid, 4);
 }
+static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
+    const __m512i row = _mm512_mullo_epi32(_mm512_cvttps_epi32(y), _mm512_set1_epi32(stride));
+    const __m512i both = _mm512_i32gather_epi32(_mm512_add_epi32(row, _mm512_cvttps_epi32(x)), grid, 4);
+    pair[0] = _mm512_cvtepi32_ps(_mm512_and_si512(both, _mm512_set1_epi32(0xffff)));
+    pair[1] = _mm512_cvtepi32_ps(_mm512_srli_epi32(both, 16));
+}
 /* As the general ones below: all of a vector if `count` is more than it holds. */
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
@@ -1071,6 +1085,13 @@ static inline spsi_v spsi_iota(void) { return _mm256_set_ps(7, 6, 5, 4, 3, 2, 1,
 static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v y) {
     const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
     return _mm256_i32gather_ps(grid, _mm256_add_epi32(row, _mm256_cvttps_epi32(x)), 4);
+}
+static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
+    const __m256i row = _mm256_mullo_epi32(_mm256_cvttps_epi32(y), _mm256_set1_epi32(stride));
+    const __m256i at = _mm256_add_epi32(row, _mm256_cvttps_epi32(x));
+    const __m256i both = _mm256_i32gather_epi32((const int *)(const void *)grid, at, 4);
+    pair[0] = _mm256_cvtepi32_ps(_mm256_and_si256(both, _mm256_set1_epi32(0xffff)));
+    pair[1] = _mm256_cvtepi32_ps(_mm256_srli_epi32(both, 16));
 }
 static inline __m256i spsi_first(int count) {
     return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0));
@@ -1217,6 +1238,20 @@ static inline spsi_v spsi_lookup(const float *grid, int stride, spsi_v x, spsi_v
     spsi_store(ys, y);
     for (int i = 0; i < SPSI_LANES; ++i) xs[i] = grid[(ptrdiff_t)ys[i] * stride + (ptrdiff_t)xs[i]];
     return spsi_load(xs);
+}
+
+/* Gathers pairs of 16-bit numbers, per lane: the low and the high half of grid[y * stride + x]. */
+static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, spsi_v y, spsi_v pair[2]) {
+    float xs[SPSI_LANES], ys[SPSI_LANES];
+    spsi_store(xs, x);
+    spsi_store(ys, y);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const uint32_t both = grid[(ptrdiff_t)ys[i] * stride + (ptrdiff_t)xs[i]];
+        xs[i] = (float)(both & 0xffff);
+        ys[i] = (float)(both >> 16);
+    }
+    pair[0] = spsi_load(xs);
+    pair[1] = spsi_load(ys);
 }
 #endif
 
@@ -1443,6 +1478,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
     SPSI_BUFFER_TMAP_VOLUMES,      /* data for splatting volumes into a map, >>tmaps */
     SPSI_BUFFER_LIGHT_TMAPS,       /* lights' transmittance maps */
+    SPSI_BUFFER_TABLES_HELD,       /* shadow tables of the last call */
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
@@ -1483,7 +1519,8 @@ struct sps_context {
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
-    int tree_held; /* 1: the tree of these triangles is held too */
+    int tree_held;   /* 1: the tree of these triangles is held too */
+    int table_count; /* shadow tables held, >>tmaps */
     double mesh_low[3], mesh_high[3];
 };
 
@@ -3524,6 +3561,8 @@ static const spsi_technique spsi_techniques[] = {
      spsi_adaptive_depth, NULL},
     {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
      spsi_beer_depths, NULL, NULL},
+    {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
+     spsi_opacity_depths, NULL, NULL},
 };
 
 /* Optical depth before u in one texel, by the function that the technique has. */
@@ -4065,9 +4104,12 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
     if (spsi_check_canaries(context, spsi_setting_object(light), light, spsi_setting_prefix(light),
                             settings->start_canary, settings->end_canary))
         return context->result;
-    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_BEER)
+    if ((int)settings->technique < 0 || settings->technique > SPS_TMAP_TABLE)
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "technique", (double)(int)settings->technique,
                                  "it must be an sps_tmap_technique");
+    if (settings->technique == SPS_TMAP_TABLE && light < 0)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_TMAP_SETTINGS, -1, "technique", 0,
+                              "is SPS_TMAP_TABLE, which is for sps_light.shadow_map only");
     if ((int)settings->window < 0 || settings->window > SPS_TMAP_WINDOW_FEJER)
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "window", (double)(int)settings->window,
                                  "it must be an sps_tmap_window");
@@ -6335,6 +6377,19 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
+static int spsi_is_table(const spsi_lamp *lamp) { return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE; }
+
+/* The same of a light's map. */
+static int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
+    return spsi_is_table(lamp) ? SPSI_TABLE_TEXELS_MOST : spsi_light_texels_most(frame);
+}
+
+static int spsi_has_tables(const spsi_frame *frame) {
+    for (int i = 0; i < frame->lamps.count; ++i)
+        if (spsi_is_table(&frame->lamps.list[i])) return 1;
+    return 0;
+}
+
 /* Desired size of a light's texels: that of a voxel, or half of the voxel edge that stands for a particle, whose rim is
    sharper, divided by the quality's texels per voxel. Particles alone do not call for more texels than a depth map
    has. For a light in the very centre, where no direction is that of the gas, voxels are measured across z. */
@@ -6359,7 +6414,7 @@ static int spsi_lamp_rays_around(const spsi_frame *frame, const spsi_lamp *lamp,
     int size = lamp->map_size;
     for (int i = 0; i < 3; ++i)
         farthest = fmax(farthest, fmax(bounds->high[i] - lamp->position[i], lamp->position[i] - bounds->low[i]));
-    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), spsi_light_texels_most(frame));
+    if (size == 0) size = (int)fmin(fmax(ceil(2 * farthest / texel), 16), spsi_map_texels_most(frame, lamp));
     for (int face = 0; face < SPSI_CUBE_FACES; ++face)
         if (!spsi_rays_of_cube_face(lamp->position, face, size, 0, &rays[face])) return 0;
     return SPSI_CUBE_FACES;
@@ -6369,7 +6424,7 @@ static int spsi_lamp_rays_around(const spsi_frame *frame, const spsi_lamp *lamp,
    six. Returns the number of grids; 0: the light is too far from the world's origin to tell its rays apart. */
 static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
     if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp),
-                                                    lamp->map_size, spsi_light_texels_most(frame), &rays[0]))
+                                                    lamp->map_size, spsi_map_texels_most(frame, lamp), &rays[0]))
         return 1;
     return lamp->is_point ? spsi_lamp_rays_around(frame, lamp, rays) : 0;
 }
@@ -9018,6 +9073,7 @@ typedef struct spsi_added {
 typedef struct spsi_tmap_data {
     spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
     spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
+    spsi_buffer table;    /* of a shadow table, in place of texels: pairs of planes */
     spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
 } spsi_tmap_data;
 
@@ -9035,6 +9091,7 @@ struct sps_tmap {
     int face_count, replace_invalid;
     int finished, failed;
     spsi_rays rays[SPSI_CUBE_FACES];
+    uint64_t key;     /* of a shadow table: fingerprint of all that it is made from; 0: it is not kept */
     double per_depth; /* 1 / (far - near) */
     double bias[2];   /* of surfaces, in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
@@ -9196,8 +9253,71 @@ static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v ro
     return spsi_load(us);
 }
 
-/* The same, by whichever of the two the map supports. */
+#define SPSI_TABLE_SIDE   4 /* texels on a side of a block: a plane of it is 64 bytes, which are fetched together */
+#define SPSI_TABLE_TEXELS (SPSI_TABLE_SIDE * SPSI_TABLE_SIDE)
+#define SPSI_TABLE_MOST   65535.0f /* stands for an optical depth of SPSI_TABLE_DEPTH */
+#define SPSI_TABLE_DEPTH  16.0f    /* e^-16 = 1.1e-7 */
+
+/* Blocks along a row of a table, and along its columns, faces one below the other. */
+static int spsi_table_columns(const sps_tmap *map) {
+    return (map->rays[0].width + SPSI_TABLE_SIDE - 1) / SPSI_TABLE_SIDE;
+}
+
+static int spsi_table_rows(const sps_tmap *map) {
+    return (map->rays[0].height * map->face_count + SPSI_TABLE_SIDE - 1) / SPSI_TABLE_SIDE;
+}
+
+/* Along one axis: the block that a texel is in, and its place there, `size` apart. */
+typedef struct spsi_table_place {
+    spsi_v block, within;
+} spsi_table_place;
+
+static inline spsi_table_place spsi_table_place_of(spsi_v texel, float size) {
+    spsi_table_place place;
+    place.block = spsi_floor(spsi_mul(texel, spsi_set(1.0f / SPSI_TABLE_SIDE)));
+    place.within = spsi_mul(spsi_fma(place.block, spsi_set(-SPSI_TABLE_SIDE), texel), spsi_set(size));
+    return place;
+}
+
+/* Optical depth in texels of a table, `share` of the way from plane k - 1 to plane k of u = (k + 1) / n; plane -1, at
+   u = 0, is 0. Item k of a texel holds both. */
+static inline spsi_v spsi_table_at(const sps_tmap *map, const spsi_table_place *column, const spsi_table_place *row,
+                                   spsi_v k, spsi_v share) {
+    const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_table_columns(map)), column->block);
+    spsi_v pair[2];
+    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_TABLE_TEXELS, spsi_add(row->within, column->within),
+                     spsi_fma(block, spsi_set((float)map->settings.components), k), pair);
+    return spsi_mix(pair[0], pair[1], share);
+}
+
+#define SPSI_TABLE_STEP (SPSI_TABLE_DEPTH / SPSI_TABLE_MOST)
+
+/* The same as spsi_tmap_all_depths, from a shadow table. */
+static spsi_v spsi_table_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
+    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
+    const spsi_table_place x = spsi_table_place_of(column, 1), y = spsi_table_place_of(row, SPSI_TABLE_SIDE);
+    return spsi_mul(spsi_table_at(map, &x, &y, k, spsi_sub(at, k)), spsi_set(SPSI_TABLE_STEP));
+}
+
+/* The same as spsi_tmap_depths. */
+static spsi_v spsi_table_lookup(const sps_tmap *map, const spsi_places *places) {
+    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(places->u, planes);
+    const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1))), share = spsi_sub(at, k);
+    spsi_table_place x[2], y[2];
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 2; ++i) {
+        x[i] = spsi_table_place_of(places->column[i], 1);
+        y[i] = spsi_table_place_of(places->row[i], SPSI_TABLE_SIDE);
+    }
+    for (int i = 0; i < 4; ++i)
+        sum = spsi_fma(places->weight[i], spsi_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
+    return spsi_mul(sum, spsi_set(SPSI_TABLE_STEP));
+}
+
+/* The same, by whichever of these the map supports. */
 static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+    if (map->data.table.data) return spsi_table_depths(map, column, row, u);
     return map->has_vectors ? spsi_tmap_all_depths(map, column, row, u)
                             : spsi_tmap_each_depth(map, column, row, u, weight);
 }
@@ -9309,7 +9429,7 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
         spsi_tmap_see(map, q, &seen);
     spsi_places_build(map, &seen, &places);
     places.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
-    return spsi_tmap_depths(map, &places);
+    return map->data.table.data ? spsi_table_lookup(map, &places) : spsi_tmap_depths(map, &places);
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
@@ -10305,7 +10425,8 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
 static size_t spsi_tmap_bytes(const sps_tmap *map) {
     const size_t texels = spsi_tmap_texel_count(map);
     const size_t fixed = sizeof *map + map->planes.size;
-    if (map->finished) return fixed + map->data.texels.size + map->data.starts.size + map->data.surfaces.size;
+    if (map->finished)
+        return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
     if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
     return fixed + texels * (size_t)map->settings.components * sizeof(float);
 }
@@ -10539,6 +10660,7 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->planes);
     spsi_buffer_release(map->context, &map->data.texels);
     spsi_buffer_release(map->context, &map->data.starts);
+    spsi_buffer_release(map->context, &map->data.table);
     spsi_buffer_release(map->context, &map->data.surfaces);
 }
 
@@ -10656,25 +10778,164 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* Fills the map by which gas casts a light's shadow. */
-static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                      const spsi_part_of_call *part, sps_tmap *map) {
-    spsi_occluders occluders;
+/* Number of planes that make a table's entries as long as they are wide, in the middle of its depths. */
+static int spsi_table_planes(const sps_tmap *map) {
+    const spsi_rays *rays = &map->rays[0];
+    const double low = map->settings.near_depth, high = map->settings.far_depth;
+    const double pitch = spsi_pixel_size_at(rays, 0.5 * (low + high));
+    const spsi_technique *technique = map->technique;
+    return (int)fmin(fmax(ceil((high - low) / pitch), technique->least), technique->most);
+}
+
+/* The steps of a table that stand for an optical depth. */
+static uint32_t spsi_table_steps(float depth) {
+    return (uint32_t)(spsi_higher(0, depth < SPSI_TABLE_DEPTH ? depth : SPSI_TABLE_DEPTH) *
+                          (SPSI_TABLE_MOST / SPSI_TABLE_DEPTH) +
+                      0.5f);
+}
+
+/* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
+static void spsi_table_task(void *data, int row, int worker) {
+    const sps_tmap *map = (const sps_tmap *)data;
+    const int planes = map->settings.components, width = map->rays[0].width;
+    const int height = map->rays[0].height * map->face_count, columns = spsi_table_columns(map);
+    uint32_t *to =
+        (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_TABLE_TEXELS;
+    (void)worker;
+    for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_TABLE_TEXELS)
+        for (int i = 0; i < SPSI_TABLE_TEXELS; ++i) {
+            const int x = spsi_least(column * SPSI_TABLE_SIDE + i % SPSI_TABLE_SIDE, width - 1);
+            const int y = spsi_least(row * SPSI_TABLE_SIDE + i / SPSI_TABLE_SIDE, height - 1);
+            const size_t texel = (size_t)y * (size_t)width + (size_t)x;
+            const float *from = (const float *)map->data.texels.data + texel * (size_t)planes;
+            uint32_t before = 0;
+            for (int k = 0; k < planes; ++k) {
+                const uint32_t next = spsi_table_steps(from[k]);
+                to[k * SPSI_TABLE_TEXELS + i] = before | next << 16;
+                before = next;
+            }
+        }
+}
+
+/* Turns an opacity map's texels into a table, and releases them. */
+static sps_result spsi_table_build(sps_tmap *map) {
+    const size_t blocks = (size_t)spsi_table_columns(map) * (size_t)spsi_table_rows(map);
+    const size_t planes = (size_t)map->settings.components;
+    if (blocks * planes > 1 << 24) /* floats count blocks' planes */
+        return spsi_fail_that(map->context, SPS_ERROR_MEMORY, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
+                              "would have more than 2^28 entries");
+    if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes, SPSI_TABLE_TEXELS * sizeof(uint32_t)))
+        return map->context->result;
+    spsi_parallel(map->context, spsi_table_rows(map), spsi_table_task, map);
+    spsi_buffer_release(map->context, &map->data.texels);
+    map->context->stats.tables_made += 1;
+    return SPS_OK;
+}
+
+/* A hash of the gas that a map shows; 0 if it may be another in the next call. */
+static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
+    uint64_t hash = spsi_volumes_fingerprint(frame);
+    for (int i = 0; i < frame->medium_count && hash; ++i) {
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+        hash = spsi_fingerprint(hash, frame->lattices[i].step, sizeof frame->lattices[i].step);
+        hash = spsi_fingerprint(hash, frame->lattices[i].corner, sizeof frame->lattices[i].corner);
+        hash = spsi_fingerprint(hash, &material->extinction, sizeof material->extinction);
+        if (material->table) hash = spsi_fingerprint(hash, material->table->entry, sizeof material->table->entry);
+    }
+    for (int i = 0; i < frame->particles.set_count && hash; ++i) {
+        hash = spsi_fingerprint(hash, &frame->particles.sets[i].soft, sizeof(int));
+        hash = spsi_fingerprint(hash, &frame->particles.sets[i].is_extinction, sizeof(int));
+        hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));
+    }
+    if (hash && frame->content->particle_count > 0)
+        hash = spsi_fingerprint(hash, frame->content->particles,
+                                (size_t)frame->content->particle_count * sizeof *frame->content->particles);
+    return hash;
+}
+
+/* The same of all that a table is made from. */
+static uint64_t spsi_table_key(const spsi_frame *frame, const sps_tmap *map) {
+    const double knobs[] = {frame->view.slab, frame->accuracy.cut, map->settings.near_depth, map->settings.far_depth};
+    uint64_t hash = spsi_gas_fingerprint(frame);
+    if (!hash) return 0;
+    hash = spsi_fingerprint(hash, knobs, sizeof knobs);
+    hash = spsi_fingerprint(hash, &map->settings.components, sizeof map->settings.components);
+    for (int face = 0; face < map->face_count; ++face) {
+        const spsi_rays *rays = &map->rays[face];
+        const int shape[] = {rays->width, rays->height, rays->perspective};
+        const double *const vectors[] = {rays->a, rays->b, rays->c, rays->origin};
+        hash = spsi_fingerprint(hash, shape, sizeof shape);
+        for (int i = 0; i < 4; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
+    }
+    return hash | 1;
+}
+
+/* Moves the table with this key, if it is held, into a map. */
+static int spsi_table_take(sps_context *context, uint64_t key, sps_tmap *map) {
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
+    for (int i = 0; i < context->table_count && key; ++i)
+        if (held[i].key == key) {
+            *map = held[i];
+            memset(&held[i], 0, sizeof held[i]);
+            held[i].context = context;
+            context->stats.tables_held += 1;
+            return 1;
+        }
+    return 0;
+}
+
+/* Releases all tables that are held. */
+static void spsi_tables_drop(sps_context *context) {
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
+    for (int i = 0; i < context->table_count; ++i) spsi_tmap_release(&held[i]);
+    context->table_count = 0;
+}
+
+/* Releases a map, or, unless the call has failed, holds its table for the next one: there is room for as many as there
+   are maps. */
+static void spsi_table_hold(sps_context *context, sps_tmap *map) {
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
+    if (!context->result && map->key && map->data.table.data)
+        held[context->table_count++] = *map;
+    else
+        spsi_tmap_release(map);
+}
+
+/* Aims the map by which gas casts a light's shadow, and takes its table, if that is held. */
+static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                       sps_tmap *map) {
     memset(map, 0, sizeof *map);
-    memset(&occluders, 0, sizeof occluders);
     map->context = context;
     map->light = lamp->index;
     map->settings = lamp->map;
     map->technique = &spsi_techniques[map->settings.technique];
-    occluders.frame = frame;
-    occluders.part = *part;
     map->face_count = spsi_lamp_rays(frame, lamp, map->rays);
     if (map->face_count == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
+    if (spsi_is_table(lamp) && map->settings.components == 0) {
+        spsi_tmap_fit_range(map, &frame->content->bounds);
+        map->settings.components = spsi_table_planes(map);
+    }
     if (spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->content->bounds);
-    return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
+    if (spsi_tmap_take_planes(map)) return context->result;
+    if (!spsi_is_table(lamp)) return SPS_OK;
+    map->key = spsi_table_key(frame, map);
+    spsi_table_take(context, map->key, map);
+    return SPS_OK;
+}
+
+/* Fills it, unless it was held. */
+static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                      const spsi_part_of_call *part, sps_tmap *map) {
+    spsi_occluders occluders;
+    memset(&occluders, 0, sizeof occluders);
+    occluders.frame = frame;
+    occluders.part = *part;
+    if (map->data.table.data) return SPS_OK;
+    if (spsi_tmap_fill(map, &occluders)) return context->result;
+    return spsi_is_table(lamp) ? spsi_table_build(map) : SPS_OK;
 }
 
 /* ============================================================================================ >>penumbrae
@@ -11755,7 +12016,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
                                          spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
     int mapped = 0;
-    sps_tmap *maps;
+    sps_tmap *maps, *next;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     sweep->progress += part.share;
@@ -11763,11 +12024,19 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
     if (!maps) return context->result;
     part.share /= mapped;
+    next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].lamp->has_map) continue;
-        shadows[i].tmap = maps;
+        shadows[i].tmap = next;
         shadows[i].kind = SPSI_SHADOW_MAP;
-        if (spsi_lamp_tmap_fill(context, frame, shadows[i].lamp, &part, maps++)) return context->result;
+        if (spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, next++)) return context->result;
+    }
+    spsi_tables_drop(context); /* what no light has taken */
+    if (!spsi_reserve(context, SPSI_BUFFER_TABLES_HELD, (size_t)mapped, sizeof *maps)) return context->result;
+    next = maps;
+    for (int i = 0; i < count; ++i) {
+        if (!shadows[i].tmap) continue;
+        if (spsi_lamp_tmap_fill(context, frame, shadows[i].lamp, &part, next++)) return context->result;
         part.progress += part.share;
     }
     return SPS_OK;
@@ -11776,7 +12045,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
 static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
     for (int i = 0; i < count; ++i)
-        if (shadows[i].tmap) spsi_tmap_release(maps++);
+        if (shadows[i].tmap) spsi_table_hold(context, maps++);
 }
 
 /* ============================================================================================== >>shading
@@ -13322,6 +13591,7 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     spsi_picture picture;
     spsi_run *run;
     picture.frame = frame;
+    if (!spsi_has_tables(frame)) spsi_tables_drop(context);
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame) || spsi_gather_images(context, frame) ||
         spsi_gather_faces(context, frame, &picture.faces))
         return context->result;
@@ -13619,7 +13889,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
    2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
 static size_t spsi_plan_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
     spsi_rays rays[SPSI_CUBE_FACES];
-    const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_light_texels_most(frame));
+    const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
     const int known = frame->particles.set_count == 0;
     const int faces = known ? spsi_lamp_rays(frame, lamp, rays) : 0;
     size_t six;
@@ -14476,6 +14746,7 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
 SPS_API void sps_destroy(sps_context *context) {
     if (!context) return;
     SPS_ASSERT(context->tmap_count == 0); /* maps must be destroyed before their context */
+    spsi_tables_drop(context);
     for (int i = 0; i < context->segment_count; ++i)
         spsi_release(context, spsi_segment_at(context, i), sizeof(spsi_segment));
     for (int i = 0; i < SPSI_BUFFER_COUNT; ++i)

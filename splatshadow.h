@@ -682,8 +682,10 @@ typedef struct sps_plan_report {
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
     /* Upper bound of all that the context will hold, with image.depth, but without the lists that maps are made from,
-       which may be several times as much. Often 2 or 3 times the actual size, and far more with particles or several
-       shadow maps, since their extents are not known yet. */
+       which may be several times as much. Often 2 or 3 times the actual size. With particles, whose extents are not
+       known, lights' sheets and maps count with their maximum size, and the bound is far higher, unless shadow_size or
+       shadow_map_size sets it. Then it holds for lights with an extent if, from none of their points, gas looks more
+       than twice as wide as from their centre. */
     size_t bytes;
 } sps_plan_report;
 
@@ -13439,23 +13441,24 @@ static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
-   enough is not known then, but the size of the beams has a maximum. Boxes of volumes may be wider than what is in
-   them, and penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
+   enough is not known then. With particles, beams count as twice as wide as the light's sheets, which is their maximum
+   if shadow_size does not set that of the sheets. Boxes of volumes may be wider than what is in them, and penumbrae
+   narrower in their texels, so that the bytes count even if those are left sharp. */
 static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
-    const uint64_t side = spsi_plan_light_side(frame, sweep);
-    const uint64_t most = (uint64_t)spsi_beam_texels_most(frame, (int)side) + 8;
+    const uint64_t side = spsi_plan_light_side(frame, sweep), most = 2 * side + 8;
     sps_pass_report *pass = &report->pass[SPS_PASS_PENUMBRAE];
     spsi_penumbra penumbra;
     spsi_penumbra_size size;
     size_t bytes;
     pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
+        const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
         size.scratch = 3 * most * most + SPSI_LANES;
         size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
         size.sheets = SPSI_CHUNK * side * side;
-        size.held = side * side;
+        size.held = 2 * tiles * tiles;
     } else {
         if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
         size = spsi_penumbra_measure(&penumbra, polygons);
@@ -13639,13 +13642,16 @@ static size_t spsi_plan_tmap_texels(const spsi_frame *frame, const spsi_lamp *la
 }
 
 /* Bytes of a light's transmittance map, and those needed to fill it, except for lists of stretches, whose length is not
-   known, and what is fitted to them. */
+   known, and what is fitted to them. A light's map holds no surfaces. */
 static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_plan_tmap_texels(frame, lamp, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
     const size_t components = (size_t)spsi_components_of(&lamp->map);
-    *held = sizeof(sps_tmap) + texels * (components + 1) * sizeof(float);
+    if (spsi_techniques[lamp->map.technique].lists)
+        *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
+    else
+        *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));

@@ -674,7 +674,7 @@ typedef struct sps_pass_report {
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
     int sweep_count;                 /* passes over the slabs: one per light that shades by sheets, but at least one */
-    int color_channels;              /* 3, or 1 if every color is grey */
+    int color_channels;              /* 3, or 1 if every color that plays a part is grey */
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
@@ -1414,6 +1414,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_MESHES,      /* resolved meshes */
     SPSI_BUFFER_LAMPS,       /* resolved lights */
     SPSI_BUFFER_LAMP_POINTS, /* points that stand for extended lights */
+    SPSI_BUFFER_LAMP_PLANES, /* of the opacity maps of lights */
     SPSI_BUFFER_IMAGES,      /* that lights throw, >>projectors */
     SPSI_BUFFER_BLOCK,       /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
@@ -3541,12 +3542,15 @@ static float spsi_texel_optical_depth(const sps_tmap_settings *settings, const f
     return lanes[0];
 }
 
-/* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for. */
+/* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
+   for theirs. */
 static sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings) {
     sps_tmap_settings resolved = *settings;
-    if (settings->technique != SPS_TMAP_DEFAULT) return resolved;
-    resolved.technique = SPS_TMAP_DEEP_OPACITY;
-    resolved.cubic = 1;
+    if (settings->technique == SPS_TMAP_DEFAULT) {
+        resolved.technique = SPS_TMAP_DEEP_OPACITY;
+        resolved.cubic = 1;
+    }
+    if (resolved.technique != SPS_TMAP_OPACITY && resolved.technique != SPS_TMAP_DEEP_OPACITY) resolved.planes = NULL;
     return resolved;
 }
 
@@ -3560,6 +3564,11 @@ static int spsi_settings_have_range(const sps_tmap_settings *settings) {
 static int spsi_components_least(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
+}
+
+/* The number of planes that the caller has set, which come with a number of components. */
+static int spsi_settings_planes(const sps_tmap_settings *settings) {
+    return settings->planes ? settings->components - 2 * spsi_settings_have_range(settings) : 0;
 }
 
 /* The number of components: that of the settings, or the technique's default. */
@@ -3762,6 +3771,7 @@ typedef struct spsi_frame {
     spsi_content *content;
     sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
+    int has_matrix;    /* 1: its camera was given as a matrix, which only `eye` has now */
     spsi_accuracy accuracy;
     spsi_rays eye;
     int medium_count;
@@ -4064,6 +4074,24 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
     return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", n, rule);
 }
 
+/* Checks the planes of an opacity map. */
+static sps_result spsi_check_planes(sps_context *context, int light, const sps_tmap_settings *settings) {
+    const float *planes = settings->planes;
+    const int count = spsi_settings_planes(settings);
+    if (planes && settings->components == 0)
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", 0,
+                                 "with planes it must be their number, plus two for a deep opacity map");
+    for (int i = 0; i < count; ++i) {
+        const float before = i > 0 ? planes[i - 1] : 0, least = i == count - 1 ? 1 : 0;
+        char field[32];
+        if (planes[i] > before && planes[i] >= least && planes[i] <= 1) continue;
+        SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, field, (double)planes[i],
+                                 "they must rise from above 0, and the last must be 1");
+    }
+    return SPS_OK;
+}
+
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
     sps_tmap_settings resolved;
@@ -4083,7 +4111,8 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "surface_bias", settings->surface_bias,
                                  "it must be 0..1e15");
     resolved = spsi_settings_resolve(settings);
-    return spsi_check_components(context, light, &resolved);
+    if (spsi_check_components(context, light, &resolved)) return context->result;
+    return spsi_check_planes(context, light, &resolved);
 }
 
 /* Checks the map by which a light shades gas. Its depth range is that of the gas, and surfaces have a depth map of
@@ -4256,6 +4285,16 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     return SPS_OK;
 }
 
+/* Images support opaque meshes only. */
+static sps_result spsi_check_opaque(sps_context *context, const sps_scene *scene) {
+    for (int i = 0; i < scene->mesh_count; ++i)
+        if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
+                                   (double)scene->meshes[i].transparency,
+                                   "it must be 0: only transmittance maps support transparency");
+    return SPS_OK;
+}
+
 /* Checks that a camera has exactly one kind of projection. */
 static sps_result spsi_check_projection(sps_context *context, sps_object object, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
@@ -4384,8 +4423,10 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     eye->width = view->width;
     eye->height = view->height;
     if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
+    frame->has_matrix = view->camera.world_to_clip != NULL;
+    view->camera.world_to_clip = NULL; /* the caller's */
     eye->near_depth =
-        view->camera.world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
+        frame->has_matrix && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
     return SPS_OK;
 }
@@ -4738,6 +4779,25 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
+/* Copies the planes of lights' maps. */
+static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
+    size_t count = 0;
+    float *planes;
+    for (int i = 0; i < frame->lamps.count; ++i) count += (size_t)spsi_settings_planes(&frame->lamps.list[i].map);
+    if (count == 0) return SPS_OK;
+    planes = (float *)spsi_reserve(context, SPSI_BUFFER_LAMP_PLANES, count, sizeof(float));
+    if (!planes) return context->result;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        sps_tmap_settings *map = &frame->lamps.list[i].map;
+        const int own = spsi_settings_planes(map);
+        if (own == 0) continue;
+        memcpy(planes, map->planes, (size_t)own * sizeof *planes);
+        map->planes = planes;
+        planes += own;
+    }
+    return SPS_OK;
+}
+
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
@@ -4758,6 +4818,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         frame->lamps.sliced_count += lamp->sliced;
     }
     if (frame->lamps.count == 0) frame->gradients.exist = 0;
+    if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
 }
 
@@ -4805,12 +4866,12 @@ static void spsi_resolve_gradients(spsi_frame *frame) {
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
-static int spsi_count_channels(const spsi_frame *frame, const sps_scene *scene) {
-    int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
-    for (int i = 0; i < scene->light_count; ++i)
-        grey &= spsi_grey(scene->lights[i].color) && !scene->lights[i].projector;
-    for (int i = 0; i < scene->mesh_count; ++i)
-        grey &= !scene->meshes[i].has_colors && spsi_grey(scene->meshes[i].color);
+static int spsi_count_channels(const spsi_frame *frame) {
+    int grey = spsi_grey(frame->ambient) && spsi_grey(frame->background.color) && !frame->background.color_fn;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
+    for (int i = 0; i < frame->meshes.count; ++i)
+        grey &= !frame->meshes.list[i].has_colors && spsi_grey(frame->meshes.list[i].color);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
@@ -4827,7 +4888,7 @@ static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     frame->background.color_fn = scene->background_fn;
     frame->background.user = scene->background_user;
     frame->replace_invalid = scene->replace_invalid != 0;
-    frame->channels = spsi_count_channels(frame, scene);
+    frame->channels = spsi_count_channels(frame);
 }
 
 /* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
@@ -4850,6 +4911,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     if (view) spsi_resolve_gradients(frame);
+    if (view && spsi_check_opaque(context, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = frame->volume_bounds;
@@ -7224,18 +7286,18 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
-    if (!seen->world_to_clip) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
+    if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->lamp && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, cosine, seen->world_to_clip ? "is it row-major? If it is, " : "", way_out);
+                 camera, cosine, frame->has_matrix ? "is it row-major? If it is, " : "", way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
-                          seen->world_to_clip       ? "camera.world_to_clip"
+                          frame->has_matrix         ? "camera.world_to_clip"
                           : seen->field_of_view > 0 ? "camera.field_of_view"
                                                     : "camera.ortho_height",
-                          seen->world_to_clip ? 0 : value, rest);
+                          frame->has_matrix ? 0 : value, rest);
 }
 
 /* Chooses s for the sweep's light, or without one. */
@@ -9034,7 +9096,6 @@ struct sps_tmap {
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
     sps_view view;              /* of the light */
     double matrix[16];          /* its camera's world_to_clip */
-    int has_components;         /* 1: the caller has set their number; 0: left to the technique */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
     int has_vectors;            /* 1: vectors of texels are looked up at once */
     int face_count, replace_invalid;
@@ -10260,11 +10321,10 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
     spsi_normalise(slabs->normal);
     least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
-                               "camera's outermost rays' cosine with its axis", least,
-                               frame->view.camera.world_to_clip
-                                   ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
-                                   : "volumes need 0.1; narrow the light's view, up and down or sideways");
+        return spsi_fail_field(
+            context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1, "camera's outermost rays' cosine with its axis", least,
+            frame->has_matrix ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
+                              : "volumes need 0.1; narrow the light's view, up and down or sideways");
     return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, slabs);
 }
 
@@ -10421,10 +10481,10 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
     const size_t budget = settings->byte_budget, surfaces = spsi_tmap_texel_count(map) * sizeof(float);
-    map->has_components = settings->components > 0;
+    const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
-    while (!map->has_components && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
+    while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
     if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
@@ -10437,28 +10497,14 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
                                                    : SPS_OK;
 }
 
-/* Copies and checks the planes of an opacity map. */
+/* Copies the caller's planes, which are checked, into a map. */
 static sps_result spsi_tmap_take_planes(sps_tmap *map) {
-    const int count = map->inner.components;
-    const float *from = map->settings.planes;
+    const size_t count = (size_t)spsi_settings_planes(&map->settings);
     float *planes;
-    map->settings.planes = map->inner.planes = NULL;
-    if (!from || (map->settings.technique != SPS_TMAP_OPACITY && map->settings.technique != SPS_TMAP_DEEP_OPACITY))
-        return SPS_OK;
-    if (!map->has_components)
-        return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, "components", 0,
-                                 "with planes it must be their number, plus two for a deep opacity map");
-    planes = (float *)spsi_buffer_reserve(map->context, &map->planes, (size_t)count, sizeof(float));
+    if (count == 0) return SPS_OK;
+    planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
     if (!planes) return map->context->result;
-    for (int i = 0; i < count; ++i) {
-        planes[i] = from[i];
-        if (!(planes[i] > (i > 0 ? planes[i - 1] : 0) && planes[i] <= 1) || (i == count - 1 && planes[i] < 1)) {
-            char field[32];
-            SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
-            return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, field, (double)planes[i],
-                                     "they must rise from above 0, and the last must be 1");
-        }
-    }
+    memcpy(planes, map->settings.planes, count * sizeof *planes);
     map->settings.planes = map->inner.planes = planes;
     return SPS_OK;
 }
@@ -10497,6 +10543,7 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
     map->view.width = light->width;
     map->view.height = light->height;
     map->view.camera = light->camera;
+    map->view.camera.world_to_clip = NULL;
     map->view.quality = light->quality;
     map->view.slab = light->slab;
     map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
@@ -10572,6 +10619,7 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
     frame->view = map->view;
+    frame->has_matrix = map->view.camera.world_to_clip != NULL;
     frame->viewer = SPS_OBJECT_TMAP_LIGHT;
     frame->content->eye = map->rays[0];
     spsi_resolve_quality(frame);
@@ -10681,7 +10729,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
                               SPSI_TEXELS_ALIKE);
     if (spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->content->bounds);
-    return spsi_tmap_take_planes(map) ? context->result : spsi_tmap_fill(map, &occluders);
+    return spsi_tmap_fill(map, &occluders);
 }
 
 /* ============================================================================================ >>penumbrae
@@ -14507,16 +14555,6 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
     spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
-/* Images support opaque meshes only. */
-static sps_result spsi_refuse_transparent(sps_context *context, const sps_scene *scene) {
-    for (int i = 0; i < scene->mesh_count; ++i)
-        if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
-                                   (double)scene->meshes[i].transparency,
-                                   "it must be 0: only transmittance maps support transparency");
-    return SPS_OK;
-}
-
 static sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
     return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
 }
@@ -14542,7 +14580,7 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
         return NULL;
     }
     frame = spsi_frame_build(context, scene, view, image->depth != NULL);
-    if (!frame || spsi_refuse_transparent(context, scene)) return NULL;
+    if (!frame) return NULL;
     if (!spsi_rows_fit(frame, image->row_pixels)) {
         spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
                         "it must be 0, or at least the region's width, and the image must fit into memory");
@@ -14575,8 +14613,7 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
         spsi_require(context, report, "report"))
         return context->result;
     frame = spsi_frame_build(context, scene, view, 1);
-    if (frame && (spsi_refuse_transparent(context, scene) || spsi_plan_frame(context, frame, report)))
-        memset(report, 0, sizeof *report);
+    if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
     return context->result;
 }
 

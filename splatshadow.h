@@ -397,10 +397,10 @@ typedef struct sps_particles {
    for `components`; docs/shadow_maps.md helps to choose. */
 typedef enum sps_tmap_technique {
     SPS_TMAP_DEFAULT = 0, /* SPS_TMAP_DEEP_OPACITY with `cubic`: small errors on most gases for few floats */
-    /* Every stretch of every occluder: exact along the texels' own rays, as a reference for the others. (In all maps,
+    /* Every interval of every occluder: exact along the texels' own rays, as a reference for the others. (In all maps,
        particles with a radius up to one texel are weighted so that their mass is right wherever they lie between
        texels; from 1.5 texels on they are unchanged. Volumes are exact except for the cut of their kernels, which
-       `quality` sets: see sps_tmap_bracket.) 16 bytes per stretch and 4 per texel; a query sums the stretches that
+       `quality` sets: see sps_tmap_bracket.) 16 bytes per interval and 4 per texel; a query sums the intervals that
        begin before it. No components. */
     SPS_TMAP_DEEP,
     /* Deep shadow map [Lokovic & Veach 2000]: a polyline of transmittance that is nowhere more than `epsilon` off along
@@ -411,8 +411,8 @@ typedef enum sps_tmap_technique {
     /* Where transmittance falls to one half; 1 before, 0 behind. Right for opaque occluders only. 1 component. */
     SPS_TMAP_DEPTH,
     /* Optical depth at n planes, u = 1/n .. 1 or as set by `planes` [Kim & Neumann 2001]. Exact there; in between, the
-       neighbouring planes bracket the true value. n 1..65, default 8. Insertion costs the planes that a stretch passes
-       through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
+       neighbouring planes bracket the true value. n 1..65, default 8. Insertion costs the planes that an interval
+       passes through, a query 2 lookups (cubic: 4), and a comparison with each plane if `planes` is set. */
     SPS_TMAP_OPACITY,
     /* Deep opacity map, after [Yuksel & Keyser 2008]: the same with planes between the texel's own first and last
        occluder, which are stored before them. (In the paper, the first number is the depth of the first occluder, and
@@ -438,7 +438,7 @@ typedef enum sps_tmap_technique {
        1.3 to 1.5 times that of the best nodes. n 4, 6 .. 64, default 16; made from lists; a query searches. */
     SPS_TMAP_ADAPTIVE,
     /* Beer shadow map, as engines have it: u where gas begins, optical depth per u from there on, and the total, at
-       which it is capped. Exact for a single uniform stretch, and behind everything; gas in several clumps is spread
+       which it is capped. Exact for a single uniform interval, and behind everything; gas in several clumps is spread
        over the gaps between them. (Engines use the mean over the occupied part instead: better for two clumps, 0.106
        against 0.170, worse in the other five scenes of docs/maps.md. The three numbers are read in the same way.)
        3 components; insertion and query cost least of all. */
@@ -680,7 +680,7 @@ typedef struct sps_pass_report {
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
     int sweep_count;                 /* passes over the slabs: one per light that shades by sheets, but at least one */
-    int color_channels;              /* 3, or 1 if every color is grey */
+    int color_channels;              /* 3, or 1 if every color that plays a part is grey */
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
@@ -688,8 +688,10 @@ typedef struct sps_plan_report {
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
     /* Upper bound of all that the context will hold, with image.depth, but without the lists that maps are made from,
-       which may be several times as much. Often 2 or 3 times the actual size, and far more with particles or several
-       shadow maps, since their extents are not known yet. */
+       which may be several times as much. Often 2 or 3 times the actual size. With particles, whose extents are not
+       known, lights' sheets and maps count with their maximum size, and the bound is far higher, unless shadow_size or
+       shadow_map_size sets it. Then it holds for lights with an extent if, from none of their points, gas looks more
+       than twice as wide as from their centre. */
     size_t bytes;
 } sps_plan_report;
 
@@ -741,10 +743,10 @@ typedef struct sps_tmap_info {
     int width, height;  /* texels of a face */
     int face_count;     /* 1, or 6 */
     int is_finished;    /* 1: it can be queried and uploaded */
-    int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per stretch or node */
+    int item_floats;    /* floats per texel in sps_tmap_texels; deep, compressed: per interval or node */
     size_t texel_count; /* of all faces; also the length of sps_tmap_surfaces; sps_tmap_starts has one more */
     size_t float_count; /* length of sps_tmap_texels; deep, compressed: 0 before sps_tmap_finish */
-    /* Held by the map. Before sps_tmap_finish, what it will hold, except for what depends on the occluders: stretches
+    /* Held by the map. Before sps_tmap_finish, what it will hold, except for what depends on the occluders: intervals
        or nodes, and 4 per texel if anything is opaque. */
     size_t bytes;
     sps_tmap_settings settings; /* resolved: never SPS_TMAP_DEFAULT, actual components; planes belong to the map */
@@ -756,7 +758,7 @@ typedef struct sps_tmap_info {
    the light as measured by near_depth. The rows are the matrix of sps_tmap_get_projection in floats. */
 typedef struct sps_tmap_constants {
     float row_x[4], row_y[4], row_w[4], row_distance[4]; /* at bytes 0, 16, 32, 48 */
-    int32_t technique, components;                       /* sps_tmap_technique; 0 components: stretches or nodes */
+    int32_t technique, components;                       /* sps_tmap_technique; 0 components: intervals or nodes */
     int32_t has_range;  /* 1: a texel begins with the u of its first and last occluder */
     int32_t has_planes; /* 1: settings.planes is not NULL */
     int32_t cubic, running_maximum;
@@ -857,10 +859,10 @@ SPS_API sps_result sps_tmap_add(sps_tmap *map, const sps_scene *scene);
 /* Reads the occluders' data and makes the map: along each texel's ray, every particle at its chord, every voxel's
    kernel cut at slabs perpendicular to the light's axis, every triangle where it is. Time is about occluders * texels
    under them * components. Memory, on top of the map's: 160 bytes per particle, and 4 bytes per component of 64 rows of
-   texels, or 16 bytes for every stretch in these; growing lists need up to one and a half times their size in addition.
-   Techniques made from lists need, per worker, 0.1 KB for each stretch of the fullest texel (0.5 KB if particles are
-   soft), and 18 KB for a compressed map. After a failure the map can only be destroyed. Errors: ARGUMENT (finished
-   already), and all those of sps_render. */
+   texels, or 16 bytes for every interval in these; growing lists need up to one and a half times their size in
+   addition. Techniques made from lists need, per worker, 0.1 KB for each interval of the fullest texel (0.5 KB if
+   particles are soft), and 18 KB for a compressed map. After a failure the map can only be destroyed. Errors: ARGUMENT
+   (finished already), and all those of sps_render. */
 SPS_API sps_result sps_tmap_finish(sps_tmap *map);
 
 /* Writes the optical depth between the light and each of `count` world positions (packed triples), and exp(-that);
@@ -886,9 +888,9 @@ SPS_API sps_result sps_tmap_query_floats(const sps_tmap *map, size_t count, cons
 SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const double *positions, float *least,
                                     float *most);
 
-/* Returns the texels for an engine to upload, rows from the top. `components` floats each; for a deep map stretches
+/* Returns the texels for an engine to upload, rows from the top. `components` floats each; for a deep map intervals
    (u0, u1, optical depth, 1 if densest in the middle), for a compressed map nodes (u, transmittance), texel after
-   texel. A stretch may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is before 0
+   texel. An interval may begin before 0 or end behind 1, since a particle that is cut keeps its shape: what is before 0
    counts at 0, and at u = 1 all of it counts. If the light is inside a soft particle, the fourth number is less than 1:
    only the last part of its chord, that fraction of it, counts, and u0 is where that begins. Six faces follow each
    other, +x -x +y -y +z -z, columns and rows along the next two axes, y z, z x or x y; the centres of the outermost
@@ -896,7 +898,7 @@ SPS_API sps_result sps_tmap_bracket(const sps_tmap *map, size_t count, const dou
    sps_tmap_finish. examples/shaders/ has the code that samples them as sps_tmap_query does. */
 SPS_API const float *sps_tmap_texels(const sps_tmap *map);
 
-/* Deep and compressed maps: returns the index of each texel's first stretch or node, followed by the number of all.
+/* Deep and compressed maps: returns the index of each texel's first interval or node, followed by the number of all.
    Valid as sps_tmap_texels. NULL for other maps. */
 SPS_API const uint32_t *sps_tmap_starts(const sps_tmap *map);
 
@@ -1447,6 +1449,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_MESHES,      /* resolved meshes */
     SPSI_BUFFER_LAMPS,       /* resolved lights */
     SPSI_BUFFER_LAMP_POINTS, /* points that stand for extended lights */
+    SPSI_BUFFER_LAMP_PLANES, /* of the opacity maps of lights */
     SPSI_BUFFER_IMAGES,      /* that lights throw, >>projectors */
     SPSI_BUFFER_BLOCK,       /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
@@ -1489,8 +1492,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_BALLS,       /* particles as a map's rays see them, >>tmaps */
     SPSI_BUFFER_BALL_STARTS, /* where each tile's particles begin in the list */
     SPSI_BUFFER_BALL_LIST,   /* the particles of all tiles */
-    SPSI_BUFFER_BAND,        /* sums or stretches of a band of tiles of a map */
-    SPSI_BUFFER_PLACES,      /* where each texel's stretches begin */
+    SPSI_BUFFER_BAND,        /* sums or intervals of a band of tiles of a map */
+    SPSI_BUFFER_CURSORS,     /* where each texel's intervals begin */
     SPSI_BUFFER_CURVES,      /* per worker, the data that a texel of a map is made from */
     SPSI_BUFFER_COUNT
 } spsi_buffer_id;
@@ -1861,7 +1864,7 @@ static inline spsi_v spsi_mean_transmittance(spsi_v a, spsi_v b) {
                     spsi_select(spsi_less(d, spsi_set(0.25f)), series, quotient));
 }
 
-/* The mean position, as a fraction of its length, of what the eye sees of a stretch of optical depth d:
+/* The mean position, as a fraction of its length, of what the eye sees of an interval of optical depth d:
    1/d - 1/(exp(d) - 1), which is 1/2 at d = 0. The series below d = 0.5 is accurate to 1e-7. */
 static inline spsi_v spsi_mean_way(spsi_v d) {
     const spsi_v square = spsi_mul(d, d), most = spsi_max(d, spsi_set(0.5f));
@@ -2274,10 +2277,10 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
 
 /* ======================================================================================== >>transmittance
    8  Optical depth along one ray: how each technique of a transmittance map stores and evaluates it. A ray runs from
-   u = 0 to 1. Along it lie stretches, uniform or with a particle's density of 1 - s^2. Their sum is a curve, kept as
+   u = 0 to 1. Along it lie intervals, uniform or with a particle's density of 1 - s^2. Their sum is a curve, kept as
    straight lines and jumps, which no technique represents exactly except for the list itself. Two kinds:
 
-   Sums accept stretches in any order, a vector of neighbouring texels at a time, and are finished once:
+   Sums accept intervals in any order, a vector of neighbouring texels at a time, and are finished once:
      opacity planes, deep opacity planes       [Kim & Neumann 2001; Yuksel & Keyser 2008; cubics: Steffen 1990]
      Fourier series of extinction              [Jansen & Bavoil 2010], a_k = 2 sum t cos(2 pi k u), b_k with the sine
      power moments of extinction               [Muenstermann et al. 2018; Peters & Klein 2015]
@@ -2286,29 +2289,29 @@ static int spsi_transfer_shows(const spsi_material *material, float low, float h
      u where T falls to one half, cosine series of T, nodes by least area [Salvi et al. 2010], and straight lines of T
      within epsilon                            [Lokovic & Veach 2000]
 
-   Cost: insertion takes time for the planes that a stretch passes through, or for all components; a fit (nodes of the
+   Cost: insertion takes time for the planes that an interval passes through, or for all components; a fit (nodes of the
    curve) x (components), but n log n for an adaptive or a compressed map; the cost of a query stands at its function. T
    is short for transmittance, exp(-optical depth). */
 
 #define SPSI_TMAP_COMPONENTS 65     /* maximum floats per texel */
-#define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft stretch in a curve: 1.2 % of its depth off */
+#define SPSI_SOFT_PIECES     8      /* uniform pieces for a soft interval in a curve: 1.2 % of its depth off */
 #define SPSI_SOFT_MOST       256    /* maximum of such pieces, where an error is to be kept */
 #define SPSI_SOFT_EPSILON    0.001f /* minimum error that these keep */
 #define SPSI_BEER_LENGTH     1e-6f  /* minimum length of a Beer map's gas, so that its density stays finite */
 
-/* A stretch of a ray from u0 to u1, of optical depth `depth`: uniform (soft 0), or with density 1 - s^2, where s runs
-   from -1 to 1 (soft 1), as in a particle. If the light is inside a particle, s begins at 1 - 2 soft: the stretch is
+/* An interval of a ray from u0 to u1, of optical depth `depth`: uniform (soft 0), or with density 1 - s^2, where s runs
+   from -1 to 1 (soft 1), as in a particle. If the light is inside a particle, s begins at 1 - 2 soft: the interval is
    the last `soft` of the chord. Its ends may lie outside 0..1, so that its shape stays exact: what is before 0 counts
    at 0, and what is behind 1 counts at 1. */
-typedef struct spsi_stretch {
+typedef struct spsi_interval {
     float u0, u1, depth, soft;
-} spsi_stretch;
+} spsi_interval;
 
-/* The same for a vector of neighbouring texels; depth 0: no stretch there. */
-typedef struct spsi_stretches {
+/* The same for a vector of neighbouring texels; depth 0: no interval there. */
+typedef struct spsi_intervals {
     spsi_v u0, u1, depth;
     float soft;
-} spsi_stretches;
+} spsi_intervals;
 
 /* One node of a curve along a texel's ray, of optical depth, or of transmittance where a map stores that. The curve is
    linear between nodes; before the first it is unattenuated, after the last it keeps the last value. Two nodes may
@@ -2331,15 +2334,15 @@ typedef struct spsi_technique {
     int least, most, step, usual; /* components: minimum, maximum, step from the minimum, default; all 0 for lists */
     int lists;                    /* 1: a list per texel, whose length depends on its ray */
     int sums;                     /* 1: insert and finish, in any order; 0: fit, from the curve of a texel's ray */
-    /* 1: insert has no closed form for a soft stretch that is cut, which is inserted as points. 0: accepts stretches
+    /* 1: insert has no closed form for a soft interval that is cut, which is inserted as points. 0: accepts intervals
        whose ends lie outside 0..1. */
     int points;
     /* 1: u runs from the texel's first occluder to its last, whose u are the texel's first two components. The
        functions below see only the components after these, and the remapped u. -1: settings->texel_range decides
        (Fourier). */
     int range;
-    /* Adds stretches to sums: component k of the vector's texels is at sums + k * stride. */
-    void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_stretches *stretches);
+    /* Adds intervals to sums: component k of the vector's texels is at sums + k * stride. */
+    void (*insert)(const sps_tmap_settings *settings, float *sums, size_t stride, const spsi_intervals *intervals);
     /* Turns the sums of one texel (packed) into the stored components, in place. NULL: they are the same. */
     void (*finish)(const sps_tmap_settings *settings, float *texel);
     /* Makes a texel from its ray's curve. */
@@ -2348,47 +2351,48 @@ typedef struct spsi_technique {
     size_t (*fit_bytes)(int count);
     /* Writes the initial sums of `count` texels. NULL: these are 0. */
     void (*clear)(float *sums, size_t stride, size_t count, int components);
-    /* Optical depth before u in 0..1 for a vector of texels. NULL: see `depth`. */
-    spsi_v (*depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
-    /* The same for one texel, where that takes a search or more precision than floats have. NULL: see `depths`. */
-    float (*depth)(const sps_tmap_settings *settings, const float *texel, float u);
+    /* Optical depth before u in 0..1 for a vector of texels. NULL: see `optical_depth`. */
+    spsi_v (*optical_depths)(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u);
+    /* The same for one texel, where that takes a search or more precision than floats have. NULL: see `optical_depths`.
+     */
+    float (*optical_depth)(const sps_tmap_settings *settings, const float *texel, float u);
     /* Guaranteed bounds of optical depth. NULL: none known; 0 .. SPSI_DEPTH_MAX is returned. */
     void (*bracket)(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]);
 } spsi_technique;
 
-/* ---- stretches ---- */
+/* ---- intervals ---- */
 
-/* The share of a soft stretch that lies in its first `t`. For a whole chord S(t) = t^2 (3 - 2 t); for the last `soft`
+/* The share of a soft interval that lies in its first `t`. For a whole chord S(t) = t^2 (3 - 2 t); for the last `soft`
    of one, 1 - S(soft (1 - t)) / S(soft), written without cancellation. */
 static inline float spsi_soft_share(float soft, float t) {
     return t * (6 * (1 - soft) + t * (6 * soft - 3 - 2 * soft * t)) / (3 - 2 * soft);
 }
 
-/* The share of a stretch that lies before u. A stretch without length lies before u entirely if u >= u0, and so does
-   any that ends at u: a query at an occluder's back includes it. */
-static inline float spsi_stretch_share(const spsi_stretch *stretch, float u) {
+/* The share of an interval that lies before u. An interval without length lies before u entirely if u >= u0, and so
+   does any that ends at u: a query at an occluder's back includes it. */
+static inline float spsi_interval_share(const spsi_interval *interval, float u) {
     float t;
-    if (u < stretch->u0) return 0;
-    if (!(u < stretch->u1)) return 1;
-    t = (u - stretch->u0) / (stretch->u1 - stretch->u0);
-    return stretch->soft > 0 ? spsi_soft_share(stretch->soft, t) : t;
+    if (u < interval->u0) return 0;
+    if (!(u < interval->u1)) return 1;
+    t = (u - interval->u0) / (interval->u1 - interval->u0);
+    return interval->soft > 0 ? spsi_soft_share(interval->soft, t) : t;
 }
 
 /* The same for a query: at u = 1 what lies behind counts, too. */
-static inline float spsi_stretch_before(const spsi_stretch *stretch, float u) {
-    return u < 1 ? spsi_stretch_share(stretch, u) : 1;
+static inline float spsi_interval_before(const spsi_interval *interval, float u) {
+    return u < 1 ? spsi_interval_share(interval, u) : 1;
 }
 
-/* Exact optical depth before u of a list sorted by u0. Cost: the stretches that begin before u. */
-static inline float spsi_stretches_depth(const spsi_stretch *list, uint32_t count, float u) {
+/* Exact optical depth before u of a list sorted by u0. Cost: the intervals that begin before u. */
+static inline float spsi_intervals_optical_depth(const spsi_interval *list, uint32_t count, float u) {
     double sum = 0;
     for (uint32_t i = 0; i < count && list[i].u0 <= u; ++i)
-        sum += (double)list[i].depth * (double)spsi_stretch_before(&list[i], u);
+        sum += (double)list[i].depth * (double)spsi_interval_before(&list[i], u);
     return (float)fmin(sum, (double)SPSI_DEPTH_MAX);
 }
 
 /* By u0; the rest only makes the order, and with it round-off, independent of the order of insertion. */
-static inline int spsi_stretch_less(const spsi_stretch *a, const spsi_stretch *b) {
+static inline int spsi_interval_less(const spsi_interval *a, const spsi_interval *b) {
     if (a->u0 < b->u0 || a->u0 > b->u0) return a->u0 < b->u0;
     if (a->u1 < b->u1 || a->u1 > b->u1) return a->u1 < b->u1;
     if (a->depth < b->depth || a->depth > b->depth) return a->depth < b->depth;
@@ -2397,55 +2401,55 @@ static inline int spsi_stretch_less(const spsi_stretch *a, const spsi_stretch *b
 
 /* Merges the sorted first `half` of a list with the sorted rest. The part of the first half that comes before all of
    the rest stays in place, so that a list that is nearly in order costs next to nothing. */
-static void spsi_stretches_merge(spsi_stretch *list, size_t half, size_t count, spsi_stretch *scratch) {
+static void spsi_intervals_merge(spsi_interval *list, size_t half, size_t count, spsi_interval *scratch) {
     size_t to = half, left = 0, right = half, moved;
-    while (to > 0 && spsi_stretch_less(&list[half], &list[to - 1])) --to;
+    while (to > 0 && spsi_interval_less(&list[half], &list[to - 1])) --to;
     moved = half - to;
     memcpy(scratch, list + to, moved * sizeof *list);
     while (left < moved && right < count)
-        list[to++] = spsi_stretch_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
+        list[to++] = spsi_interval_less(&list[right], &scratch[left]) ? list[right++] : scratch[left++];
     memcpy(list + to, scratch + left, (moved - left) * sizeof *list);
 }
 
-static void spsi_stretches_insert(spsi_stretch *list, size_t count) {
+static void spsi_intervals_insert(spsi_interval *list, size_t count) {
     for (size_t i = 1; i < count; ++i) {
-        const spsi_stretch taken = list[i];
+        const spsi_interval taken = list[i];
         size_t k = i;
-        for (; k > 0 && spsi_stretch_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
+        for (; k > 0 && spsi_interval_less(&taken, &list[k - 1]); --k) list[k] = list[k - 1];
         list[k] = taken;
     }
 }
 
-#define SPSI_SORT_SHORT 16 /* number of stretches up to which insertion is faster than merging */
+#define SPSI_SORT_SHORT 16 /* number of intervals up to which insertion is faster than merging */
 
-/* Sorts stretches by where they begin; `scratch` has room for half of them. Merge sort: n log n at worst, n if they are
+/* Sorts intervals by where they begin; `scratch` has room for half of them. Merge sort: n log n at worst, n if they are
    nearly in order. */
-static void spsi_stretches_sort(spsi_stretch *list, size_t count, spsi_stretch *scratch) {
+static void spsi_intervals_sort(spsi_interval *list, size_t count, spsi_interval *scratch) {
     const size_t half = count / 2;
     if (count <= SPSI_SORT_SHORT) {
-        spsi_stretches_insert(list, count);
+        spsi_intervals_insert(list, count);
         return;
     }
-    spsi_stretches_sort(list, half, scratch);
-    spsi_stretches_sort(list + half, count - half, scratch);
-    spsi_stretches_merge(list, half, count, scratch);
+    spsi_intervals_sort(list, half, scratch);
+    spsi_intervals_sort(list + half, count - half, scratch);
+    spsi_intervals_merge(list, half, count, scratch);
 }
 
-/* spsi_stretch_share for a vector of stretches. */
-static inline spsi_v spsi_stretches_before(const spsi_stretches *stretches, spsi_v u) {
-    const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(1e-30f));
-    const float soft = stretches->soft;
-    spsi_v s = spsi_clamp(spsi_div(spsi_sub(u, stretches->u0), length), spsi_set(0), one);
+/* spsi_interval_share for a vector of intervals. */
+static inline spsi_v spsi_intervals_before(const spsi_intervals *intervals, spsi_v u) {
+    const spsi_v one = spsi_set(1), length = spsi_max(spsi_sub(intervals->u1, intervals->u0), spsi_set(1e-30f));
+    const float soft = intervals->soft;
+    spsi_v s = spsi_clamp(spsi_div(spsi_sub(u, intervals->u0), length), spsi_set(0), one);
     if (soft > 0) {
         const spsi_v bend = spsi_fma(spsi_set(-2 * soft), s, spsi_set(6 * soft - 3));
         s = spsi_mul(spsi_mul(s, spsi_fma(s, bend, spsi_set(6 * (1 - soft)))), spsi_set(1 / (3 - 2 * soft)));
     }
-    s = spsi_select(spsi_less(u, stretches->u1), s, one);
-    return spsi_select(spsi_less(u, stretches->u0), spsi_set(0), s);
+    s = spsi_select(spsi_less(u, intervals->u1), s, one);
+    return spsi_select(spsi_less(u, intervals->u0), spsi_set(0), s);
 }
 
-static inline spsi_v spsi_stretches_capped(const spsi_stretches *stretches) {
-    return spsi_clamp(stretches->depth, spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
+static inline spsi_v spsi_intervals_capped(const spsi_intervals *intervals) {
+    return spsi_clamp(intervals->depth, spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
 }
 
 static inline void spsi_accumulate(float *sums, spsi_v more) { spsi_store(sums, spsi_add(spsi_load(sums), more)); }
@@ -2455,13 +2459,13 @@ static inline spsi_v spsi_texels_at(const spsi_texels *texels, spsi_v k) {
     return spsi_lookup(texels->floats, texels->stride, spsi_add(texels->x, k), texels->y);
 }
 
-/* Where the first of a vector's stretches begins and the last one ends, within 0..1. Returns 0 if there are none. */
-static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, float *last) {
+/* Where the first of a vector's intervals begins and the last one ends, within 0..1. Returns 0 if there are none. */
+static int spsi_intervals_extent(const spsi_intervals *intervals, float *first, float *last) {
     float u0[SPSI_LANES], u1[SPSI_LANES];
-    const spsi_m there = spsi_less(spsi_set(0), stretches->depth);
+    const spsi_m there = spsi_less(spsi_set(0), intervals->depth);
     if (!spsi_bits(there)) return 0;
-    spsi_store(u0, spsi_select(there, stretches->u0, spsi_set(1)));
-    spsi_store(u1, spsi_select(there, stretches->u1, spsi_set(0)));
+    spsi_store(u0, spsi_select(there, intervals->u0, spsi_set(1)));
+    spsi_store(u1, spsi_select(there, intervals->u1, spsi_set(0)));
     for (int i = 1; i < SPSI_LANES; ++i) u0[0] = spsi_lower(u0[0], u0[i]), u1[0] = spsi_higher(u1[0], u1[i]);
     *first = spsi_higher(u0[0], 0);
     *last = spsi_lower(u1[0], 1);
@@ -2470,37 +2474,37 @@ static int spsi_stretches_extent(const spsi_stretches *stretches, float *first, 
 
 /* ---- curves ---- */
 
-/* Maximum number of nodes of a curve of `count` stretches: a soft one bends it at both ends of its pieces, and there is
-   a jump at either end for those that are cut. Stretches needed to build it: two per piece, one for what lies before or
+/* Maximum number of nodes of a curve of `count` intervals: a soft one bends it at both ends of its pieces, and there is
+   a jump at either end for those that are cut. Intervals needed to build it: two per piece, one for what lies before or
    behind, and half as many again for sorting. */
 #define SPSI_CURVE_NODES(count, pieces)   (((pieces) + 1) * (count) + 2)
 #define SPSI_CURVE_SCRATCH(count, pieces) (3 * ((pieces) + 1) * (count))
 
-#define SPSI_SOFT_DEPTH  8  /* optical depth into a soft stretch behind which the rest of it is not cut finely */
-#define SPSI_SOFT_HALVES 20 /* bisection steps that find this depth in a cut stretch, to a millionth of its length */
+#define SPSI_SOFT_DEPTH  8  /* optical depth into a soft interval behind which the rest of it is not cut finely */
+#define SPSI_SOFT_HALVES 20 /* bisection steps that find this depth in a cut interval, to a millionth of its length */
 
-/* Number of even pieces of soft stretches with which transmittance is off by at most a quarter of epsilon: the error of
-   a piece of length h is h^2 / 8 times the slope of density, which is 6 d at either end of a stretch of depth d; those
-   that overlap add up. Behind SPSI_SOFT_DEPTH light is practically gone, so no more of each stretch counts, nor more
-   than twice that of all. */
-static int spsi_soft_pieces(const spsi_stretch *list, int count, float epsilon) {
+/* Number of even pieces of soft intervals with which transmittance is off by at most a quarter of epsilon: the error of
+   a piece of length h is h^2 / 8 times the slope of density, which is 6 d at either end of an interval of depth d;
+   those that overlap add up. Behind SPSI_SOFT_DEPTH light is practically gone, so no more of each interval counts, nor
+   more than twice that of all. */
+static int spsi_soft_pieces(const spsi_interval *list, int count, float epsilon) {
     double sum = 0;
     for (int i = 0; i < count; ++i)
         if (list[i].soft > 0) sum += fmin((double)list[i].depth, SPSI_SOFT_DEPTH);
     return (int)fmin(2 + ceil(sqrt(3 * fmin(sum, 2 * SPSI_SOFT_DEPTH) / (double)epsilon)), SPSI_SOFT_MOST);
 }
 
-/* The place in a soft stretch, between `from` and `to`, where light is practically gone: where t^2 = SPSI_SOFT_DEPTH /
+/* The place in a soft interval, between `from` and `to`, where light is practically gone: where t^2 = SPSI_SOFT_DEPTH /
    depth in a whole chord, before which lies more than that depth, as S(t) > t^2; in one that is cut, where twice that
    depth lies before it, which bisection finds. */
-static float spsi_soft_end(const spsi_stretch *stretch, float from, float to) {
-    const float want = spsi_stretch_share(stretch, from) + 2 * SPSI_SOFT_DEPTH / stretch->depth;
-    if (!(stretch->depth > SPSI_SOFT_DEPTH) || !(spsi_stretch_share(stretch, to) > want)) return to;
-    if (!(stretch->u0 < from) && !(stretch->soft < 1))
-        return spsi_lower(to, from + (stretch->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / stretch->depth));
+static float spsi_soft_end(const spsi_interval *interval, float from, float to) {
+    const float want = spsi_interval_share(interval, from) + 2 * SPSI_SOFT_DEPTH / interval->depth;
+    if (!(interval->depth > SPSI_SOFT_DEPTH) || !(spsi_interval_share(interval, to) > want)) return to;
+    if (!(interval->u0 < from) && !(interval->soft < 1))
+        return spsi_lower(to, from + (interval->u1 - from) * sqrtf(SPSI_SOFT_DEPTH / interval->depth));
     for (int i = 0; i < SPSI_SOFT_HALVES; ++i) {
         const float middle = 0.5f * (from + to);
-        if (spsi_stretch_share(stretch, middle) > want)
+        if (spsi_interval_share(interval, middle) > want)
             to = middle;
         else
             from = middle;
@@ -2508,10 +2512,10 @@ static float spsi_soft_end(const spsi_stretch *stretch, float from, float to) {
     return to;
 }
 
-/* The bends of a stretch's curve, built piece by piece: the end of the last piece, and the share of the stretch before
-   it. */
+/* The bends of an interval's curve, built piece by piece: the end of the last piece, and the share of the interval
+   before it. */
 typedef struct spsi_bends {
-    spsi_stretch *list;
+    spsi_interval *list;
     int count;
     float depth, u, share;
 } spsi_bends;
@@ -2520,30 +2524,30 @@ typedef struct spsi_bends {
    end, which points back, so that depth / (u1 - u0) is the change of slope at either. A piece without length is a
    single bend, a jump. */
 static void spsi_bends_add(spsi_bends *bends, float u, float share) {
-    const spsi_stretch ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
-    const spsi_stretch back = {u, bends->u, ahead.depth, 0};
+    const spsi_interval ahead = {bends->u, u, bends->depth * (share - bends->share), 0};
+    const spsi_interval back = {u, bends->u, ahead.depth, 0};
     if (!(share > bends->share)) return;
     bends->list[bends->count++] = ahead;
     if (u > bends->u) bends->list[bends->count++] = back;
     bends->u = u, bends->share = share;
 }
 
-/* The bends of the part of a stretch within 0..1, which is cut into several pieces if soft; the parts before and behind
-   become jumps. All pieces of a deep stretch except for the last lie where light still gets to. Returns the number of
-   bends. */
-static int spsi_curve_bends(const spsi_stretch *stretch, int soft_pieces, spsi_stretch *list) {
-    const float first = spsi_higher(spsi_lower(stretch->u0, 1), 0), last = spsi_higher(spsi_lower(stretch->u1, 1), 0);
-    const int pieces = stretch->soft > 0 && last > first ? soft_pieces : 1;
-    const float end = pieces > 1 ? spsi_soft_end(stretch, first, last) : last;
+/* The bends of the part of an interval within 0..1, which is cut into several pieces if soft; the parts before and
+   behind become jumps. All pieces of a deep interval except for the last lie where light still gets to. Returns the
+   number of bends. */
+static int spsi_curve_bends(const spsi_interval *interval, int soft_pieces, spsi_interval *list) {
+    const float first = spsi_higher(spsi_lower(interval->u0, 1), 0), last = spsi_higher(spsi_lower(interval->u1, 1), 0);
+    const int pieces = interval->soft > 0 && last > first ? soft_pieces : 1;
+    const float end = pieces > 1 ? spsi_soft_end(interval, first, last) : last;
     const int fine = end < last ? pieces - 1 : pieces;
-    spsi_bends bends = {list, 0, spsi_lower(stretch->depth, SPSI_DEPTH_MAX), first, 0};
+    spsi_bends bends = {list, 0, spsi_lower(interval->depth, SPSI_DEPTH_MAX), first, 0};
     if (!(bends.depth > 0)) return 0;
-    if (stretch->u0 < 0) spsi_bends_add(&bends, first, spsi_stretch_share(stretch, first));
+    if (interval->u0 < 0) spsi_bends_add(&bends, first, spsi_interval_share(interval, first));
     for (int i = 1; i < pieces; ++i) {
         const float u = first + (end - first) * ((float)i / (float)fine);
-        spsi_bends_add(&bends, u, spsi_stretch_share(stretch, u));
+        spsi_bends_add(&bends, u, spsi_interval_share(interval, u));
     }
-    if (last > first) spsi_bends_add(&bends, last, spsi_stretch_share(stretch, last));
+    if (last > first) spsi_bends_add(&bends, last, spsi_interval_share(interval, last));
     spsi_bends_add(&bends, last, 1);
     return bends.count;
 }
@@ -2571,16 +2575,16 @@ static int spsi_curve_append(spsi_node *nodes, int count, float u, double depth)
     return count + 1;
 }
 
-/* The sum of stretches sorted by u0 as a curve, its ends and bends exact except for round-off. Soft stretches are cut
-   into `pieces`, at least 2. `scratch` has room for SPSI_CURVE_SCRATCH(count, pieces) stretches, `nodes` for
+/* The sum of intervals sorted by u0 as a curve, its ends and bends exact except for round-off. Soft intervals are cut
+   into `pieces`, at least 2. `scratch` has room for SPSI_CURVE_SCRATCH(count, pieces) intervals, `nodes` for
    SPSI_CURVE_NODES(count, pieces) nodes. Returns the number of nodes, the first of which has depth 0. Cost: n log n. */
-static int spsi_curve_build(const spsi_stretch *sorted, int count, int pieces, spsi_stretch *scratch,
+static int spsi_curve_build(const spsi_interval *sorted, int count, int pieces, spsi_interval *scratch,
                             spsi_node *nodes) {
     int bends = 0, nodes_made = 0, open = 0;
     double depth = 0;
     spsi_sum slope = {0, 0};
     for (int i = 0; i < count; ++i) bends += spsi_curve_bends(&sorted[i], pieces, scratch + bends);
-    spsi_stretches_sort(scratch, (size_t)bends, scratch + bends);
+    spsi_intervals_sort(scratch, (size_t)bends, scratch + bends);
     for (int i = 0; i < bends; ++i) {
         const double length = (double)scratch[i].u1 - (double)scratch[i].u0, more = (double)scratch[i].depth;
         if (i > 0) depth += fmax(slope.high + slope.low, 0) * ((double)scratch[i].u0 - (double)scratch[i - 1].u0);
@@ -2663,18 +2667,18 @@ static int spsi_plane_from(const sps_tmap_settings *settings, float u) {
     return low;
 }
 
-/* Adds to each plane its increment over the plane before, so that planes behind a stretch need not be visited. */
+/* Adds to each plane its increment over the plane before, so that planes behind an interval need not be visited. */
 static void spsi_opacity_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
-                                const spsi_stretches *stretches) {
-    const spsi_v depth = spsi_stretches_capped(stretches);
+                                const spsi_intervals *intervals) {
+    const spsi_v depth = spsi_intervals_capped(intervals);
     spsi_v before = spsi_set(0);
     float first, end;
     int last;
-    if (!spsi_stretches_extent(stretches, &first, &end)) return;
+    if (!spsi_intervals_extent(intervals, &first, &end)) return;
     last = spsi_plane_from(settings, end);
     for (int i = spsi_plane_from(settings, first); i <= last; ++i) {
         spsi_v share = spsi_set(1); /* what lies behind 1 counts at the last plane */
-        if (i < settings->components - 1) share = spsi_stretches_before(stretches, spsi_set(spsi_plane(settings, i)));
+        if (i < settings->components - 1) share = spsi_intervals_before(intervals, spsi_set(spsi_plane(settings, i)));
         share = spsi_max(share, before); /* round-off must not lower it */
         spsi_accumulate(sums + (size_t)i * stride, spsi_mul(depth, spsi_sub(share, before)));
         before = share;
@@ -2766,7 +2770,7 @@ static inline spsi_v spsi_opacity_cubic(const sps_tmap_settings *settings, const
 }
 
 /* Cost: two lookups, or four if cubic; a comparison with every plane if settings->planes is set. */
-static spsi_v spsi_opacity_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+static spsi_v spsi_opacity_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v zero = spsi_set(0), i = spsi_planes_from(settings, u);
     const spsi_knots before = spsi_opacity_knots(settings, texels, spsi_sub(i, spsi_set(1)));
     const spsi_knots after = spsi_opacity_knots(settings, texels, i);
@@ -2786,7 +2790,7 @@ static void spsi_opacity_bracket(const sps_tmap_settings *settings, const float 
 
 /* ---- Fourier series ---- */
 
-/* The mean of cos(2 pi k (u - m)) over a stretch with middle m and half length h, where x = 2 pi k h has cosine c and
+/* The mean of cos(2 pi k (u - m)) over an interval with middle m and half length h, where x = 2 pi k h has cosine c and
    sine s: sin x / x for a uniform one, 3 (sin x - x cos x) / x^3 for a soft one, which cancels for small x; its series,
    cut after x^10, is as accurate up to 2. */
 static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float soft) {
@@ -2805,10 +2809,10 @@ static inline spsi_v spsi_fourier_spread(spsi_v x, spsi_v c, spsi_v s, float sof
 
 /* a_k += 2 t cos(2 pi k m) spread_k, b_k likewise with the sine. */
 static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
-                                const spsi_stretches *stretches) {
-    const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(stretches->u0, stretches->u1));
-    const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_max(spsi_sub(stretches->u1, stretches->u0), spsi_set(0)));
-    const spsi_v depth = spsi_stretches_capped(stretches), twice = spsi_add(depth, depth);
+                                const spsi_intervals *intervals) {
+    const spsi_v middle = spsi_mul(spsi_set(0.5f), spsi_add(intervals->u0, intervals->u1));
+    const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_max(spsi_sub(intervals->u1, intervals->u0), spsi_set(0)));
+    const spsi_v depth = spsi_intervals_capped(intervals), twice = spsi_add(depth, depth);
     spsi_v c1, s1, ch, sh, c, s, cd, sd;
     spsi_turn(middle, &c1, &s1);
     spsi_turn(half, &ch, &sh);
@@ -2816,7 +2820,7 @@ static void spsi_fourier_insert(const sps_tmap_settings *settings, float *sums, 
     spsi_accumulate(sums, twice);
     for (int k = 1; 2 * k < settings->components; ++k) {
         const spsi_v x = spsi_mul(half, spsi_set((float)(2 * SPSI_PI * k)));
-        const spsi_v size = spsi_mul(twice, spsi_fourier_spread(x, cd, sd, stretches->soft));
+        const spsi_v size = spsi_mul(twice, spsi_fourier_spread(x, cd, sd, intervals->soft));
         spsi_accumulate(sums + (size_t)(2 * k - 1) * stride, spsi_mul(size, c));
         spsi_accumulate(sums + (size_t)(2 * k) * stride, spsi_mul(size, s));
         spsi_turn_by(&c, &s, c1, s1);
@@ -2876,7 +2880,7 @@ static spsi_v spsi_fourier_running(const spsi_texels *texels, int components, sp
 }
 
 /* Clamped to 0 .. the total. */
-static spsi_v spsi_fourier_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+static spsi_v spsi_fourier_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v half = spsi_mul(spsi_set(0.5f), spsi_texels_at(texels, spsi_set(0)));
     spsi_v cosine, sine, c, s, sum = spsi_mul(half, u);
     spsi_turn(u, &cosine, &sine);
@@ -2909,7 +2913,7 @@ static inline spsi_piece spsi_curve_piece(const spsi_node *curve, int i) {
 }
 
 /* -log T: 0 for T above 1, SPSI_DEPTH_MAX for T = 0 or less. */
-static inline float spsi_depth_of(double transmittance) {
+static inline float spsi_optical_depth_of(double transmittance) {
     if (!(transmittance > 0)) return SPSI_DEPTH_MAX;
     return (float)(transmittance < 1 ? 0 - log(transmittance) : 0);
 }
@@ -2949,7 +2953,7 @@ static void spsi_depth_fit(const sps_tmap_settings *settings, const spsi_node *c
     }
 }
 
-static spsi_v spsi_depth_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+static spsi_v spsi_depth_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     (void)settings;
     return spsi_select(spsi_less(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0), spsi_set(SPSI_DEPTH_MAX));
 }
@@ -3006,7 +3010,7 @@ static void spsi_cosine_fit(const sps_tmap_settings *settings, const spsi_node *
 
 /* T is clamped to at least e^-SPSI_LIGHT_END, 1e-7: that is the round-off of coefficients up to 1, and otherwise a
    series that rings below 0 would be opaque. */
-static spsi_v spsi_cosine_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+static spsi_v spsi_cosine_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const float least = expf(-SPSI_LIGHT_END);
     float lanes[SPSI_LANES];
     spsi_v cosine, sine, c, s, sum = spsi_texels_at(texels, spsi_set(0));
@@ -3146,8 +3150,8 @@ static int spsi_curve_compress(const spsi_node *curve, int count, float epsilon,
 }
 
 /* Optical depth of compressed nodes: -log T. */
-static float spsi_compressed_depth(const spsi_node *nodes, uint32_t count, float u) {
-    return spsi_depth_of(spsi_nodes_transmittance(nodes, count, u));
+static float spsi_compressed_optical_depth(const spsi_node *nodes, uint32_t count, float u) {
+    return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, count, u));
 }
 
 /* ---- adaptive maps ---- */
@@ -3159,7 +3163,7 @@ typedef struct spsi_adaptive_node {
     spsi_node node;
     double cost;       /* change of the area below the curve if this node is removed */
     int before, after; /* remaining neighbours */
-    int place;         /* in the heap */
+    int slot;          /* in the heap */
 } spsi_adaptive_node;
 
 /* The heap holds inner nodes, with the cheapest to remove at its top. */
@@ -3189,22 +3193,22 @@ static int spsi_adaptive_less(const spsi_adaptive *map, int a, int b) {
     return first < second || (!(second < first) && a < b);
 }
 
-static void spsi_adaptive_place(spsi_adaptive *map, int place, int i) {
-    map->heap[place] = i;
-    map->nodes[i].place = place;
+static void spsi_adaptive_place(spsi_adaptive *map, int slot, int i) {
+    map->heap[slot] = i;
+    map->nodes[i].slot = slot;
 }
 
-/* Moves node i, whose cost may have changed, up or down in the heap from `place`. */
-static void spsi_adaptive_sift(spsi_adaptive *map, int place, int i) {
+/* Moves node i, whose cost may have changed, up or down in the heap from `slot`. */
+static void spsi_adaptive_sift(spsi_adaptive *map, int slot, int i) {
     int child;
-    for (; place > 0 && spsi_adaptive_less(map, i, map->heap[(place - 1) / 2]); place = (place - 1) / 2)
-        spsi_adaptive_place(map, place, map->heap[(place - 1) / 2]);
-    for (; (child = 2 * place + 1) < map->heap_count; place = child) {
+    for (; slot > 0 && spsi_adaptive_less(map, i, map->heap[(slot - 1) / 2]); slot = (slot - 1) / 2)
+        spsi_adaptive_place(map, slot, map->heap[(slot - 1) / 2]);
+    for (; (child = 2 * slot + 1) < map->heap_count; slot = child) {
         if (child + 1 < map->heap_count && spsi_adaptive_less(map, map->heap[child + 1], map->heap[child])) ++child;
         if (!spsi_adaptive_less(map, map->heap[child], i)) break;
-        spsi_adaptive_place(map, place, map->heap[child]);
+        spsi_adaptive_place(map, slot, map->heap[child]);
     }
-    spsi_adaptive_place(map, place, i);
+    spsi_adaptive_place(map, slot, i);
 }
 
 /* Removes the cheapest node. */
@@ -3218,7 +3222,7 @@ static void spsi_adaptive_remove(spsi_adaptive *map) {
     for (int k = 0; k < 2; ++k) {
         if (!spsi_adaptive_is_inner(map, sides[k])) continue;
         spsi_adaptive_price(map, sides[k]);
-        spsi_adaptive_sift(map, map->nodes[sides[k]].place, sides[k]);
+        spsi_adaptive_sift(map, map->nodes[sides[k]].slot, sides[k]);
     }
 }
 
@@ -3261,9 +3265,9 @@ static void spsi_adaptive_fit(const sps_tmap_settings *settings, const spsi_node
     }
 }
 
-static float spsi_adaptive_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+static float spsi_adaptive_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     const spsi_node *nodes = (const spsi_node *)(const void *)texel;
-    return spsi_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
+    return spsi_optical_depth_of(spsi_nodes_transmittance(nodes, (uint32_t)(settings->components / 2), u));
 }
 
 /* ---- moments ---- */
@@ -3276,19 +3280,19 @@ static const float spsi_moment_choose[SPSI_MOMENTS_MAX + 1][SPSI_MOMENTS_MAX / 2
     {1, 10, 5, 0, 0}, {1, 15, 15, 1, 0}, {1, 21, 35, 7, 0}, {1, 28, 70, 28, 1},
 };
 
-/* Sums of t E z^k, z = 2 u - 1: z = m + h s around the stretch's middle, where odd powers of s have mean 0, and even
-   powers 1 / (2 j + 1) in a uniform stretch, 3 / ((2 j + 1) (2 j + 3)) in a soft one. */
+/* Sums of t E z^k, z = 2 u - 1: z = m + h s around the interval's middle, where odd powers of s have mean 0, and even
+   powers 1 / (2 j + 1) in a uniform interval, 3 / ((2 j + 1) (2 j + 3)) in a soft one. */
 static void spsi_moment_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
-                               const spsi_stretches *stretches) {
-    const spsi_v m = spsi_sub(spsi_add(stretches->u0, stretches->u1), spsi_set(1));
-    const spsi_v h = spsi_sub(stretches->u1, stretches->u0), square = spsi_mul(h, h);
-    const spsi_v depth = spsi_stretches_capped(stretches);
+                               const spsi_intervals *intervals) {
+    const spsi_v m = spsi_sub(spsi_add(intervals->u0, intervals->u1), spsi_set(1));
+    const spsi_v h = spsi_sub(intervals->u1, intervals->u0), square = spsi_mul(h, h);
+    const spsi_v depth = spsi_intervals_capped(intervals);
     spsi_v powers[SPSI_MOMENTS_MAX + 1], spread[SPSI_MOMENTS_MAX / 2 + 1];
     powers[0] = spread[0] = spsi_set(1);
     for (int k = 1; k < settings->components; ++k) powers[k] = spsi_mul(powers[k - 1], m);
     for (int j = 1; 2 * j < settings->components; ++j) { /* from each mean to the next */
         const float ratio =
-            stretches->soft > 0 ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
+            intervals->soft > 0 ? (float)(2 * j - 1) / (float)(2 * j + 3) : (float)(2 * j - 1) / (float)(2 * j + 1);
         spread[j] = spsi_mul(spread[j - 1], spsi_mul(square, spsi_set(ratio)));
     }
     for (int k = 0; k < settings->components; ++k) {
@@ -3477,7 +3481,7 @@ static void spsi_hankel_bounds(const spsi_hankel *hankel, double z, double bound
 
 /* Biases for 4, 6 and 8 moments in floats [Muenstermann et al. 2018]. Cost: a matrix of 3 to 5 rows, and the roots of a
    polynomial of degree 2 to 4. At u = 1 the result is exactly the total. */
-static float spsi_moment_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+static float spsi_moment_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     static const double biases[3] = {5e-7, 5e-6, 5e-5};
     spsi_hankel hankel;
     double bounds[2];
@@ -3492,10 +3496,10 @@ static float spsi_moment_depth(const sps_tmap_settings *settings, const float *t
    within (low - a) / (1 - a) .. high / (1 - a). That also holds for moments that round-off has changed by d of the
    total, as long as the correction of G that makes up for it, d / a, leaves G's matrix positive: d (matrix size) < a
    (smallest eigenvalue: 0.199, 0.0137, 0.0049). These biases allow for 2e-6, the round-off of a thousand sums and more.
-   The result of spsi_moment_depth, which is less biased, is included. */
+   The result of spsi_moment_optical_depth, which is less biased, is included. */
 static void spsi_moment_bracket(const sps_tmap_settings *settings, const float *texel, float u, float bracket[2]) {
     static const double biases[3] = {3e-5, 6e-4, 2e-3};
-    const double whole = (double)texel[0], answer = (double)spsi_moment_depth(settings, texel, u);
+    const double whole = (double)texel[0], answer = (double)spsi_moment_optical_depth(settings, texel, u);
     spsi_hankel hankel;
     double bounds[2], share;
     bracket[0] = bracket[1] = (float)answer;
@@ -3515,12 +3519,12 @@ static void spsi_beer_clear(float *sums, size_t stride, size_t count, int compon
 
 /* Until the map is finished: where gas begins, where it ends, and the total. */
 static void spsi_beer_insert(const sps_tmap_settings *settings, float *sums, size_t stride,
-                             const spsi_stretches *stretches) {
-    const spsi_v depth = spsi_stretches_capped(stretches), first = spsi_load(sums), last = spsi_load(sums + stride);
+                             const spsi_intervals *intervals) {
+    const spsi_v depth = spsi_intervals_capped(intervals), first = spsi_load(sums), last = spsi_load(sums + stride);
     const spsi_m there = spsi_less(spsi_set(0), depth);
     (void)settings;
-    spsi_store(sums, spsi_select(there, spsi_min(first, stretches->u0), first));
-    spsi_store(sums + stride, spsi_select(there, spsi_max(last, stretches->u1), last));
+    spsi_store(sums, spsi_select(there, spsi_min(first, intervals->u0), first));
+    spsi_store(sums + stride, spsi_select(there, spsi_max(last, intervals->u1), last));
     spsi_accumulate(sums + 2 * stride, depth);
 }
 
@@ -3536,7 +3540,7 @@ static void spsi_beer_finish(const sps_tmap_settings *settings, float *texel) {
     texel[1] = texel[2] / spsi_higher(last - texel[0], SPSI_BEER_LENGTH);
 }
 
-static spsi_v spsi_beer_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
+static spsi_v spsi_beer_optical_depths(const sps_tmap_settings *settings, const spsi_texels *texels, spsi_v u) {
     const spsi_v behind = spsi_max(spsi_sub(u, spsi_texels_at(texels, spsi_set(0))), spsi_set(0));
     (void)settings;
     return spsi_min(spsi_mul(behind, spsi_texels_at(texels, spsi_set(1))), spsi_texels_at(texels, spsi_set(2)));
@@ -3547,40 +3551,45 @@ static const spsi_technique spsi_techniques[] = {
     {"no map", 0, 0, 0, 0, 0, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
     {"a deep map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
     {"a compressed map", 0, 0, 0, 0, 1, 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL, NULL},
-    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_depths, NULL, NULL},
+    {"a depth map", 1, 1, 1, 1, 0, 0, 0, 0, NULL, NULL, spsi_depth_fit, NULL, NULL, spsi_depth_optical_depths, NULL,
+     NULL},
     {"an opacity map", 1, 65, 1, 8, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
-     spsi_opacity_depths, NULL, spsi_opacity_bracket},
+     spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
     {"a deep opacity map", 3, 65, 1, 8, 0, 1, 0, 1, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
-     spsi_opacity_depths, NULL, spsi_opacity_bracket},
+     spsi_opacity_optical_depths, NULL, spsi_opacity_bracket},
     {"a Fourier map", 3, 65, 2, 7, 0, 1, 1, -1, spsi_fourier_insert, spsi_fourier_finish, NULL, NULL, NULL,
-     spsi_fourier_depths, NULL, NULL},
-    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, NULL, spsi_cosine_depths, NULL, NULL},
+     spsi_fourier_optical_depths, NULL, NULL},
+    {"a cosine map", 2, 64, 1, 8, 0, 0, 0, 0, NULL, NULL, spsi_cosine_fit, NULL, NULL, spsi_cosine_optical_depths, NULL,
+     NULL},
     {"a moment map", 5, 9, 2, 5, 0, 1, 1, 0, spsi_moment_insert, spsi_moment_finish, NULL, NULL, NULL, NULL,
-     spsi_moment_depth, spsi_moment_bracket},
+     spsi_moment_optical_depth, spsi_moment_bracket},
     {"an adaptive map", 4, 64, 2, 16, 0, 0, 0, 0, NULL, NULL, spsi_adaptive_fit, spsi_adaptive_bytes, NULL, NULL,
-     spsi_adaptive_depth, NULL},
+     spsi_adaptive_optical_depth, NULL},
     {"a Beer map", 3, 3, 1, 3, 0, 1, 0, 0, spsi_beer_insert, spsi_beer_finish, NULL, NULL, spsi_beer_clear,
-     spsi_beer_depths, NULL, NULL},
+     spsi_beer_optical_depths, NULL, NULL},
     {"a shadow table", 8, 1024, 1, 256, 0, 1, 0, 0, spsi_opacity_insert, spsi_opacity_finish, NULL, NULL, NULL,
-     spsi_opacity_depths, NULL, NULL},
+     spsi_opacity_optical_depths, NULL, NULL},
 };
 
 /* Optical depth before u in one texel, by the function that the technique has. */
-static float spsi_texel_depth(const sps_tmap_settings *settings, const float *texel, float u) {
+static float spsi_texel_optical_depth(const sps_tmap_settings *settings, const float *texel, float u) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     const spsi_texels texels = {texel, 0, spsi_set(0), spsi_set(0)};
     float lanes[SPSI_LANES];
-    if (technique->depth) return technique->depth(settings, texel, u);
-    spsi_store(lanes, technique->depths(settings, &texels, spsi_set(u)));
+    if (technique->optical_depth) return technique->optical_depth(settings, texel, u);
+    spsi_store(lanes, technique->optical_depths(settings, &texels, spsi_set(u)));
     return lanes[0];
 }
 
-/* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for. */
+/* Settings with SPS_TMAP_DEFAULT replaced by the technique that it stands for, and without planes that are not meant
+   for theirs. */
 static sps_tmap_settings spsi_settings_resolve(const sps_tmap_settings *settings) {
     sps_tmap_settings resolved = *settings;
-    if (settings->technique != SPS_TMAP_DEFAULT) return resolved;
-    resolved.technique = SPS_TMAP_DEEP_OPACITY;
-    resolved.cubic = 1;
+    if (settings->technique == SPS_TMAP_DEFAULT) {
+        resolved.technique = SPS_TMAP_DEEP_OPACITY;
+        resolved.cubic = 1;
+    }
+    if (resolved.technique != SPS_TMAP_OPACITY && resolved.technique != SPS_TMAP_DEEP_OPACITY) resolved.planes = NULL;
     return resolved;
 }
 
@@ -3594,6 +3603,11 @@ static int spsi_settings_have_range(const sps_tmap_settings *settings) {
 static int spsi_components_least(const sps_tmap_settings *settings) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
     return technique->least + (technique->range < 0 ? 2 * spsi_settings_have_range(settings) : 0);
+}
+
+/* The number of planes that the caller has set, which come with a number of components. */
+static int spsi_settings_planes(const sps_tmap_settings *settings) {
+    return settings->planes ? settings->components - 2 * spsi_settings_have_range(settings) : 0;
 }
 
 /* The number of components: that of the settings, or the technique's default. */
@@ -3796,6 +3810,7 @@ typedef struct spsi_frame {
     spsi_content *content;
     sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
     sps_object viewer; /* the struct that errors about the view name: a view, or a map's light */
+    int has_matrix;    /* 1: its camera was given as a matrix, which only `eye` has now */
     spsi_accuracy accuracy;
     spsi_rays eye;
     int medium_count;
@@ -4098,6 +4113,24 @@ static sps_result spsi_check_components(sps_context *context, int light, const s
     return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", n, rule);
 }
 
+/* Checks the planes of an opacity map. */
+static sps_result spsi_check_planes(sps_context *context, int light, const sps_tmap_settings *settings) {
+    const float *planes = settings->planes;
+    const int count = spsi_settings_planes(settings);
+    if (planes && settings->components == 0)
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "components", 0,
+                                 "with planes it must be their number, plus two for a deep opacity map");
+    for (int i = 0; i < count; ++i) {
+        const float before = i > 0 ? planes[i - 1] : 0, least = i == count - 1 ? 1 : 0;
+        char field[32];
+        if (planes[i] > before && planes[i] >= least && planes[i] <= 1) continue;
+        SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
+        return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, field, (double)planes[i],
+                                 "they must rise from above 0, and the last must be 1");
+    }
+    return SPS_OK;
+}
+
 /* Checks all settings of a map except for its depth range. */
 static sps_result spsi_check_settings(sps_context *context, int light, const sps_tmap_settings *settings) {
     sps_tmap_settings resolved;
@@ -4120,7 +4153,8 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
         return spsi_fail_setting(context, SPS_ERROR_ARGUMENT, light, "surface_bias", settings->surface_bias,
                                  "it must be 0..1e15");
     resolved = spsi_settings_resolve(settings);
-    return spsi_check_components(context, light, &resolved);
+    if (spsi_check_components(context, light, &resolved)) return context->result;
+    return spsi_check_planes(context, light, &resolved);
 }
 
 /* Checks the map by which a light shades gas. Its depth range is that of the gas, and surfaces have a depth map of
@@ -4293,6 +4327,16 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     return SPS_OK;
 }
 
+/* Images support opaque meshes only. */
+static sps_result spsi_check_opaque(sps_context *context, const sps_scene *scene) {
+    for (int i = 0; i < scene->mesh_count; ++i)
+        if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
+            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
+                                   (double)scene->meshes[i].transparency,
+                                   "it must be 0: only transmittance maps support transparency");
+    return SPS_OK;
+}
+
 /* Checks that a camera has exactly one kind of projection. */
 static sps_result spsi_check_projection(sps_context *context, sps_object object, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
@@ -4421,8 +4465,10 @@ static sps_result spsi_resolve_view(sps_context *context, spsi_frame *frame) {
     eye->width = view->width;
     eye->height = view->height;
     if (spsi_rays_build(context, SPS_OBJECT_VIEW, &view->camera, eye)) return context->result;
+    frame->has_matrix = view->camera.world_to_clip != NULL;
+    view->camera.world_to_clip = NULL; /* the caller's */
     eye->near_depth =
-        view->camera.world_to_clip && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
+        frame->has_matrix && !eye->perspective && !(view->near_distance > 0) ? -HUGE_VAL : view->near_distance;
     spsi_resolve_quality(frame);
     return SPS_OK;
 }
@@ -4775,6 +4821,25 @@ static sps_result spsi_resolve_points(sps_context *context, spsi_frame *frame) {
     return SPS_OK;
 }
 
+/* Copies the planes of lights' maps. */
+static sps_result spsi_resolve_planes(sps_context *context, spsi_frame *frame) {
+    size_t count = 0;
+    float *planes;
+    for (int i = 0; i < frame->lamps.count; ++i) count += (size_t)spsi_settings_planes(&frame->lamps.list[i].map);
+    if (count == 0) return SPS_OK;
+    planes = (float *)spsi_reserve(context, SPSI_BUFFER_LAMP_PLANES, count, sizeof(float));
+    if (!planes) return context->result;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        sps_tmap_settings *map = &frame->lamps.list[i].map;
+        const int own = spsi_settings_planes(map);
+        if (own == 0) continue;
+        memcpy(planes, map->planes, (size_t)own * sizeof *planes);
+        map->planes = planes;
+        planes += own;
+    }
+    return SPS_OK;
+}
+
 /* Lists the lights that are not black; none if nothing in the scene could reflect or scatter them. */
 static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, const sps_scene *scene) {
     const int count = frame->matter.scatters || frame->meshes.count > 0 ? scene->light_count : 0;
@@ -4795,6 +4860,7 @@ static sps_result spsi_resolve_lamps(sps_context *context, spsi_frame *frame, co
         frame->lamps.sliced_count += lamp->sliced;
     }
     if (frame->lamps.count == 0) frame->gradients.exist = 0;
+    if (spsi_resolve_planes(context, frame)) return context->result;
     return spsi_resolve_points(context, frame);
 }
 
@@ -4842,12 +4908,12 @@ static void spsi_resolve_gradients(spsi_frame *frame) {
 }
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
-static int spsi_count_channels(const spsi_frame *frame, const sps_scene *scene) {
-    int grey = spsi_grey(scene->ambient) && spsi_grey(scene->background) && !scene->background_fn;
-    for (int i = 0; i < scene->light_count; ++i)
-        grey &= spsi_grey(scene->lights[i].color) && !scene->lights[i].projector;
-    for (int i = 0; i < scene->mesh_count; ++i)
-        grey &= !scene->meshes[i].has_colors && spsi_grey(scene->meshes[i].color);
+static int spsi_count_channels(const spsi_frame *frame) {
+    int grey = spsi_grey(frame->ambient) && spsi_grey(frame->background.color) && !frame->background.color_fn;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
+    for (int i = 0; i < frame->meshes.count; ++i)
+        grey &= !frame->meshes.list[i].has_colors && spsi_grey(frame->meshes.list[i].color);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
@@ -4864,7 +4930,7 @@ static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     frame->background.color_fn = scene->background_fn;
     frame->background.user = scene->background_user;
     frame->replace_invalid = scene->replace_invalid != 0;
-    frame->channels = spsi_count_channels(frame, scene);
+    frame->channels = spsi_count_channels(frame);
 }
 
 /* Checks everything and fills a frame, without reading voxels, triangles or particles. view may be NULL if there is
@@ -4887,6 +4953,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     if (view) spsi_resolve_gradients(frame);
+    if (view && spsi_check_opaque(context, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = frame->volume_bounds;
@@ -7274,18 +7341,18 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
-    if (!seen->world_to_clip) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
+    if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
     if (sweep->lamp && unshadowed_helps)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, cosine, seen->world_to_clip ? "is it row-major? If it is, " : "", way_out);
+                 camera, cosine, frame->has_matrix ? "is it row-major? If it is, " : "", way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
-                          seen->world_to_clip       ? "camera.world_to_clip"
+                          frame->has_matrix         ? "camera.world_to_clip"
                           : seen->field_of_view > 0 ? "camera.field_of_view"
                                                     : "camera.ortho_height",
-                          seen->world_to_clip ? 0 : value, rest);
+                          frame->has_matrix ? 0 : value, rest);
 }
 
 /* Chooses s for the sweep's light, or without one. */
@@ -8968,7 +9035,7 @@ typedef struct spsi_portion {
     spsi_v middle, square;
 } spsi_portion;
 
-/* One of SPSI_PARTS equal parts of the stretch between the shares `first` and `last` of a slab. */
+/* One of SPSI_PARTS equal parts of the interval between the shares `first` and `last` of a slab. */
 static inline spsi_portion spsi_portion_of(spsi_v first, spsi_v last, int part) {
     const spsi_v width = spsi_mul(spsi_sub(last, first), spsi_set(1.0f / SPSI_PARTS));
     spsi_portion s;
@@ -9054,12 +9121,12 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    from face to face. Opaque surfaces are kept apart, as a depth per texel: no technique could hold them without harming
    everything else. A map is filled one row of tiles (a band) at a time. Each tile is a task of its own that visits
    volumes, particles and triangles in their order, so that the result is the same to the bit for any number of workers.
-   Whatever meets a vector of texels is a vector of stretches. The kind of visit decides what becomes of it: sums, for a
-   technique that accepts stretches in any order; before that the texel's range, where the technique needs it; or a list
+   Whatever meets a vector of texels is a vector of intervals. The kind of visit decides what becomes of it: sums, for a
+   technique that accepts intervals in any order; before that the texel's range, where the technique needs it; or a list
    that is first counted, then filled, sorted, and made into a curve to which the technique is fitted. Volumes are
    splatted into slabs perpendicular to the light's axis, which takes one visit of all voxels for plain sums and two for
    the rest. Cost: occluders times texels under them times components; 4 bytes per texel and component in a band of 64
-   rows, or 16 per stretch in it. */
+   rows, or 16 per interval in it. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none: no point is so far behind far_depth */
 #define SPSI_GUARD_BAND 0.05  /* share of the depth range, free at either end of a Fourier series: it is periodic */
@@ -9071,7 +9138,7 @@ typedef struct spsi_added {
 } spsi_added;
 
 typedef struct spsi_tmap_data {
-    spsi_buffer texels;   /* components of each texel, or the stretches or nodes of all */
+    spsi_buffer texels;   /* components of each texel, or the intervals or nodes of all */
     spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
     spsi_buffer table;    /* of a shadow table, in place of texels: pairs of planes */
     spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
@@ -9085,7 +9152,6 @@ struct sps_tmap {
     sps_tmap_settings inner;    /* as the technique's functions see them: without the texel's range */
     sps_view view;              /* of the light */
     double matrix[16];          /* its camera's world_to_clip */
-    int has_components;         /* 1: the caller has set their number; 0: left to the technique */
     int has_range;              /* 1: a texel begins with the u of its first and its last occluder */
     int has_vectors;            /* 1: vectors of texels are looked up at once */
     int face_count, replace_invalid;
@@ -9103,9 +9169,9 @@ static size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
 }
 
-/* Of a map made from lists: bytes of an item, a stretch or a node, and number of items. */
+/* Of a map made from lists: bytes of an item, an interval or a node, and number of items. */
 static size_t spsi_tmap_item_bytes(const sps_tmap *map) {
-    return map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_stretch) : sizeof(spsi_node);
+    return map->settings.technique == SPS_TMAP_DEEP ? sizeof(spsi_interval) : sizeof(spsi_node);
 }
 
 static size_t spsi_tmap_item_count(const sps_tmap *map) {
@@ -9132,17 +9198,17 @@ static spsi_texel spsi_tmap_texel(const sps_tmap *map, size_t index, float u) {
 }
 
 /* Optical depth of gas before u in one texel. */
-static float spsi_tmap_depth(const sps_tmap *map, size_t index, float u) {
+static float spsi_tmap_optical_depth(const sps_tmap *map, size_t index, float u) {
     if (map->technique->lists) {
         const uint32_t *starts = (const uint32_t *)map->data.starts.data + index;
         const uint32_t count = starts[1] - starts[0];
         return map->settings.technique == SPS_TMAP_DEEP
-                   ? spsi_stretches_depth((const spsi_stretch *)map->data.texels.data + starts[0], count, u)
-                   : spsi_compressed_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
+                   ? spsi_intervals_optical_depth((const spsi_interval *)map->data.texels.data + starts[0], count, u)
+                   : spsi_compressed_optical_depth((const spsi_node *)map->data.texels.data + starts[0], count, u);
     }
     {
         const spsi_texel texel = spsi_tmap_texel(map, index, u);
-        return texel.u < 0 ? 0 : spsi_texel_depth(&map->inner, texel.floats, texel.u);
+        return texel.u < 0 ? 0 : spsi_texel_optical_depth(&map->inner, texel.floats, texel.u);
     }
 }
 
@@ -9151,9 +9217,9 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
     bounds[0] = 0;
     bounds[1] = SPSI_DEPTH_MAX;
     if (map->settings.technique == SPS_TMAP_DEEP) {
-        bounds[0] = bounds[1] = spsi_tmap_depth(map, index, u);
+        bounds[0] = bounds[1] = spsi_tmap_optical_depth(map, index, u);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
-        const float through = expf(-spsi_tmap_depth(map, index, u)), epsilon = map->inner.epsilon;
+        const float through = expf(-spsi_tmap_optical_depth(map, index, u)), epsilon = map->inner.epsilon;
         bounds[0] = spsi_higher(-logf(spsi_lower(through + epsilon, 1)), 0);
         bounds[1] = through > epsilon ? -logf(through - epsilon) : SPSI_DEPTH_MAX;
     } else if (map->technique->bracket) {
@@ -9164,19 +9230,19 @@ static void spsi_tmap_bounds(const sps_tmap *map, size_t index, float u, float b
 }
 
 /* The four texels around a point, for a bilinear lookup. */
-typedef struct spsi_place_in_map {
+typedef struct spsi_tmap_quad {
     int column[2], row[2]; /* rows of all faces, one below the other */
     double weight[4], t;
     float u;
-} spsi_place_in_map;
+} spsi_tmap_quad;
 
-static size_t spsi_place_texel(const sps_tmap *map, const spsi_place_in_map *place, int i) {
-    return (size_t)place->row[i >> 1] * (size_t)map->rays[0].width + (size_t)place->column[i & 1];
+static size_t spsi_quad_texel(const sps_tmap *map, const spsi_tmap_quad *quad, int i) {
+    return (size_t)quad->row[i >> 1] * (size_t)map->rays[0].width + (size_t)quad->column[i & 1];
 }
 
 /* Finds the texels around a point. Returns 0 outside of the map, before near_depth, and for a point that is not
    finite. */
-static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_place_in_map *place) {
+static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_tmap_quad *quad) {
     const int width = map->rays[0].width, height = map->rays[0].height;
     double q[3], offset[3];
     int x, y, face = 0;
@@ -9186,43 +9252,43 @@ static int spsi_tmap_locate(const sps_tmap *map, const double point[3], spsi_pla
     }
     spsi_project(&map->rays[face], point, q);
     if (!(fabs(q[0]) <= DBL_MAX && fabs(q[1]) <= DBL_MAX && fabs(q[2]) <= DBL_MAX)) return 0;
-    place->t = q[2];
-    place->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
-    if (!(place->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
+    quad->t = q[2];
+    quad->u = (float)fmin((q[2] - map->settings.near_depth) * map->per_depth, 1);
+    if (!(quad->u >= 0) || (map->rays[face].perspective && !(q[2] > 0))) return 0;
     if (map->face_count > 1) /* round-off must not lead out of the face */
         q[0] = fmin(fmax(q[0], 0), width - 1), q[1] = fmin(fmax(q[1], 0), height - 1);
     if (!(q[0] >= -0.5 && q[1] >= -0.5 && q[0] <= width - 0.5 && q[1] <= height - 0.5)) return 0;
     x = (int)floor(q[0]);
     y = (int)floor(q[1]);
     for (int i = 0; i < 2; ++i) {
-        place->column[i] = spsi_least(spsi_most(x + i, 0), width - 1);
-        place->row[i] = face * height + spsi_least(spsi_most(y + i, 0), height - 1);
+        quad->column[i] = spsi_least(spsi_most(x + i, 0), width - 1);
+        quad->row[i] = face * height + spsi_least(spsi_most(y + i, 0), height - 1);
     }
-    for (int i = 0; i < 4; ++i) place->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
+    for (int i = 0; i < 4; ++i) quad->weight[i] = (1 - fabs(q[0] - (x + (i & 1)))) * (1 - fabs(q[1] - (y + (i >> 1))));
     return 1;
 }
 
 /* The bilinear share of the four texels whose surfaces do not lie before the point. */
-static double spsi_tmap_lit(const sps_tmap *map, const spsi_place_in_map *place) {
-    const double bias = (map->bias[0] + map->bias[1] * place->t) * map->per_depth;
-    const double u = (place->t - map->settings.near_depth) * map->per_depth; /* not clamped: may lie behind far_depth */
+static double spsi_tmap_lit(const sps_tmap *map, const spsi_tmap_quad *quad) {
+    const double bias = (map->bias[0] + map->bias[1] * quad->t) * map->per_depth;
+    const double u = (quad->t - map->settings.near_depth) * map->per_depth; /* not clamped: may lie behind far_depth */
     const float *surfaces = (const float *)map->data.surfaces.data;
     double lit = 0, sum = 0;
     if (!surfaces) return 1;
     for (int i = 0; i < 4; ++i) {
-        sum += place->weight[i];
-        if (!((double)surfaces[spsi_place_texel(map, place, i)] + bias < u)) lit += place->weight[i];
+        sum += quad->weight[i];
+        if (!((double)surfaces[spsi_quad_texel(map, quad, i)] + bias < u)) lit += quad->weight[i];
     }
     return lit < sum ? lit / sum : 1;
 }
 
 /* The same for a vector of points; those outside of the map have no weights. */
-typedef struct spsi_places {
+typedef struct spsi_tmap_quads {
     spsi_v column[2], row[2], weight[4], u;
-} spsi_places;
+} spsi_tmap_quads;
 
 /* Optical depth of gas before u in a vector of texels, looked up at once. */
-static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+static spsi_v spsi_tmap_all_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
     spsi_texels texels;
     spsi_v first, length, within;
@@ -9230,17 +9296,17 @@ static spsi_v spsi_tmap_all_depths(const sps_tmap *map, spsi_v column, spsi_v ro
     texels.stride = map->rays[0].width * map->settings.components;
     texels.x = spsi_mul(column, spsi_set((float)map->settings.components));
     texels.y = row;
-    if (!map->has_range) return map->technique->depths(&map->inner, &texels, u);
+    if (!map->has_range) return map->technique->optical_depths(&map->inner, &texels, u);
     first = spsi_texels_at(&texels, zero);
     length = spsi_sub(spsi_texels_at(&texels, one), first);
     within = spsi_div(spsi_sub(u, first), spsi_max(length, spsi_set(FLT_MIN)));
     within = spsi_select(spsi_less(zero, length), spsi_clamp(within, zero, one), one);
     texels.x = spsi_add(texels.x, spsi_set(2));
-    return spsi_select(spsi_less(u, first), zero, map->technique->depths(&map->inner, &texels, within));
+    return spsi_select(spsi_less(u, first), zero, map->technique->optical_depths(&map->inner, &texels, within));
 }
 
 /* The same, one texel at a time; texels without weight are skipped. */
-static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
     float columns[SPSI_LANES], rows[SPSI_LANES], us[SPSI_LANES], weights[SPSI_LANES];
     spsi_store(columns, column);
     spsi_store(rows, row);
@@ -9248,7 +9314,7 @@ static spsi_v spsi_tmap_each_depth(const sps_tmap *map, spsi_v column, spsi_v ro
     spsi_store(weights, weight);
     for (int i = 0; i < SPSI_LANES; ++i) {
         const size_t texel = (size_t)rows[i] * (size_t)map->rays[0].width + (size_t)columns[i];
-        us[i] = weights[i] > 0 ? spsi_tmap_depth(map, texel, us[i]) : 0;
+        us[i] = weights[i] > 0 ? spsi_tmap_optical_depth(map, texel, us[i]) : 0;
     }
     return spsi_load(us);
 }
@@ -9292,43 +9358,43 @@ static inline spsi_v spsi_table_at(const sps_tmap *map, const spsi_table_place *
 
 #define SPSI_TABLE_STEP (SPSI_TABLE_DEPTH / SPSI_TABLE_MOST)
 
-/* The same as spsi_tmap_all_depths, from a shadow table. */
-static spsi_v spsi_table_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+/* The same as spsi_tmap_all_optical_depths, from a shadow table. */
+static spsi_v spsi_table_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
     const spsi_table_place x = spsi_table_place_of(column, 1), y = spsi_table_place_of(row, SPSI_TABLE_SIDE);
     return spsi_mul(spsi_table_at(map, &x, &y, k, spsi_sub(at, k)), spsi_set(SPSI_TABLE_STEP));
 }
 
-/* The same as spsi_tmap_depths. */
-static spsi_v spsi_table_lookup(const sps_tmap *map, const spsi_places *places) {
-    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(places->u, planes);
+/* The same as spsi_tmap_optical_depths. */
+static spsi_v spsi_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
+    const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(quads->u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1))), share = spsi_sub(at, k);
     spsi_table_place x[2], y[2];
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 2; ++i) {
-        x[i] = spsi_table_place_of(places->column[i], 1);
-        y[i] = spsi_table_place_of(places->row[i], SPSI_TABLE_SIDE);
+        x[i] = spsi_table_place_of(quads->column[i], 1);
+        y[i] = spsi_table_place_of(quads->row[i], SPSI_TABLE_SIDE);
     }
     for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(places->weight[i], spsi_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
+        sum = spsi_fma(quads->weight[i], spsi_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
     return spsi_mul(sum, spsi_set(SPSI_TABLE_STEP));
 }
 
 /* The same, by whichever of these the map supports. */
-static spsi_v spsi_tmap_texel_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    if (map->data.table.data) return spsi_table_depths(map, column, row, u);
-    return map->has_vectors ? spsi_tmap_all_depths(map, column, row, u)
-                            : spsi_tmap_each_depth(map, column, row, u, weight);
+static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
+    if (map->data.table.data) return spsi_table_optical_depths(map, column, row, u);
+    return map->has_vectors ? spsi_tmap_all_optical_depths(map, column, row, u)
+                            : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
 
 /* Optical depth of gas at a vector of points. Each of the four texels is evaluated at the point's own u, rather than
    the result interpolated between their depths. */
-static spsi_v spsi_tmap_depths(const sps_tmap *map, const spsi_places *places) {
+static spsi_v spsi_tmap_optical_depths(const sps_tmap *map, const spsi_tmap_quads *quads) {
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 4; ++i) {
-        const spsi_v column = places->column[i & 1], row = places->row[i >> 1], weight = places->weight[i];
-        sum = spsi_fma(weight, spsi_tmap_texel_depths(map, column, row, places->u, weight), sum);
+        const spsi_v column = quads->column[i & 1], row = quads->row[i >> 1], weight = quads->weight[i];
+        sum = spsi_fma(weight, spsi_tmap_texel_optical_depths(map, column, row, quads->u, weight), sum);
     }
     return spsi_min(sum, spsi_set(SPSI_DEPTH_MAX));
 }
@@ -9339,20 +9405,20 @@ static void spsi_tmap_at(const sps_tmap *map, int count, const double *points, f
     float column[4 * SPSI_LANES] = {0}, row[4 * SPSI_LANES] = {0}, u[4 * SPSI_LANES] = {0};
     float weight[4 * SPSI_LANES] = {0}, depth[4 * SPSI_LANES];
     for (int n = 0; n < count; ++n) {
-        spsi_place_in_map place;
+        spsi_tmap_quad quad;
         lit[n] = 1;
-        if (!spsi_tmap_locate(map, points + 3 * n, &place)) continue;
-        lit[n] = spsi_tmap_lit(map, &place);
+        if (!spsi_tmap_locate(map, points + 3 * n, &quad)) continue;
+        lit[n] = spsi_tmap_lit(map, &quad);
         for (int i = 0; i < 4; ++i) {
-            column[4 * n + i] = (float)place.column[i & 1];
-            row[4 * n + i] = (float)place.row[i >> 1];
-            weight[4 * n + i] = (float)place.weight[i];
-            u[4 * n + i] = place.u;
+            column[4 * n + i] = (float)quad.column[i & 1];
+            row[4 * n + i] = (float)quad.row[i >> 1];
+            weight[4 * n + i] = (float)quad.weight[i];
+            u[4 * n + i] = quad.u;
         }
     }
     for (int i = 0; i < 4 * count; i += SPSI_LANES)
-        spsi_store(depth + i, spsi_tmap_texel_depths(map, spsi_load(column + i), spsi_load(row + i), spsi_load(u + i),
-                                                     spsi_load(weight + i)));
+        spsi_store(depth + i, spsi_tmap_texel_optical_depths(map, spsi_load(column + i), spsi_load(row + i),
+                                                             spsi_load(u + i), spsi_load(weight + i)));
     for (int n = 0; n < count; ++n) {
         double sum = 0;
         for (int i = 4 * n; i < 4 * n + 4; ++i) sum += (double)weight[i] * (double)depth[i];
@@ -9366,7 +9432,7 @@ typedef struct spsi_seen_by_map {
     spsi_m in_range; /* 0: behind the light, or nearer than near_depth */
 } spsi_seen_by_map;
 
-static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_places *places) {
+static void spsi_quads_build(const sps_tmap *map, const spsi_seen_by_map *seen, spsi_tmap_quads *quads) {
     const float width = (float)map->rays[0].width, height = (float)map->rays[0].height;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), edge = spsi_set(-0.5f);
     const spsi_v x = spsi_clamp(seen->x, spsi_set(-1), spsi_set(width)), column = spsi_floor(x);
@@ -9379,11 +9445,11 @@ static void spsi_places_build(const sps_tmap *map, const spsi_seen_by_map *seen,
     const spsi_v first_row = spsi_mul(seen->face, spsi_set(height));
     for (int i = 0; i < 2; ++i) {
         const spsi_v next = spsi_set((float)i);
-        places->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
-        places->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
+        quads->column[i] = spsi_clamp(spsi_add(column, next), zero, spsi_set(width - 1));
+        quads->row[i] = spsi_add(first_row, spsi_clamp(spsi_add(row, next), zero, spsi_set(height - 1)));
     }
     for (int i = 0; i < 4; ++i)
-        places->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
+        quads->weight[i] = spsi_select(inside, spsi_mul(shares[0][i & 1], shares[1][i >> 1]), zero);
 }
 
 /* Points given in the coordinates of the map's only rays, before any division; t is relative to near_depth. */
@@ -9422,35 +9488,35 @@ static void spsi_tmap_see_round(const sps_tmap *map, const spsi_v offset[3], sps
    six faces. Floats are precise enough within an image. */
 static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
     spsi_seen_by_map seen;
-    spsi_places places;
+    spsi_tmap_quads quads;
     if (map->face_count > 1)
         spsi_tmap_see_round(map, q, &seen);
     else
         spsi_tmap_see(map, q, &seen);
-    spsi_places_build(map, &seen, &places);
-    places.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
-    return map->data.table.data ? spsi_table_lookup(map, &places) : spsi_tmap_depths(map, &places);
+    spsi_quads_build(map, &seen, &quads);
+    quads.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
+    return map->data.table.data ? spsi_table_lookup(map, &quads) : spsi_tmap_optical_depths(map, &quads);
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
-static double spsi_depth_with_surfaces(double depth, double lit) {
+static double spsi_optical_depth_with_surfaces(double depth, double lit) {
     return lit > 0 ? fmin(depth - log(lit), (double)SPSI_DEPTH_MAX) : (double)SPSI_DEPTH_MAX;
 }
 
 /* Guaranteed bounds of the optical depth at a world point, surfaces included. */
 static void spsi_tmap_bracket_at(const sps_tmap *map, const double point[3], double bracket[2]) {
-    spsi_place_in_map place;
+    spsi_tmap_quad quad;
     double lit;
     bracket[0] = bracket[1] = 0;
-    if (!spsi_tmap_locate(map, point, &place)) return;
+    if (!spsi_tmap_locate(map, point, &quad)) return;
     for (int i = 0; i < 4; ++i) {
         float bounds[2];
-        if (!(place.weight[i] > 0)) continue;
-        spsi_tmap_bounds(map, spsi_place_texel(map, &place, i), place.u, bounds);
-        for (int k = 0; k < 2; ++k) bracket[k] += place.weight[i] * (double)bounds[k];
+        if (!(quad.weight[i] > 0)) continue;
+        spsi_tmap_bounds(map, spsi_quad_texel(map, &quad, i), quad.u, bounds);
+        for (int k = 0; k < 2; ++k) bracket[k] += quad.weight[i] * (double)bounds[k];
     }
-    lit = spsi_tmap_lit(map, &place);
-    for (int k = 0; k < 2; ++k) bracket[k] = spsi_depth_with_surfaces(bracket[k], lit);
+    lit = spsi_tmap_lit(map, &quad);
+    for (int k = 0; k < 2; ++k) bracket[k] = spsi_optical_depth_with_surfaces(bracket[k], lit);
 }
 
 /* --- filling a map: tiles --- */
@@ -9480,12 +9546,12 @@ typedef struct spsi_occluders {
 typedef struct spsi_band {
     int face, row;
     int tiles_x;
-    size_t first_texel;      /* of the map */
-    float *ranges, *sums;    /* tile after tile */
-    uint32_t *starts;        /* per texel, plus one more: its first stretch */
-    uint32_t *places;        /* per texel: the number of its stretches, or where the next one goes */
-    spsi_stretch *stretches; /* of all its texels */
-    uint32_t most;           /* maximum number of stretches in a texel */
+    size_t first_texel;       /* of the map */
+    float *ranges, *sums;     /* tile after tile */
+    uint32_t *starts;         /* per texel, plus one more: its first interval */
+    uint32_t *cursors;        /* per texel: the number of its intervals, or where the next one goes */
+    spsi_interval *intervals; /* of all its texels */
+    uint32_t most;            /* maximum number of intervals in a texel */
 } spsi_band;
 
 typedef struct spsi_filling {
@@ -9496,7 +9562,7 @@ typedef struct spsi_filling {
     spsi_visit visit;
     int pieces;    /* maximum number that a soft particle is cut into */
     float epsilon; /* of a compressed map, except for what soft pieces use up */
-    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; the nodes replace its stretches
+    int has_sizes; /* 1: the number of nodes of each texel of a compressed map is known; the nodes replace its intervals
                       where they fit */
     char *scratch; /* scratch_size per worker: a curve and what is made of it */
     size_t scratch_size;
@@ -9544,78 +9610,78 @@ static size_t spsi_map_tile_texel(const spsi_map_tile *into, int x, int y) {
     return ((size_t)into->filling->band.face * (size_t)rays->height + (size_t)y) * (size_t)rays->width + (size_t)x;
 }
 
-static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_stretches *stretches) {
+static void spsi_insert_range(const spsi_map_tile *into, size_t at, const spsi_intervals *intervals) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    const spsi_m some = spsi_less(zero, stretches->depth);
+    const spsi_m some = spsi_less(zero, intervals->depth);
     const spsi_v first = spsi_load(into->ranges + at), last = spsi_load(into->ranges + into->stride + at);
-    const spsi_v u0 = spsi_clamp(stretches->u0, zero, one), u1 = spsi_clamp(stretches->u1, zero, one);
+    const spsi_v u0 = spsi_clamp(intervals->u0, zero, one), u1 = spsi_clamp(intervals->u1, zero, one);
     spsi_store(into->ranges + at, spsi_select(some, spsi_min(first, u0), first));
     spsi_store(into->ranges + into->stride + at, spsi_select(some, spsi_max(last, u1), last));
 }
 
-/* Limits of how far stretches may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range,
+/* Limits of how far intervals may reach beyond 0..1: in u, so that lengths stay finite; and in their texel's range,
    which may be tiny, where going farther makes no difference. */
-#define SPSI_STRETCH_REACH 1e30
-#define SPSI_RANGE_REACH   1e6f
+#define SPSI_INTERVAL_REACH 1e30
+#define SPSI_RANGE_REACH    1e6f
 
 /* Makes u relative to the texel's range; ends that lie outside of 0..1 stay outside. */
-static void spsi_stretches_within(const spsi_map_tile *into, size_t at, spsi_stretches *stretches) {
+static void spsi_intervals_within(const spsi_map_tile *into, size_t at, spsi_intervals *intervals) {
     const spsi_v zero = spsi_set(0), one = spsi_set(1), first = spsi_load(into->ranges + at);
     const spsi_v length = spsi_sub(spsi_load(into->ranges + into->stride + at), first);
     const spsi_v inverse =
         spsi_select(spsi_less(zero, length), spsi_div(one, spsi_max(length, spsi_set(FLT_MIN))), zero);
-    stretches->u0 = spsi_mul(spsi_sub(stretches->u0, first), inverse);
-    stretches->u1 = spsi_mul(spsi_sub(stretches->u1, first), inverse);
-    stretches->u0 = spsi_clamp(stretches->u0, spsi_set(-SPSI_RANGE_REACH), one);
-    stretches->u1 = spsi_clamp(stretches->u1, zero, spsi_set(SPSI_RANGE_REACH));
+    intervals->u0 = spsi_mul(spsi_sub(intervals->u0, first), inverse);
+    intervals->u1 = spsi_mul(spsi_sub(intervals->u1, first), inverse);
+    intervals->u0 = spsi_clamp(intervals->u0, spsi_set(-SPSI_RANGE_REACH), one);
+    intervals->u1 = spsi_clamp(intervals->u1, zero, spsi_set(SPSI_RANGE_REACH));
 }
 
-static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi_stretches *stretches) {
+static void spsi_insert_list(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
-    uint32_t *places = filling->band.places + (spsi_map_tile_texel(into, x, y) - filling->band.first_texel);
+    uint32_t *cursors = filling->band.cursors + (spsi_map_tile_texel(into, x, y) - filling->band.first_texel);
     float lanes[3][SPSI_LANES];
-    spsi_store(lanes[0], stretches->u0);
-    spsi_store(lanes[1], stretches->u1);
-    spsi_store(lanes[2], stretches->depth);
+    spsi_store(lanes[0], intervals->u0);
+    spsi_store(lanes[1], intervals->u1);
+    spsi_store(lanes[2], intervals->depth);
     for (int i = 0; i < spsi_least(SPSI_LANES, into->x0 + into->width - x); ++i) {
         if (!(lanes[2][i] > 0)) continue;
         if (filling->visit == SPSI_VISIT_LIST) {
-            const spsi_stretch one = {lanes[0][i], lanes[1][i], lanes[2][i], stretches->soft};
-            filling->band.stretches[places[i]] = one;
+            const spsi_interval one = {lanes[0][i], lanes[1][i], lanes[2][i], intervals->soft};
+            filling->band.intervals[cursors[i]] = one;
         }
-        places[i] += 1;
+        cursors[i] += 1;
     }
 }
 
-/* Inserts stretches into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
-static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_stretches *stretches) {
+/* Inserts intervals into a tile's texels from (x, y) on; in texels beyond its edge, depth must be 0. */
+static void spsi_insert(const spsi_map_tile *into, int x, int y, const spsi_intervals *intervals) {
     const spsi_filling *filling = into->filling;
     const size_t at = (size_t)((y - into->y0) * into->width + (x - into->x0));
-    spsi_stretches within = *stretches;
+    spsi_intervals within = *intervals;
     if (filling->visit == SPSI_VISIT_RANGE) {
-        spsi_insert_range(into, at, stretches);
+        spsi_insert_range(into, at, intervals);
     } else if (filling->visit == SPSI_VISIT_SUMS) {
-        if (filling->map->has_range) spsi_stretches_within(into, at, &within);
+        if (filling->map->has_range) spsi_intervals_within(into, at, &within);
         filling->map->technique->insert(&filling->map->inner, into->sums + at, into->stride, &within);
     } else {
-        spsi_insert_list(into, x, y, stretches);
+        spsi_insert_list(into, x, y, intervals);
     }
 }
 
 /* --- particles --- */
 
-/* Inserts a stretch into one texel. */
-static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_stretch *stretch) {
+/* Inserts an interval into one texel. */
+static void spsi_insert_one(const spsi_map_tile *into, int x, int y, const spsi_interval *interval) {
     float lanes[3][SPSI_LANES] = {{0}};
-    spsi_stretches one;
-    if (!(stretch->depth > 0)) return;
-    lanes[0][0] = stretch->u0;
-    lanes[1][0] = stretch->u1;
-    lanes[2][0] = stretch->depth;
+    spsi_intervals one;
+    if (!(interval->depth > 0)) return;
+    lanes[0][0] = interval->u0;
+    lanes[1][0] = interval->u1;
+    lanes[2][0] = interval->depth;
     one.u0 = spsi_load(lanes[0]);
     one.u1 = spsi_load(lanes[1]);
     one.depth = spsi_load(lanes[2]);
-    one.soft = stretch->soft;
+    one.soft = interval->soft;
     spsi_insert(into, x, y, &one);
 }
 
@@ -9651,7 +9717,7 @@ static void spsi_insert_points(const spsi_map_tile *into, int x, int y, const sp
         const int part = i / SPSI_GAUSS_POINTS, k = i % SPSI_GAUSS_POINTS;
         const double u = from + half * (2 * part + 1 + spsi_gauss_nodes[k]), s = (u - chord->u0) / length;
         const double depth = chord->depth * half / length * spsi_gauss_weights[k] * 6 * s * (1 - s);
-        const spsi_stretch point = {(float)u, (float)u, (float)depth, 0};
+        const spsi_interval point = {(float)u, (float)u, (float)depth, 0};
         spsi_insert_one(into, x, y, &point);
     }
 }
@@ -9661,9 +9727,9 @@ static void spsi_insert_parts(const spsi_map_tile *into, int x, int y, const sps
     const double from = fmin(fmax(chord->u0, 0), 1), to = fmin(fmax(chord->u1, 0), 1);
     const double before = spsi_cut_chord_share(chord, from), until = spsi_cut_chord_share(chord, to);
     const double unlit = spsi_cut_chord_share(chord, light);
-    const spsi_stretch front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
-    const spsi_stretch even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
-    const spsi_stretch back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
+    const spsi_interval front = {(float)from, (float)from, (float)(chord->depth * (before - unlit)), 0};
+    const spsi_interval even = {(float)from, (float)to, (float)(chord->depth * (until - before)), 0};
+    const spsi_interval back = {(float)to, (float)to, (float)(chord->depth * (1 - until)), 0};
     spsi_insert_one(into, x, y, &front);
     if (!chord->soft || !(to > from))
         spsi_insert_one(into, x, y, &even);
@@ -9686,9 +9752,9 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
         spsi_insert_parts(into, x, y, &chord, light);
     } else {
         const double share = soft ? part * part * (3 - 2 * part) : part;
-        const double from = fmax(fmax(chord.u0, light), -SPSI_STRETCH_REACH);
-        const spsi_stretch rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_STRETCH_REACH),
-                                   (float)(chord.depth * share), soft ? (float)part : 0};
+        const double from = fmax(fmax(chord.u0, light), -SPSI_INTERVAL_REACH);
+        const spsi_interval rest = {(float)fmin(from, 1), (float)fmin(chord.u1, SPSI_INTERVAL_REACH),
+                                    (float)(chord.depth * share), soft ? (float)part : 0};
         spsi_insert_one(into, x, y, &rest);
     }
 }
@@ -9696,26 +9762,26 @@ static void spsi_insert_cut(const spsi_map_tile *into, int soft, int x, int y, c
 /* Inserts chords of which some reach beyond 0..1. Those that contain the light, and all clipped ones where a technique
    needs these in parts, are inserted one by one; the rest together. */
 static void spsi_insert_cut_chords(const spsi_map_tile *into, int soft, int x, int y, const spsi_chord *chord,
-                                   spsi_stretches *stretches) {
+                                   spsi_intervals *intervals) {
     const int parts = into->filling->map->technique->points;
     const spsi_v zero = spsi_set(0), one = spsi_set(1);
-    const spsi_v low = parts ? zero : spsi_set((float)fmax(into->filling->light_u, -SPSI_STRETCH_REACH));
-    const spsi_v high = parts ? one : spsi_set((float)SPSI_STRETCH_REACH);
-    const int outside = spsi_bits(spsi_less(stretches->u0, low)) | spsi_bits(spsi_less(high, stretches->u1));
-    const int bits = outside & spsi_bits(spsi_less(zero, stretches->depth));
+    const spsi_v low = parts ? zero : spsi_set((float)fmax(into->filling->light_u, -SPSI_INTERVAL_REACH));
+    const spsi_v high = parts ? one : spsi_set((float)SPSI_INTERVAL_REACH);
+    const int outside = spsi_bits(spsi_less(intervals->u0, low)) | spsi_bits(spsi_less(high, intervals->u1));
+    const int bits = outside & spsi_bits(spsi_less(zero, intervals->depth));
     float lanes[3][SPSI_LANES];
     spsi_store(lanes[0], chord->middle);
     spsi_store(lanes[1], chord->half);
-    spsi_store(lanes[2], stretches->depth);
+    spsi_store(lanes[2], intervals->depth);
     for (int i = 0; i < SPSI_LANES; ++i) {
         const float in_t[3] = {lanes[0][i], lanes[1][i], lanes[2][i]};
         if (bits >> i & 1) spsi_insert_cut(into, soft, x + i, y, in_t);
         if (bits >> i & 1) lanes[2][i] = 0;
     }
-    stretches->depth = spsi_load(lanes[2]);
-    stretches->u0 = spsi_clamp(stretches->u0, low, one); /* none begins behind 1, where lists end */
-    stretches->u1 = spsi_clamp(stretches->u1, zero, high);
-    spsi_insert(into, x, y, stretches);
+    intervals->depth = spsi_load(lanes[2]);
+    intervals->u0 = spsi_clamp(intervals->u0, low, one); /* none begins behind 1, where lists end */
+    intervals->u1 = spsi_clamp(intervals->u1, zero, high);
+    spsi_insert(into, x, y, intervals);
 }
 
 /* Inserts a vector of a ball's texels in a row, from x on. */
@@ -9723,20 +9789,20 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_ball *ball,
     const spsi_filling *filling = into->filling;
     const spsi_v per_t = spsi_set((float)filling->map->per_depth), zero = spsi_set(0), one = spsi_set(1);
     const spsi_m here = spsi_less(spsi_iota(), spsi_set((float)(last - x) + 0.5f));
-    spsi_stretches stretches;
+    spsi_intervals intervals;
     spsi_chord chord;
     int bits;
     spsi_ball_chord(&filling->map->rays[filling->band.face], ball, x, y, &chord);
-    stretches.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
-    stretches.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
-    stretches.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
-    stretches.soft = (float)ball->soft;
-    bits = spsi_bits(spsi_less(zero, stretches.depth));
+    intervals.u0 = spsi_mul(spsi_sub(chord.middle, chord.half), per_t);
+    intervals.u1 = spsi_mul(spsi_add(chord.middle, chord.half), per_t);
+    intervals.depth = spsi_select(here, spsi_chord_depth(ball, &chord), zero);
+    intervals.soft = (float)ball->soft;
+    bits = spsi_bits(spsi_less(zero, intervals.depth));
     if (!bits) return;
-    if (bits & (spsi_bits(spsi_less(stretches.u0, zero)) | spsi_bits(spsi_less(one, stretches.u1))))
-        spsi_insert_cut_chords(into, ball->soft, x, y, &chord, &stretches);
+    if (bits & (spsi_bits(spsi_less(intervals.u0, zero)) | spsi_bits(spsi_less(one, intervals.u1))))
+        spsi_insert_cut_chords(into, ball->soft, x, y, &chord, &intervals);
     else
-        spsi_insert(into, x, y, &stretches);
+        spsi_insert(into, x, y, &intervals);
 }
 
 static void spsi_insert_ball(const spsi_map_tile *into, const spsi_ball *ball) {
@@ -9780,7 +9846,7 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
             u = t * map->per_depth; /* surfaces may lie before near_depth and behind far_depth */
             if (!opaque) {
                 const float at = (float)fmin(fmax(u, 0), 1);
-                const spsi_stretch sheet = {at, at, depth, 0};
+                const spsi_interval sheet = {at, at, depth, 0};
                 spsi_insert_one(into, x, y, &sheet);
             } else if (filling->visit == SPSI_VISIT_SUMS || filling->visit == SPSI_VISIT_LIST)
                 surfaces[spsi_map_tile_texel(into, x, y)] =
@@ -9809,14 +9875,14 @@ static void spsi_fill_task(void *data, int index, int worker) {
 
 /* --- volumes --- */
 
-/* Inserts the slabs of a chunk that a tile's voxels were splatted into, as stretches. */
+/* Inserts the slabs of a chunk that a tile's voxels were splatted into, as intervals. */
 static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) {
     const spsi_filling *filling = into->filling;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
     const spsi_light_shader *shader = &volumes->shader;
     const int first_slab = volumes->contents.first_slab, margin = volumes->target.shape.slab_margin;
-    spsi_stretches stretches;
-    stretches.soft = 0;
+    spsi_intervals intervals;
+    intervals.soft = 0;
     for (int y = into->y0; y < into->y0 + into->height; ++y)
         for (int x = into->x0; x < into->x0 + into->width; x += SPSI_LANES) {
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
@@ -9828,10 +9894,10 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
                 if (!spsi_bits(spsi_less(spsi_set(0), depth))) continue;
-                stretches.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
-                stretches.u1 = spsi_set((float)fmin(fmax(u + filling->u_per_slab, 0), 1));
-                stretches.depth = depth;
-                spsi_insert(into, x, y, &stretches);
+                intervals.u0 = spsi_set((float)fmin(fmax(u, 0), 1));
+                intervals.u1 = spsi_set((float)fmin(fmax(u + filling->u_per_slab, 0), 1));
+                intervals.depth = depth;
+                spsi_insert(into, x, y, &intervals);
             }
         }
 }
@@ -9918,42 +9984,42 @@ static sps_result spsi_fill_sums(spsi_filling *filling) {
 
 /* --- lists --- */
 
-/* Counts the band's stretches, lists them, and finds the maximum number in a texel. */
+/* Counts the band's intervals, lists them, and finds the maximum number in a texel. */
 static sps_result spsi_fill_lists(spsi_filling *filling) {
     sps_context *context = filling->context;
     const size_t texels = (size_t)filling->map->rays[0].width * (size_t)spsi_filling_height(filling);
     uint64_t sum = 0;
-    filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_PLACES, 2 * texels + 1, sizeof(uint32_t));
+    filling->band.starts = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_CURSORS, 2 * texels + 1, sizeof(uint32_t));
     if (!filling->band.starts) return context->result;
-    filling->band.places = filling->band.starts + texels + 1;
-    memset(filling->band.places, 0, texels * sizeof *filling->band.places);
+    filling->band.cursors = filling->band.starts + texels + 1;
+    memset(filling->band.cursors, 0, texels * sizeof *filling->band.cursors);
     if (spsi_fill_band(filling, SPSI_VISIT_COUNT)) return context->result;
     filling->band.most = 0;
     for (size_t i = 0; i < texels; ++i) {
         filling->band.most =
-            filling->band.places[i] > filling->band.most ? filling->band.places[i] : filling->band.most;
+            filling->band.cursors[i] > filling->band.most ? filling->band.cursors[i] : filling->band.most;
         filling->band.starts[i] = (uint32_t)sum;
-        sum += filling->band.places[i];
-        filling->band.places[i] = filling->band.starts[i];
+        sum += filling->band.cursors[i];
+        filling->band.cursors[i] = filling->band.starts[i];
     }
     filling->band.starts[texels] = (uint32_t)sum;
     if (sum > INT32_MAX)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in 64 rows", (double)sum,
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in 64 rows", (double)sum,
                                "2^31 - 1 are held at most");
-    filling->band.stretches =
-        (spsi_stretch *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_stretch));
-    if (!filling->band.stretches) return context->result;
+    filling->band.intervals =
+        (spsi_interval *)spsi_reserve(context, SPSI_BUFFER_BAND, (size_t)sum, sizeof(spsi_interval));
+    if (!filling->band.intervals) return context->result;
     return spsi_fill_band(filling, SPSI_VISIT_LIST);
 }
 
-/* A worker's memory for fitting: stretches, a curve, and compressed nodes or whatever a technique needs. */
+/* A worker's memory for fitting: intervals, a curve, and compressed nodes or whatever a technique needs. */
 typedef struct spsi_fitting {
     const spsi_filling *filling;
-    spsi_stretch *stretches;
+    spsi_interval *intervals;
     spsi_node *curve, *nodes;
 } spsi_fitting;
 
-static size_t spsi_fitting_stretches(const spsi_filling *filling) {
+static size_t spsi_fitting_intervals(const spsi_filling *filling) {
     const size_t most = filling->band.most;
     if (filling->map->settings.technique == SPS_TMAP_DEEP) return most / 2; /* they are only sorted, not fitted */
     return SPSI_CURVE_SCRATCH(most, (size_t)filling->pieces);
@@ -9964,68 +10030,69 @@ static size_t spsi_fitting_curve(const spsi_filling *filling) {
     return curve ? SPSI_CURVE_NODES((size_t)filling->band.most, (size_t)filling->pieces) : 0;
 }
 
-/* In 64 bits: a size_t may have fewer. Rounded up to whole stretches, so that the next worker's are aligned. */
+/* In 64 bits: a size_t may have fewer. Rounded up to whole intervals, so that the next worker's are aligned. */
 static uint64_t spsi_fitting_bytes(const spsi_filling *filling) {
     size_t nodes = spsi_fitting_curve(filling);
     uint64_t bytes;
     if (filling->map->settings.technique == SPS_TMAP_COMPRESSED)
         nodes += (size_t)spsi_compressed_most((int)nodes, filling->epsilon);
-    bytes = (uint64_t)spsi_fitting_stretches(filling) * sizeof(spsi_stretch) + (uint64_t)nodes * sizeof(spsi_node);
+    bytes = (uint64_t)spsi_fitting_intervals(filling) * sizeof(spsi_interval) + (uint64_t)nodes * sizeof(spsi_node);
     if (filling->map->technique->fit_bytes) bytes += filling->map->technique->fit_bytes((int)nodes);
-    return (bytes / sizeof(spsi_stretch) + 1) * sizeof(spsi_stretch);
+    return (bytes / sizeof(spsi_interval) + 1) * sizeof(spsi_interval);
 }
 
 static void spsi_fitting_place(const spsi_filling *filling, int worker, spsi_fitting *fitting) {
     fitting->filling = filling;
-    fitting->stretches = (spsi_stretch *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
-    fitting->curve = (spsi_node *)(void *)(fitting->stretches + spsi_fitting_stretches(filling));
+    fitting->intervals = (spsi_interval *)(void *)(filling->scratch + (size_t)worker * filling->scratch_size);
+    fitting->curve = (spsi_node *)(void *)(fitting->intervals + spsi_fitting_intervals(filling));
     fitting->nodes = fitting->curve + spsi_fitting_curve(filling);
 }
 
 /* Computes the nodes of a compressed map's texel, whose list is sorted; returns their number. */
-static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_stretch *list, uint32_t count) {
+static uint32_t spsi_fit_compressed(const spsi_fitting *fitting, const spsi_interval *list, uint32_t count) {
     const spsi_filling *filling = fitting->filling;
     const int pieces = spsi_soft_pieces(list, (int)count, filling->map->settings.epsilon);
     int bends;
     SPS_ASSERT(filling->pieces == 1 || pieces <= filling->pieces); /* there is room; 1: nothing is soft */
-    bends = spsi_curve_build(list, (int)count, pieces, fitting->stretches, fitting->curve);
+    bends = spsi_curve_build(list, (int)count, pieces, fitting->intervals, fitting->curve);
     return (uint32_t)spsi_curve_compress(fitting->curve, bends, filling->epsilon, fitting->nodes);
 }
 
-/* Number of nodes that fit into the memory of a texel's stretches. */
-static uint32_t spsi_nodes_in_place(uint32_t stretches) {
-    return stretches * (uint32_t)(sizeof(spsi_stretch) / sizeof(spsi_node));
+/* Number of nodes that fit into the memory of a texel's intervals. */
+static uint32_t spsi_nodes_in_place(uint32_t intervals) {
+    return intervals * (uint32_t)(sizeof(spsi_interval) / sizeof(spsi_node));
 }
 
 /* Sorts a texel's list, and turns it into what the technique keeps: floats or, where that is a list too, the number of
-   its items, in `places`. */
+   its items, in `cursors`. */
 static void spsi_fit_texel(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
     const sps_tmap *map = filling->map;
-    const size_t place = texel - filling->band.first_texel;
-    const uint32_t count = filling->band.starts[place + 1] - filling->band.starts[place];
-    spsi_stretch *list = filling->band.stretches + filling->band.starts[place];
-    spsi_stretches_sort(list, count, fitting->stretches);
+    const size_t in_band = texel - filling->band.first_texel;
+    const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band];
+    spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
+    spsi_intervals_sort(list, count, fitting->intervals);
     if (map->technique->fit) {
-        const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->stretches, fitting->curve);
+        const int nodes = spsi_curve_build(list, (int)count, SPSI_SOFT_PIECES, fitting->intervals, fitting->curve);
         map->technique->fit(&map->inner, fitting->curve, nodes, fitting->nodes,
                             (float *)map->data.texels.data + texel * (size_t)map->settings.components);
     } else if (map->settings.technique == SPS_TMAP_COMPRESSED) {
         const uint32_t nodes = spsi_fit_compressed(fitting, list, count);
         if (nodes <= spsi_nodes_in_place(count)) memcpy((void *)list, fitting->nodes, nodes * sizeof(spsi_node));
-        filling->band.places[place] = nodes;
+        filling->band.cursors[in_band] = nodes;
     } else {
-        filling->band.places[place] = count;
+        filling->band.cursors[in_band] = count;
     }
 }
 
 /* Writes the nodes of a compressed map's texel to their final place. */
 static void spsi_fit_again(const spsi_fitting *fitting, size_t texel) {
     const spsi_filling *filling = fitting->filling;
-    const size_t place = texel - filling->band.first_texel;
+    const size_t in_band = texel - filling->band.first_texel;
     const uint32_t *starts = (const uint32_t *)filling->map->data.starts.data + texel;
-    const uint32_t count = filling->band.starts[place + 1] - filling->band.starts[place], nodes = starts[1] - starts[0];
-    const spsi_stretch *list = filling->band.stretches + filling->band.starts[place];
+    const uint32_t count = filling->band.starts[in_band + 1] - filling->band.starts[in_band],
+                   nodes = starts[1] - starts[0];
+    const spsi_interval *list = filling->band.intervals + filling->band.starts[in_band];
     const int in_place = nodes <= spsi_nodes_in_place(count);
     if (!in_place) spsi_fit_compressed(fitting, list, count);
     memcpy((spsi_node *)filling->map->data.texels.data + starts[0], in_place ? (const void *)list : fitting->nodes,
@@ -10056,7 +10123,7 @@ static sps_result spsi_tmap_refuse_budget(const sps_tmap *map, double bytes) {
                              (double)map->settings.byte_budget, rule);
 }
 
-/* Makes room for the items of a band, whose numbers are in `places`, and copies those of a deep map. */
+/* Makes room for the items of a band, whose numbers are in `cursors`, and copies those of a deep map. */
 static sps_result spsi_append_band(spsi_filling *filling) {
     sps_tmap *map = filling->map;
     const size_t texels = (size_t)map->rays[0].width * (size_t)spsi_filling_height(filling);
@@ -10066,7 +10133,7 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     uint64_t sum = held;
     for (size_t i = 0; i < texels; ++i) {
         starts[i] = (uint32_t)sum;
-        sum += filling->band.places[i];
+        sum += filling->band.cursors[i];
     }
     if (sum > UINT32_MAX)
         return spsi_fail_field(filling->context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "items", (double)sum,
@@ -10077,7 +10144,7 @@ static sps_result spsi_append_band(spsi_filling *filling) {
     if (!spsi_buffer_extend(filling->context, &map->data.texels, held, (size_t)sum, item))
         return filling->context->result;
     if (map->settings.technique == SPS_TMAP_DEEP)
-        spsi_copy(filling->context, (spsi_stretch *)map->data.texels.data + held, filling->band.stretches,
+        spsi_copy(filling->context, (spsi_interval *)map->data.texels.data + held, filling->band.intervals,
                   ((size_t)sum - held) * item);
     return SPS_OK;
 }
@@ -10095,7 +10162,7 @@ static sps_result spsi_fill_fits(spsi_filling *filling) {
     /* the error that brackets allow for */
     filling->map->inner.epsilon = spsi_higher(map->settings.epsilon, has_soft ? SPSI_SOFT_EPSILON : SPSI_EPSILON_MIN);
     if (filling->band.most > INT32_MAX / (4 * (SPSI_SOFT_MOST + 1)) && map->settings.technique != SPS_TMAP_DEEP)
-        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "stretches in a texel",
+        return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_TMAP, -1, "intervals in a texel",
                                (double)filling->band.most, "2 million can be fitted");
     bytes = spsi_fitting_bytes(filling);
     if (bytes > SIZE_MAX)
@@ -10374,11 +10441,10 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
     spsi_normalise(slabs->normal);
     least = spsi_cosine_to_corners(slabs->normal, rays);
     if (!(least >= SPSI_COSINE_MIN))
-        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1,
-                               "camera's outermost rays' cosine with its axis", least,
-                               frame->view.camera.world_to_clip
-                                   ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
-                                   : "volumes need 0.1; narrow the light's view, up and down or sideways");
+        return spsi_fail_field(
+            context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1, "camera's outermost rays' cosine with its axis", least,
+            frame->has_matrix ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
+                              : "volumes need 0.1; narrow the light's view, up and down or sideways");
     return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, slabs);
 }
 
@@ -10536,43 +10602,30 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
     const size_t budget = settings->byte_budget, surfaces = spsi_tmap_texel_count(map) * sizeof(float);
-    map->has_components = settings->components > 0;
+    const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
-    while (!map->has_components && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
+    while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
     if (!(settings->epsilon > 0)) settings->epsilon = 0.01f;
     map->inner = *settings;
     map->inner.components -= 2 * map->has_range;
     /* lookups index by int */
-    map->has_vectors = technique->depths && spsi_tmap_texel_count(map) <= INT32_MAX / (size_t)settings->components;
+    map->has_vectors =
+        technique->optical_depths && spsi_tmap_texel_count(map) <= INT32_MAX / (size_t)settings->components;
     return budget && spsi_tmap_bytes(map) > budget ? spsi_tmap_refuse_budget(map, (double)spsi_tmap_bytes(map))
                                                    : SPS_OK;
 }
 
-/* Copies and checks the planes of an opacity map. */
+/* Copies the caller's planes, which are checked, into a map. */
 static sps_result spsi_tmap_take_planes(sps_tmap *map) {
-    const int count = map->inner.components;
-    const float *from = map->settings.planes;
+    const size_t count = (size_t)spsi_settings_planes(&map->settings);
     float *planes;
-    map->settings.planes = map->inner.planes = NULL;
-    if (!from || (map->settings.technique != SPS_TMAP_OPACITY && map->settings.technique != SPS_TMAP_DEEP_OPACITY))
-        return SPS_OK;
-    if (!map->has_components)
-        return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, "components", 0,
-                                 "with planes it must be their number, plus two for a deep opacity map");
-    planes = (float *)spsi_buffer_reserve(map->context, &map->planes, (size_t)count, sizeof(float));
+    if (count == 0) return SPS_OK;
+    planes = (float *)spsi_buffer_reserve(map->context, &map->planes, count, sizeof(float));
     if (!planes) return map->context->result;
-    for (int i = 0; i < count; ++i) {
-        planes[i] = from[i];
-        if (!(planes[i] > (i > 0 ? planes[i - 1] : 0) && planes[i] <= 1) || (i == count - 1 && planes[i] < 1)) {
-            char field[32];
-            SPS_SNPRINTF(field, sizeof field, "planes[%d]", i);
-            return spsi_fail_setting(map->context, SPS_ERROR_ARGUMENT, map->light, field, (double)planes[i],
-                                     "they must rise from above 0, and the last must be 1");
-        }
-    }
+    memcpy(planes, map->settings.planes, count * sizeof *planes);
     map->settings.planes = map->inner.planes = planes;
     return SPS_OK;
 }
@@ -10611,6 +10664,7 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
     map->view.width = light->width;
     map->view.height = light->height;
     map->view.camera = light->camera;
+    map->view.camera.world_to_clip = NULL;
     map->view.quality = light->quality;
     map->view.slab = light->slab;
     map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
@@ -10687,6 +10741,7 @@ static spsi_frame *spsi_tmap_frame(sps_tmap *map) {
     frame = spsi_frame_build(map->context, &scene, NULL, 0);
     if (!frame) return NULL;
     frame->view = map->view;
+    frame->has_matrix = map->view.camera.world_to_clip != NULL;
     frame->viewer = SPS_OBJECT_TMAP_LIGHT;
     frame->content->eye = map->rays[0];
     spsi_resolve_quality(frame);
@@ -10919,7 +10974,6 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
     }
     if (spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->content->bounds);
-    if (spsi_tmap_take_planes(map)) return context->result;
     if (!spsi_is_table(lamp)) return SPS_OK;
     map->key = spsi_table_key(frame, map);
     spsi_table_take(context, map->key, map);
@@ -13709,23 +13763,24 @@ static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
 }
 
 /* Bytes by which a sweep's light casts penumbrae. Particles and polygons have not been read: whether penumbrae are wide
-   enough is not known then, but the size of the beams has a maximum. Boxes of volumes may be wider than what is in
-   them, and penumbrae narrower in their texels, so that the bytes count even if those are left sharp. */
+   enough is not known then. With particles, beams count as twice as wide as the light's sheets, which is their maximum
+   if shadow_size does not set that of the sheets. Boxes of volumes may be wider than what is in them, and penumbrae
+   narrower in their texels, so that the bytes count even if those are left sharp. */
 static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
                                            sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0;
-    const uint64_t side = spsi_plan_light_side(frame, sweep);
-    const uint64_t most = (uint64_t)spsi_beam_texels_most(frame, (int)side) + 8;
+    const uint64_t side = spsi_plan_light_side(frame, sweep), most = 2 * side + 8;
     sps_pass_report *pass = &report->pass[SPS_PASS_PENUMBRAE];
     spsi_penumbra penumbra;
     spsi_penumbra_size size;
     size_t bytes;
     pass->runs += sweep->soft || frame->particles.set_count > 0 || polygons;
     if (frame->particles.set_count > 0) {
+        const uint64_t tiles = side / SPSI_TILE_WIDTH + 1;
         size.scratch = 3 * most * most + SPSI_LANES;
         size.beams = (uint64_t)sweep->lamp->point_count * most * most * (uint64_t)(1 + polygons);
         size.sheets = SPSI_CHUNK * side * side;
-        size.held = side * side;
+        size.held = 2 * tiles * tiles;
     } else {
         if (spsi_penumbra_aim(context, frame, sweep, &penumbra)) return context->result;
         size = spsi_penumbra_measure(&penumbra, polygons);
@@ -13908,19 +13963,35 @@ static size_t spsi_plan_tmap_texels(const spsi_frame *frame, const spsi_lamp *la
     return *side * *side > six ? *side * *side : six;
 }
 
-/* Bytes of a light's transmittance map, and those needed to fill it, except for lists of stretches, whose length is not
-   known, and what is fitted to them. */
+/* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
+static size_t spsi_plan_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
+    const int most = spsi_techniques[SPS_TMAP_TABLE].most;
+    double across[3], planes;
+    if (!spsi_is_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
+    if (frame->particles.set_count > 0) return (size_t)most;
+    spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
+    planes = ceil(2 * spsi_length(across) / spsi_lamp_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
+    return (size_t)fmin(planes, most);
+}
+
+/* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
+   known, and what is fitted to them. A light's map holds no surfaces. */
 static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
     size_t side;
     const size_t texels = spsi_plan_tmap_texels(frame, lamp, &side);
     const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t components = (size_t)spsi_components_of(&lamp->map);
-    *held = sizeof(sps_tmap) + texels * (components + 1) * sizeof(float);
+    const size_t components = spsi_plan_tmap_components(frame, lamp);
+    if (spsi_techniques[lamp->map.technique].lists)
+        *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
+    else
+        *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
+    if (spsi_is_table(lamp)) *held += sizeof(sps_tmap) + 6 * (side + 16) * 4 * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
     if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
+    if (spsi_is_table(lamp)) *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
 }
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
@@ -14767,16 +14838,6 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info) {
     spsi_describe(info, SPS_OBJECT_CALL, -1, "context", 0, SPSI_IS_NULL);
 }
 
-/* Images support opaque meshes only. */
-static sps_result spsi_refuse_transparent(sps_context *context, const sps_scene *scene) {
-    for (int i = 0; i < scene->mesh_count; ++i)
-        if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
-                                   (double)scene->meshes[i].transparency,
-                                   "it must be 0: only transmittance maps support transparency");
-    return SPS_OK;
-}
-
 static sps_result spsi_require(sps_context *context, const void *argument, const char *name) {
     return argument ? SPS_OK : spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, name, 0, SPSI_IS_NULL);
 }
@@ -14802,7 +14863,7 @@ static spsi_frame *spsi_begin_frame(sps_context *context, const sps_scene *scene
         return NULL;
     }
     frame = spsi_frame_build(context, scene, view, image->depth != NULL);
-    if (!frame || spsi_refuse_transparent(context, scene)) return NULL;
+    if (!frame) return NULL;
     if (!spsi_rows_fit(frame, image->row_pixels)) {
         spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_IMAGE, -1, "row_pixels", (double)image->row_pixels,
                         "it must be 0, or at least the region's width, and the image must fit into memory");
@@ -14835,8 +14896,7 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
         spsi_require(context, report, "report"))
         return context->result;
     frame = spsi_frame_build(context, scene, view, 1);
-    if (frame && (spsi_refuse_transparent(context, scene) || spsi_plan_frame(context, frame, report)))
-        memset(report, 0, sizeof *report);
+    if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
     return context->result;
 }
 
@@ -15033,7 +15093,7 @@ static void spsi_tmap_answer(const sps_tmap *map, int count, const double *posit
     for (int i = 0; i < count; ++i) {
         const double depth = (double)depths[i];
         if (transmittances) transmittances[i] = (float)(depth < 86 ? lit[i] * exp(-depth) : 0);
-        if (optical_depths) optical_depths[i] = (float)spsi_depth_with_surfaces(depth, lit[i]);
+        if (optical_depths) optical_depths[i] = (float)spsi_optical_depth_with_surfaces(depth, lit[i]);
     }
 }
 

@@ -368,7 +368,7 @@ typedef struct map_trial {
     sps_particles particles;
     sps_scene scene;
     sps_tmap_light light;
-    double inserts; /* stretches of particles that meet the texels' rays: what every technique has to take in */
+    double inserts; /* intervals of particles that meet the texels' rays: what every technique has to take in */
     double *positions;
     float *depths;
 } map_trial;
@@ -469,7 +469,7 @@ static void bench_maps(void) {
     ex_session sessions[2];
     for (int i = 0; i < 2; ++i) ex_session_measure(&sessions[i], program, i == 0 ? 1 : WORKERS);
     map_trial_begin(&trial, &sessions[1]);
-    printf("\nTransmittance maps, %d x %d: %zu particles a few texels wide, %.2f M stretches to insert,\n"
+    printf("\nTransmittance maps, %d x %d: %zu particles a few texels wide, %.2f M intervals to insert,\n"
            "vectors of %d floats, 1 and %d workers\n"
            "    %-26s %7s %16s %6s %17s %17s\n    %-26s %7s %8s %7s %6s %8s %8s %8s %8s\n",
            MAP_SIZE, MAP_SIZE, trial.particles.count, 1e-6 * trial.inserts, SPSI_LANES, WORKERS, "", "", "build, s", "",

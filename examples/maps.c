@@ -66,7 +66,7 @@ static void render(const ex_session *session, set_up *s, const sps_tmap_settings
 
 /* ================================================================================================ controls */
 
-/* Layouts that others have and the library does not, made from the exact map's lists of even stretches. */
+/* Layouts that others have and the library does not, made from the exact map's lists of even intervals. */
 
 /* A texel's list: u0, u1, optical depth and 0 each, in order of u0. */
 typedef struct column {
@@ -89,7 +89,7 @@ static double depth_before(const column *c, double u) {
     return sum;
 }
 
-/* Where the last stretch ends, and how much of the way there is gas. */
+/* Where the last interval ends, and how much of the way there is gas. */
 static double column_end(const column *c, double *occupied) {
     double end = 0;
     *occupied = 0;

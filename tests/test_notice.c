@@ -263,7 +263,7 @@ static void test_distant_eye(void) {
 /* --------------------------------------------------------------------------------------------- volumes side by side */
 
 /* Gas that only emits, in front of, behind and within gas that only absorbs: g l exp(-tau), and where they share a
-   stretch of length l, g l (1 - exp(-tau)) / tau. */
+   interval of length l, g l (1 - exp(-tau)) / tau. */
 static void test_glow_beside_dust(void) {
     for (int place = 0; place < 3; ++place)
         for (int lit = 0; lit < 2; ++lit) {

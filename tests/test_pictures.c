@@ -250,7 +250,7 @@ static void test_parabola(void) {
         }
 }
 
-/* The mean position of what is seen of a stretch of optical depth d: the mean of u with weight exp(-d u), which is
+/* The mean position of what is seen of an interval of optical depth d: the mean of u with weight exp(-d u), which is
    1/d - 1/(exp(d) - 1), or 1/2 - d/12 for small d. ROUND is for the series, which is accurate to 1e-7. */
 static void test_mean_way(void) {
     for (double d = 1e-12; d < 100; d *= 1.3) {

@@ -492,7 +492,7 @@ static void test_shortcuts(void) {
     }
 }
 
-/* A stretch's contribution to a texel of a technique by section 5 of the page, as floats. */
+/* An interval's contribution to a texel of a technique by section 5 of the page, as floats. */
 static void insert_as_told(double u0, double u1, double depth, int soft, double *out) {
     const int technique = tmap_bound.technique_id, n = tmap_bound.components - 2 * tmap_bound.has_range;
     if (tmap_bound.has_range)
@@ -529,7 +529,7 @@ static void test_insertion(void) {
     for (int i = 0; i < 12; ++i) {
         const int soft = i >= 6;
         const variant *v = variant_of(names[i % 6]);
-        if (soft && v->technique == SPS_TMAP_MOMENT) continue; /* the page has moments of uniform stretches */
+        if (soft && v->technique == SPS_TMAP_MOMENT) continue; /* the page has moments of uniform intervals */
         fixture_begin(&f, v, SUN);
         memset(&ball, 0, sizeof ball);
         ball.position[0] = 0.3f, ball.position[1] = -0.2f, ball.position[2] = 0.4f;

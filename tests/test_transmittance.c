@@ -1,4 +1,4 @@
-/* The result of each technique for one ray, against the exact optical depth of analytic columns: sums of stretches in
+/* The result of each technique for one ray, against the exact optical depth of analytic columns: sums of intervals in
    double precision, implemented independently here. CHECK_TABLE=1 in the environment prints the error of each technique
    for each column. */
 
@@ -12,7 +12,7 @@ static const double pi = 3.14159265358979323846;
 typedef struct column {
     const char *name;
     int count;
-    spsi_stretch list[MOST];
+    spsi_interval list[MOST];
 } column;
 
 static column columns[COLUMNS];
@@ -21,7 +21,7 @@ static check_random numbers = {5};
 static double between(double low, double high) { return low + (high - low) * check_next(&numbers); }
 
 static void column_add(column *c, double u0, double u1, double depth, double soft) {
-    spsi_stretch *s = &c->list[c->count++];
+    spsi_interval *s = &c->list[c->count++];
     s->u0 = (float)u0, s->u1 = (float)u1, s->depth = (float)depth, s->soft = (float)soft;
 }
 
@@ -79,7 +79,7 @@ static void columns_fill(void) {
 static double chord_share(double s) { return s * s * (3 - 2 * s); }
 
 /* If the light is inside a soft one, only its last part counts: s from 1 - soft on. At u = 1 all of it lies before. */
-static double exact_share(const spsi_stretch *s, double u) {
+static double exact_share(const spsi_interval *s, double u) {
     const double u0 = (double)s->u0, u1 = (double)s->u1, t = u1 > u0 ? (u - u0) / (u1 - u0) : u >= u0;
     const double first = 1 - (double)s->soft;
     if (u >= 1 || t >= 1) return 1;
@@ -110,12 +110,12 @@ static float sample(int i) { return (float)i / SAMPLES; }
 /* ---------------------------------------------------------------------------------------------------------- harness */
 
 static spsi_node curve[SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST) + 1];
-static spsi_stretch scratch[SPSI_CURVE_SCRATCH(MOST, SPSI_SOFT_MOST) + 1], sorted[MOST];
+static spsi_interval scratch[SPSI_CURVE_SCRATCH(MOST, SPSI_SOFT_MOST) + 1], sorted[MOST];
 
 static int curve_build_of(const column *c, int pieces) {
     int count;
     memcpy(sorted, c->list, (size_t)c->count * sizeof *sorted);
-    spsi_stretches_sort(sorted, (size_t)c->count, scratch);
+    spsi_intervals_sort(sorted, (size_t)c->count, scratch);
     memset(&scratch[SPSI_CURVE_SCRATCH(c->count, pieces)], 0x5a, sizeof *scratch);
     memset(&curve[SPSI_CURVE_NODES(c->count, pieces)], 0x5a, sizeof *curve);
     count = spsi_curve_build(sorted, c->count, pieces, scratch, curve);
@@ -139,7 +139,7 @@ static sps_tmap_settings settings_of(sps_tmap_technique technique, int component
     return settings;
 }
 
-/* Sums of one lane beside others: neighbours get other stretches, or none. Component k of a lane is at
+/* Sums of one lane beside others: neighbours get other intervals, or none. Component k of a lane is at
    sums[k * STRIDE + lane]. */
 static void sums_clear(const sps_tmap_settings *settings, float *sums) {
     const spsi_technique *technique = &spsi_techniques[settings->technique];
@@ -147,9 +147,9 @@ static void sums_clear(const sps_tmap_settings *settings, float *sums) {
     if (technique->clear) technique->clear(sums, STRIDE, SPSI_LANES, settings->components);
 }
 
-static spsi_stretches spread(const spsi_stretch *s, int lane) {
+static spsi_intervals spread(const spsi_interval *s, int lane) {
     float u0[SPSI_LANES], u1[SPSI_LANES], depth[SPSI_LANES];
-    spsi_stretches v;
+    spsi_intervals v;
     for (int i = 0; i < SPSI_LANES; ++i) {
         u0[i] = i % 3 ? 0.25f : 0.9f, u1[i] = i % 3 ? 0.26f : 1, depth[i] = i % 3 == 1 ? 0 : 2;
         if (i == lane) u0[i] = s->u0, u1[i] = s->u1, depth[i] = s->depth;
@@ -179,7 +179,7 @@ static void build(const sps_tmap_settings *settings, const column *c, float *tex
     }
     sums_clear(settings, sums);
     for (int i = 0; i < c->count; ++i) {
-        const spsi_stretches v = spread(&c->list[i], lane);
+        const spsi_intervals v = spread(&c->list[i], lane);
         technique->insert(settings, sums, STRIDE, &v);
     }
     for (int k = 0; k < settings->components; ++k) /* nothing written beside the vector */
@@ -189,7 +189,7 @@ static void build(const sps_tmap_settings *settings, const column *c, float *tex
 }
 
 static double ask(const sps_tmap_settings *settings, const float *texel, double u) {
-    return (double)spsi_texel_depth(settings, texel, (float)u);
+    return (double)spsi_texel_optical_depth(settings, texel, (float)u);
 }
 
 /* ------------------------------------------------------------------------------------------------- vector functions */
@@ -212,49 +212,49 @@ static void test_turn(void) {
 }
 
 static void test_before(void) {
-    const spsi_stretch even = {0.25f, 0.75f, 1, 0}, soft = {0.25f, 0.75f, 1, 1}, sheet = {0.5f, 0.5f, 1, 0};
-    CHECK_NEAR((double)spsi_stretch_before(&even, 0.375f), 0.25, 0);
-    CHECK_NEAR((double)spsi_stretch_before(&soft, 0.375f), 0.0625 * 2.5, 0);
-    CHECK_NEAR((double)spsi_stretch_before(&even, 0.75f), 1, 0);
-    CHECK_NEAR((double)spsi_stretch_before(&sheet, 0.5f), 1, 0);
-    CHECK_NEAR((double)spsi_stretch_before(&sheet, 0.49999997f), 0, 0);
+    const spsi_interval even = {0.25f, 0.75f, 1, 0}, soft = {0.25f, 0.75f, 1, 1}, sheet = {0.5f, 0.5f, 1, 0};
+    CHECK_NEAR((double)spsi_interval_before(&even, 0.375f), 0.25, 0);
+    CHECK_NEAR((double)spsi_interval_before(&soft, 0.375f), 0.0625 * 2.5, 0);
+    CHECK_NEAR((double)spsi_interval_before(&even, 0.75f), 1, 0);
+    CHECK_NEAR((double)spsi_interval_before(&sheet, 0.5f), 1, 0);
+    CHECK_NEAR((double)spsi_interval_before(&sheet, 0.49999997f), 0, 0);
     for (int n = 0; n < 4000; ++n) { /* and the vector's; whole and cut, with ends outside and inside 0..1 */
         const float soft_one = n % 4 == 3 ? (float)(0.25 + 0.75 * check_next(&numbers)) : (float)(n % 2);
         const float u0 = (float)between(n % 3 ? 0 : -1, 1);
         const float u1 = u0 + (n % 5 ? (float)check_next(&numbers) * ((n % 11 ? 1 : 2) - u0) : 0);
         const float u = n % 13 == 0 ? 1 : n % 7 ? (float)check_next(&numbers) : u0;
-        const spsi_stretch s = {u0, u1, 1, soft_one};
-        spsi_stretches v;
+        const spsi_interval s = {u0, u1, 1, soft_one};
+        spsi_intervals v;
         float share[SPSI_LANES];
         v.u0 = spsi_set(u0), v.u1 = spsi_set(u1), v.depth = spsi_set(1), v.soft = soft_one;
-        spsi_store(share, spsi_stretches_before(&v, spsi_set(u)));
+        spsi_store(share, spsi_intervals_before(&v, spsi_set(u)));
         /* two roundings of the position s, then the share, whose slope in s is at most 1.5, or 2 in the rest of a
            chord, and which is computed from numbers up to 6 with six roundings, divided by 1 or, for a part, up to 2.5
          */
         if (u < 1)
             CHECK_NEAR((double)share[0], exact_share(&s, (double)u),
                        (soft_one > 0 && soft_one < 1 ? 24 : 8) * half_ulp);
-        CHECK_NEAR((double)spsi_stretch_before(&s, u), exact_share(&s, (double)u),
+        CHECK_NEAR((double)spsi_interval_before(&s, u), exact_share(&s, (double)u),
                    (soft_one > 0 && soft_one < 1 ? 24 : 8) * half_ulp);
     }
 }
 
 static void test_sort(void) {
-    static spsi_stretch list[5000], other[5000], room[2501];
+    static spsi_interval list[5000], other[5000], room[2501];
     for (int n = 0; n < 30; ++n) {
         const uint32_t count = n < 6 ? (uint32_t)n : (uint32_t)between(2, 5000);
         double sum = 0, sum_sorted = 0;
         int good = 1;
         for (uint32_t i = 0; i < count; ++i) {
-            const spsi_stretch s = {(float)(int)between(0, 300) / 300, (float)(int)between(0, 3), (float)between(0, 9),
-                                    (float)(i % 2)};
+            const spsi_interval s = {(float)(int)between(0, 300) / 300, (float)(int)between(0, 3), (float)between(0, 9),
+                                     (float)(i % 2)};
             list[i] = s;
             other[count - 1 - i] = s;
             sum += floor((double)s.depth * 1024);
         }
         memset(&room[count / 2], 0x5a, sizeof *room);
-        spsi_stretches_sort(list, count, room);
-        spsi_stretches_sort(other, count, room);
+        spsi_intervals_sort(list, count, room);
+        spsi_intervals_sort(other, count, room);
         CHECK(((unsigned char *)&room[count / 2])[3] == 0x5a);
         for (uint32_t i = 0; i < count; ++i) {
             good &= i == 0 || list[i - 1].u0 <= list[i].u0;
@@ -275,7 +275,7 @@ static void test_deep(void) {
         for (int i = 0; i <= SAMPLES; ++i) {
             const double exact = exact_depth(c, (double)sample(i));
             /* the share's float roundings: at most 8 half units, see test_before; the result's */
-            CHECK_NEAR((double)spsi_stretches_depth(sorted, (uint32_t)c->count, sample(i)), exact,
+            CHECK_NEAR((double)spsi_intervals_optical_depth(sorted, (uint32_t)c->count, sample(i)), exact,
                        9 * half_ulp * exact);
         }
     }
@@ -315,9 +315,9 @@ static void test_curve(void) {
     }
 }
 
-/* Stretches cut by 0, by 1 or by the light make a curve that is exact at its ends, planes have their shares exactly,
-   and a Beer map's range ends where the stretch does. A share is off by at most 24 half units (test_before), a sum by
-   one more for each stretch. */
+/* Intervals cut by 0, by 1 or by the light make a curve that is exact at its ends, planes have their shares exactly,
+   and a Beer map's range ends where the interval does. A share is off by at most 24 half units (test_before), a sum by
+   one more for each interval. */
 static void test_cut(void) {
     for (int n = 0; n < 200; ++n) {
         const sps_tmap_settings planes = settings_of(SPS_TMAP_OPACITY, 7), beer = settings_of(SPS_TMAP_BEER, 3);
@@ -438,7 +438,7 @@ static spsi_node compressed[2 * (SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST)) + 9000]
 
 /* |T - T'| at u, and the exact T. */
 static double compressed_error(int nodes, int count, float u) {
-    const double depth = (double)spsi_compressed_depth(compressed, (uint32_t)nodes, u);
+    const double depth = (double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, u);
     return fabs(exp(-depth) - exp(-curve_at(curve, count, (double)u)));
 }
 
@@ -455,7 +455,7 @@ static void check_compressed(const column *c, float epsilon) {
     if (!CHECK(good)) printf("    %s\n", c->name);
     for (int i = 0; i <= 4 * SAMPLES; ++i) {
         const float u = (float)i / (4 * SAMPLES);
-        const double through = exp(-(double)spsi_compressed_depth(compressed, (uint32_t)nodes, u));
+        const double through = exp(-(double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, u));
         worst = fmax(worst, compressed_error(nodes, count, u));
         /* for the column itself, the error of soft pieces is added; T falls no faster than depth rises */
         good &= fabs(through - exp(-exact_depth(c, (double)u))) <= (double)epsilon + soft_error(c) + 1e-6;
@@ -490,7 +490,7 @@ static void test_compressed(void) {
     }
 }
 
-/* Soft stretches keep epsilon, too, as they are cut into enough pieces and a quarter of it is reserved for them; so do
+/* Soft intervals keep epsilon, too, as they are cut into enough pieces and a quarter of it is reserved for them; so do
    deep ones, whose light is gone after a small part of them. 1e-6 is for round-off. */
 static void check_soft(const column *c, float epsilon) {
     const int pieces = spsi_soft_pieces(c->list, c->count, epsilon), count = curve_build_of(c, pieces);
@@ -498,7 +498,7 @@ static void check_soft(const column *c, float epsilon) {
     double worst = 0;
     for (int i = 0; i <= 16 * SAMPLES; ++i) {
         const float u = (float)i / (16 * SAMPLES);
-        const double depth = (double)spsi_compressed_depth(compressed, (uint32_t)nodes, u);
+        const double depth = (double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, u);
         worst = fmax(worst, fabs(exp(-depth) - exp(-exact_depth(c, (double)u))));
     }
     if (!CHECK(worst <= (double)epsilon + 1e-6))
@@ -543,12 +543,12 @@ static void test_compressed_soft(void) {
 static void test_compressed_size(void) {
     const int count = curve_build(&columns[0]), nodes = spsi_curve_compress(curve, count, 0.01f, compressed);
     if (!CHECK(nodes <= 9)) printf("    %d nodes\n", nodes);
-    CHECK_NEAR((double)spsi_compressed_depth(compressed, (uint32_t)nodes, 1), 3, 3e-6); /* e^3 half units */
+    CHECK_NEAR((double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, 1), 3, 3e-6); /* e^3 half units */
 }
 
 /* ---------------------------------------------------------------------------------------------------------- opacity */
 
-/* Roundings of `count` sums and of shares, see test_before; only of stretches before u. */
+/* Roundings of `count` sums and of shares, see test_before; only of intervals before u. */
 static double sum_rounding(const column *c, double exact) { return (c->count + 10) * half_ulp * exact; }
 
 static void check_planes(const column *c, sps_tmap_settings *settings) {
@@ -639,8 +639,8 @@ static double window_of(sps_tmap_window window, int k, int n) {
                                                : 1;
 }
 
-/* The mean of cos(w (u - middle)) over a stretch; by its series in w half where the closed form cancels. */
-static double spread_of(const spsi_stretch *s, double w) {
+/* The mean of cos(w (u - middle)) over an interval; by its series in w half where the closed form cancels. */
+static double spread_of(const spsi_interval *s, double w) {
     const double x = 0.5 * w * ((double)s->u1 - (double)s->u0);
     if (x < 1e-3) return s->soft > 0 ? 1 - x * x / 10 : 1 - x * x / 6;
     return s->soft > 0 ? 3 * (sin(x) - x * cos(x)) / (x * x * x) : sin(x) / x;
@@ -798,7 +798,7 @@ static void test_cosine(void) {
 /* ---------------------------------------------------------------------------------------------------------- moments */
 
 /* Legendre's nodes for polynomials up to degree 11. */
-static double moment_exact(const spsi_stretch *s, int k) {
+static double moment_exact(const spsi_interval *s, int k) {
     static const double x[3] = {0.2386191860831969, 0.6612093864662645, 0.9324695142031521};
     static const double w[3] = {0.4679139345726910, 0.3607615730481386, 0.1713244923791704};
     const double m = (double)s->u0 + (double)s->u1 - 1, h = (double)s->u1 - (double)s->u0;
@@ -1100,7 +1100,7 @@ static void test_beer(void) {
 
 /* -------------------------------------------------------------------------------------------------------- insertion */
 
-/* Every lane gets its own stretches; each lane must have the same result as alone. */
+/* Every lane gets its own intervals; each lane must have the same result as alone. */
 static void test_lanes(void) {
     static const sps_tmap_technique sums[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
     static float together[STRIDE * SPSI_TMAP_COMPONENTS];
@@ -1111,10 +1111,10 @@ static void test_lanes(void) {
         for (int lane = 0; lane < SPSI_LANES; ++lane) lanes[lane].name = "lane", lanes[lane].count = 0;
         for (int n = 0; n < 20; ++n) {
             float u0[SPSI_LANES], u1[SPSI_LANES], depth[SPSI_LANES];
-            spsi_stretches v;
+            spsi_intervals v;
             v.soft = (float)(n % 2);
             for (int lane = 0; lane < SPSI_LANES; ++lane) {
-                const spsi_stretch *s = &lanes[lane].list[n];
+                const spsi_interval *s = &lanes[lane].list[n];
                 const double from = between(0, 0.9);
                 column_add(&lanes[lane], from, n % 3 ? from + between(0, 0.1) : from, between(-1, 3), n % 2);
                 u0[lane] = s->u0, u1[lane] = s->u1, depth[lane] = s->depth > 0 ? s->depth : 0;
@@ -1127,7 +1127,7 @@ static void test_lanes(void) {
             float texel[SPSI_TMAP_COMPONENTS], alone[SPSI_TMAP_COMPONENTS];
             pick(&settings, together, lane, texel);
             build(&settings, &lanes[lane], alone);
-            if (settings.technique == SPS_TMAP_BEER) { /* where it begins, from the stretches inserted */
+            if (settings.technique == SPS_TMAP_BEER) { /* where it begins, from the intervals inserted */
                 float first = 1;
                 for (int i = 0; i < 20; ++i)
                     if (lanes[lane].list[i].depth > 0) first = fminf(first, lanes[lane].list[i].u0);
@@ -1147,7 +1147,7 @@ static void test_order(void) {
     column shuffled = columns[10];
     for (int i = 0; i < shuffled.count; ++i) {
         const int k = (int)between(i, shuffled.count);
-        const spsi_stretch taken = shuffled.list[i];
+        const spsi_interval taken = shuffled.list[i];
         shuffled.list[i] = shuffled.list[k], shuffled.list[k] = taken;
     }
     for (int t = 0; t < 4; ++t) {
@@ -1159,7 +1159,7 @@ static void test_order(void) {
         for (int k = 0; k < settings.components; ++k)
             CHECK_NEAR((double)texel[k], (double)other[k], 2 * 200 * half_ulp * most);
     }
-    { /* a curve's stretches are sorted first: the same bits */
+    { /* a curve's intervals are sorted first: the same bits */
         static spsi_node other[SPSI_CURVE_NODES(MOST, SPSI_SOFT_MOST)];
         const int count = curve_build(&columns[10]);
         memcpy(other, curve, (size_t)count * sizeof *curve);
@@ -1176,7 +1176,7 @@ static void check_answers(const sps_tmap_settings *settings, const column *c, co
     build(settings, c, texel);
     for (int k = 0; k < settings->components; ++k) CHECK(fabsf(texel[k]) <= 1e33f);
     for (int i = 0; i < 9; ++i) {
-        const float depth = spsi_texel_depth(settings, texel, at[i]);
+        const float depth = spsi_texel_optical_depth(settings, texel, at[i]);
         int good = depth >= 0 && depth <= SPSI_DEPTH_MAX;
         if (technique->bracket) {
             technique->bracket(settings, texel, at[i], bracket);
@@ -1215,10 +1215,10 @@ static void test_extremes(void) {
                 check_compressed(&c, 0.01f);
                 column_add(&c, 0.2, 0.7, depths[(d + 3) % 7], !soft);
                 column_add(&c, ends[(e + 1) % 7][0], ends[(e + 1) % 7][1], depths[(d + 1) % 7], 0);
-                spsi_stretches_sort(c.list, 3, scratch);
+                spsi_intervals_sort(c.list, 3, scratch);
                 check_all_techniques(&c, what);
                 check_compressed(&c, 0.01f);
-                CHECK((double)spsi_stretches_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));
+                CHECK((double)spsi_intervals_optical_depth(c.list, 3, 1) <= 1e15 * (1 + half_ulp));
             }
     { /* faint gas keeps its depth in maps that store depth: relative roundings */
         static const sps_tmap_technique faint[] = {SPS_TMAP_OPACITY, SPS_TMAP_FOURIER, SPS_TMAP_MOMENT, SPS_TMAP_BEER};
@@ -1248,7 +1248,8 @@ static void test_table(void) {
         CHECK(p->name && strstr(p->name, names[t]));
         CHECK(p->least == ranges[t][0] && p->most == ranges[t][1] && p->usual == ranges[t][2] &&
               p->range == ranges[t][3]);
-        CHECK(p->lists == (t <= SPS_TMAP_COMPRESSED) && (p->depth != NULL) + (p->depths != NULL) == !p->lists);
+        CHECK(p->lists == (t <= SPS_TMAP_COMPRESSED) &&
+              (p->optical_depth != NULL) + (p->optical_depths != NULL) == !p->lists);
         CHECK(p->sums == (p->insert != NULL) && (p->fit != NULL) == (!p->sums && !p->lists));
         CHECK(p->lists || (p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0));
         CHECK(p->lists || ((p->most - p->least) % p->step == 0 && p->most <= SPSI_TMAP_COMPONENTS));
@@ -1271,9 +1272,10 @@ static double table_error(const column *c, int t) {
         build(&settings, c, texel);
     for (int i = 0; i <= 4 * SAMPLES; ++i) {
         const float u = (float)i / (4 * SAMPLES);
-        const double depth = t == SPS_TMAP_DEEP         ? (double)spsi_stretches_depth(sorted, (uint32_t)c->count, u)
-                             : t == SPS_TMAP_COMPRESSED ? (double)spsi_compressed_depth(compressed, (uint32_t)nodes, u)
-                                                        : ask(&settings, texel, (double)u);
+        const double depth = t == SPS_TMAP_DEEP ? (double)spsi_intervals_optical_depth(sorted, (uint32_t)c->count, u)
+                             : t == SPS_TMAP_COMPRESSED
+                                 ? (double)spsi_compressed_optical_depth(compressed, (uint32_t)nodes, u)
+                                 : ask(&settings, texel, (double)u);
         worst = fmax(worst, fabs(exp(-depth) - exp(-exact_depth(c, (double)u))));
     }
     return worst;

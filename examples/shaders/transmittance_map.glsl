@@ -214,7 +214,7 @@ TMAP_FUNCTION float tmap_compressed_depth(tmap map, int texel, float u) {
     return tmap_nodes_depth(map, 2 * first, last - first, u);
 }
 
-/* Deep: stretches of u0, u1, optical depth, softness. Softness 0 is a stretch of constant extinction, 1 a whole chord
+/* Deep: intervals of u0, u1, optical depth, softness. Softness 0 is an interval of constant extinction, 1 a whole chord
    through a soft particle, densest in its middle, and anything between the last part of such a chord. At u = 1
    everything counts, including what lies behind. */
 TMAP_FUNCTION float tmap_deep_depth(tmap map, int texel, float u) {

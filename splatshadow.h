@@ -10876,9 +10876,6 @@ static void spsi_table_task(void *data, int row, int worker) {
 static sps_result spsi_table_build(sps_tmap *map) {
     const size_t blocks = (size_t)spsi_table_columns(map) * (size_t)spsi_table_rows(map);
     const size_t planes = (size_t)map->settings.components;
-    if (blocks * planes > 1 << 24) /* floats count blocks' planes */
-        return spsi_fail_that(map->context, SPS_ERROR_MEMORY, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
-                              "would have more than 2^28 entries");
     if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes, SPSI_TABLE_TEXELS * sizeof(uint32_t)))
         return map->context->result;
     spsi_parallel(map->context, spsi_table_rows(map), spsi_table_task, map);
@@ -10975,6 +10972,9 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
     if (spsi_tmap_resolve(map)) return context->result;
     spsi_tmap_fit_range(map, &frame->content->bounds);
     if (!spsi_is_table(lamp)) return SPS_OK;
+    if ((double)spsi_table_columns(map) * spsi_table_rows(map) * map->settings.components > 1 << 24)
+        return spsi_fail_that(context, SPS_ERROR_MEMORY, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
+                              "would have more than 2^28 entries"); /* floats count blocks' planes */
     map->key = spsi_table_key(frame, map);
     spsi_table_take(context, map->key, map);
     return SPS_OK;

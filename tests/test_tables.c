@@ -1,0 +1,435 @@
+/* Shadow tables: against closed forms, sheets and the reference; errors that fall with the size; tables that are held
+   from call to call equal new ones after each kind of change; memory, workers, failures. */
+
+#include "check.h"
+
+#define PI 3.14159265358979323846
+
+enum { SIDE = 40, COUNT = 4 * SIDE * SIDE, PARTICLES = 60 };
+static float image_a[COUNT], image_b[COUNT];
+static sps_context *context;
+static check_triangles ground;
+static sps_tmap_settings table; /* of all lights */
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+/* --- scenes --- */
+
+static int read_blob(void *user, const int low[3], const int size[3], float *out) {
+    const int n = *(const int *)user;
+    for (int z = 0; z < size[2]; ++z)
+        for (int y = 0; y < size[1]; ++y)
+            for (int x = 0; x < size[0]; ++x) {
+                const double p[3] = {2 * (low[0] + x + 0.5) / n - 1, 2 * (low[1] + y + 0.5) / n - 1,
+                                     2 * (low[2] + z + 0.5) / n - 1};
+                const double ripples = 0.15 * sin(9 * p[0]) * cos(8 * p[1]) * sin(7 * p[2] + 1);
+                *out++ = (float)fmin(fmax(2 * (0.75 + ripples - spsi_length(p)), 0), 1);
+            }
+    return 0;
+}
+
+static sps_particle swarm[PARTICLES];
+
+static int read_swarm(void *user, size_t first, size_t count, sps_particle *out) {
+    (void)user;
+    memcpy(out, swarm + first, count * sizeof *out);
+    return 0;
+}
+
+static const sps_transfer_point points[] = {
+    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 12}};
+static const sps_transfer_point other_points[] = {
+    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 9}};
+static const sps_transfer tissue = {points, 3, NULL, NULL, 0}, other_tissue = {other_points, 3, NULL, NULL, 0};
+
+enum { GAS, SURFACE, SWARM, KINDS };
+static const char *const names[] = {"gas", "surface", "particles"};
+
+/* Something that casts shadows on itself and on a ground, under one light. */
+static sps_light *start(check_scene *s, int kind, sps_light_kind light) {
+    static int voxels = 28;
+    static sps_particles set;
+    const double origin[3] = {-3, -1, -3}, u[3] = {6, 0, 0}, v[3] = {0, 0, 6};
+    check_random random = {77};
+    sps_volume *volume;
+    check_clear(s, SIDE, SIDE);
+    ground.count = 0;
+    check_add_quad(&ground, origin, u, v);
+    check_add_mesh(s, &ground, 0.5)->revision = 1;
+    check_set3(s->view.camera.position, 1.5, 2, 5);
+    check_perspective(&s->view.camera, 0.6);
+    if (kind == SWARM) {
+        for (int i = 0; i < PARTICLES; ++i) {
+            for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.4 * check_next(&random) - 0.7);
+            swarm[i].radius = (float)(0.1 + 0.15 * check_next(&random));
+            swarm[i].optical_depth = 0.6f;
+        }
+        memset(&set, 0, sizeof set);
+        set.count = PARTICLES;
+        set.read_fn = read_swarm;
+        check_color(set.albedo, 0.8, 0.7, 0.9);
+        s->scene.particles = &set, s->scene.particle_set_count = 1;
+    } else {
+        volume = check_add_volume(s, voxels, voxels, voxels, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = read_blob;
+        volume->user = &voxels;
+        volume->revision = 1;
+        volume->extinction = 3;
+        check_color(volume->albedo, 0.9, 0.8, 0.7);
+        if (kind == SURFACE) volume->transfer = &tissue, volume->shading = SPS_SHADING_SURFACE;
+    }
+    if (light == SPS_LIGHT_DIRECTIONAL) return check_add_directional(s, 0.5, -1, -0.4, 3);
+    return check_add_point(s, -1.5, 3, 1.2, 40);
+}
+
+static double mean_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < COUNT; ++i) sum += (double)image[i] / COUNT;
+    return sum;
+}
+
+/* --- how right they are --- */
+
+static int read_full(void *user, const int low[3], const int size[3], float *out) {
+    (void)user, (void)low;
+    for (int64_t i = 0; i < (int64_t)size[0] * size[1] * size[2]; ++i) out[i] = 1;
+    return 0;
+}
+
+/* Light straight down through an even slab of gas: the ground beneath has exp(-optical depth) of it, within a step of
+   16 / 65535 and the ripple of kernels, 0.4 % of the depth at most. */
+static void test_even_slab(void) {
+    static const double depths[] = {0.1, 1, 4, 9, 15.5, 30};
+    for (size_t i = 0; i < sizeof depths / sizeof *depths; ++i) {
+        check_scene s;
+        sps_volume *slab;
+        double lit;
+        start(&s, SWARM, SPS_LIGHT_DIRECTIONAL);
+        s.scene.particle_set_count = 0;
+        check_set3(s.light[0].direction, 0, -1, 0);
+        slab = check_add_volume(&s, 40, 16, 40, check_box(-4, 0, -4, 4, 1, 4));
+        slab->read_fn = read_full;
+        slab->extinction = (float)depths[i];
+        check_set3(s.view.camera.position, 0, 0, -0.2);
+        check_set3(s.view.camera.target, 0.01, -1, 0); /* the camera is below the slab's middle: it looks down */
+        check_set3(s.view.camera.position, 0, -0.3, 0);
+        s.view.region[2] = s.view.region[3] = 1, s.view.region[0] = s.view.region[1] = SIDE / 2;
+        s.light[0].no_shadow = 1;
+        check_render(context, &s, image_b);
+        s.light[0].no_shadow = 0;
+        s.light[0].shadow_map = &table;
+        check_render(context, &s, image_a);
+        lit = (double)image_a[0] / (double)image_b[0];
+        if (figures()) printf("slab of %g: lit %.6f, exactly %.6f\n", depths[i], lit, exp(-depths[i]));
+        CHECK_NEAR(lit, exp(-fmin(depths[i], 16)),
+                   exp(-fmin(depths[i], 16)) * (0.004 * fmin(depths[i], 16) + 3e-4) + 2e-6);
+    }
+}
+
+/* A table against sheets of the same quality, whose texels and slabs are as wide as its entries: 0.5 % of the mean. */
+static void test_against_sheets(void) {
+    for (int kind = 0; kind < KINDS; ++kind)
+        for (int light = 0; light < 2; ++light) {
+            check_scene s;
+            double error;
+            start(&s, kind, light ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL);
+            s.view.quality = SPS_QUALITY_HIGH;
+            check_render(context, &s, image_a);
+            s.light[0].shadow_map = &table;
+            check_render(context, &s, image_b);
+            error = check_rms(image_a, image_b, COUNT) / mean_of(image_a);
+            if (figures())
+                printf("%s, %s: rms difference to sheets %.5f of the mean\n", names[kind], light ? "point" : "sun",
+                       error);
+            CHECK(error < 0.005);
+        }
+}
+
+/* Twice the size, a quarter of the error, until that of the sheets shows: trilinear lookups. */
+static void test_sizes(void) {
+    static const int sizes[] = {8, 16, 32, 64};
+    double errors[4];
+    check_scene s;
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    s.view.quality = SPS_QUALITY_HIGH;
+    check_render(context, &s, image_a);
+    s.light[0].shadow_map = &table;
+    for (int i = 0; i < 4; ++i) {
+        s.light[0].shadow_map_size = sizes[i];
+        check_render(context, &s, image_b);
+        errors[i] = check_rms(image_a, image_b, COUNT) / mean_of(image_a);
+        if (figures()) printf("table of %d: %.5f of the mean\n", sizes[i], errors[i]);
+        if (i > 0) CHECK(errors[i] < 0.5 * errors[i - 1] || errors[i] < 0.002);
+    }
+    CHECK(errors[3] < 0.005 && errors[0] > 0.02);
+}
+
+/* A light amid the gas, where sheets cannot serve: six faces, against the reference. Close to a light slabs are coarse:
+   what a deep map, which is exact along its texels' rays, is off by is measured beside it. */
+static void test_light_within(void) {
+    static const int region[4] = {16, 14, 8, 8};
+    sps_tmap_settings settings = table;
+    check_scene s;
+    double errors[2], mean = 0;
+    start(&s, GAS, SPS_LIGHT_POINT);
+    check_set3(s.light[0].position, 0.25, 0.1, 0.1);
+    check_color(s.light[0].color, 1, 1, 1);
+    memcpy(s.view.region, region, sizeof region);
+    s.view.quality = SPS_QUALITY_HIGH;
+    s.light[0].shadow_map = &settings;
+    check_march(context, &s, 0.25, image_b, NULL);
+    for (int i = 0; i < 256; ++i) mean += (double)image_b[i] / 256;
+    for (int deep = 0; deep < 2; ++deep) {
+        settings.technique = deep ? SPS_TMAP_DEEP : SPS_TMAP_TABLE;
+        check_render(context, &s, image_a);
+        errors[deep] = check_rms(image_a, image_b, 256) / mean;
+    }
+    if (figures()) printf("light within: rms error %.5f of the mean, by a deep map %.5f\n", errors[0], errors[1]);
+    CHECK(errors[0] < errors[1] + 0.002);
+}
+
+/* --- what is held --- */
+
+static sps_stats_report render_stats(const check_scene *s, float *image) {
+    sps_stats_report stats;
+    check_render(context, s, image);
+    sps_get_stats(context, &stats);
+    return stats;
+}
+
+/* After a change, the picture is that of a context which has held nothing, and the table was made anew; or, if the
+   change does not concern the table, it was held. */
+static void check_change(const check_scene *s, int held, const char *what) {
+    sps_context *fresh = check_context(NULL);
+    const sps_stats_report stats = render_stats(s, image_a);
+    if (!CHECK(stats.tables_held == (uint64_t)held && stats.tables_made == (uint64_t)!held))
+        printf("    %s: %.0f made, %.0f held\n", what, (double)stats.tables_made, (double)stats.tables_held);
+    check_render(fresh, s, image_b);
+    if (!CHECK(memcmp(image_a, image_b, sizeof image_a) == 0)) printf("    %s\n", what);
+    sps_destroy(fresh);
+}
+
+static void test_held(void) {
+    sps_tmap_settings fewer = table;
+    sps_volume *volume;
+    check_scene s;
+    start(&s, SURFACE, SPS_LIGHT_DIRECTIONAL);
+    volume = &s.volume[0];
+    fewer.components = 20;
+    s.light[0].shadow_map = &table;
+    check_render(context, &s, image_a);
+    check_change(&s, 1, "nothing");
+    s.view.camera.position[0] = -2;
+    check_change(&s, 1, "camera");
+    check_color(s.light[0].color, 1, 2, 3);
+    check_change(&s, 1, "color");
+    volume->albedo[0] = 0.1f;
+    check_change(&s, 1, "albedo");
+    volume->revision = 2;
+    check_change(&s, 0, "revision");
+    volume->placement.origin[0] += 0.05;
+    check_change(&s, 0, "place");
+    volume->transfer = &other_tissue;
+    check_change(&s, 0, "transfer");
+    volume->transfer = NULL;
+    check_change(&s, 0, "a gas");
+    volume->extinction *= 1.5f;
+    check_change(&s, 0, "extinction");
+    s.light[0].direction[0] += 0.01;
+    check_change(&s, 0, "direction");
+    s.light[0].shadow_map_size = 30;
+    check_change(&s, 0, "size");
+    s.light[0].shadow_map = &fewer;
+    check_change(&s, 0, "planes");
+    s.view.quality = SPS_QUALITY_HIGH;
+    check_change(&s, 0, "quality");
+    s.view.slab = 0.8;
+    check_change(&s, 0, "slab");
+    s.light[0].kind = SPS_LIGHT_POINT;
+    check_set3(s.light[0].position, 1, 3, 0);
+    check_change(&s, 0, "kind");
+    s.light[0].position[1] = 3.1;
+    check_change(&s, 0, "position");
+    volume->revision = 0; /* it may be another one in each call */
+    check_change(&s, 0, "no revision");
+    check_change(&s, 0, "no revision again");
+}
+
+/* Particles are read in every call, and compared. */
+static void test_held_particles(void) {
+    check_scene s;
+    start(&s, SWARM, SPS_LIGHT_DIRECTIONAL);
+    s.light[0].shadow_map = &table;
+    check_render(context, &s, image_a);
+    check_change(&s, 1, "nothing");
+    swarm[7].position[1] += 0.01f;
+    check_change(&s, 0, "a particle");
+    ((sps_particles *)(void *)(size_t)s.scene.particles)->soft = 1;
+    check_change(&s, 0, "soft");
+}
+
+/* Each light has its own; those of lights that are gone are released, all of them by a call without tables. */
+static void test_several(void) {
+    sps_stats_report one, two, none;
+    check_scene s;
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    s.light[0].shadow_map = &table;
+    one = render_stats(&s, image_a);
+    check_add_point(&s, -2, 3, 2, 30)->shadow_map = &table;
+    two = render_stats(&s, image_a);
+    CHECK(two.tables_held == 1 && two.tables_made == 1 && two.slabs == one.slabs);
+    two = render_stats(&s, image_a);
+    CHECK(two.tables_held == 2 && two.tables_made == 0 && two.light_fragments == 0);
+    s.light[0] = s.light[1]; /* the second one's table goes to both, one after the other */
+    s.scene.light_count = 1;
+    one = render_stats(&s, image_a);
+    CHECK(one.tables_held == 1 && one.tables_made == 0 && one.bytes < two.bytes);
+    s.light[0].shadow_map = NULL;
+    none = render_stats(&s, image_a);
+    s.light[0].shadow_map = &table;
+    one = render_stats(&s, image_a);
+    CHECK(none.tables_held == 0 && one.tables_made == 1);
+}
+
+/* --- memory, workers, failures --- */
+
+static void test_plan(void) {
+    for (int kind = 0; kind < KINDS; ++kind)
+        for (int light = 0; light < 2; ++light) {
+            sps_context *fresh = check_context(NULL);
+            sps_plan_report plan;
+            sps_stats_report stats;
+            check_scene s;
+            start(&s, kind, light ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL);
+            s.light[0].shadow_map = &table;
+            s.light[0].shadow_map_omnidirectional = light;
+            CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plan));
+            check_render(fresh, &s, image_a);
+            sps_get_stats(fresh, &stats);
+            CHECK(stats.bytes_peak <= plan.bytes && plan.pass[SPS_PASS_LIGHT_MAPS].runs == 1);
+            if (figures())
+                printf("%s, %s: planned %.1f MB, at most %.1f MB\n", names[kind], light ? "six faces" : "sun",
+                       1e-6 * (double)plan.bytes, 1e-6 * (double)stats.bytes_peak);
+            sps_destroy(fresh);
+        }
+}
+
+/* A wide volume's table has 256 texels on a side, unless its size is set. */
+static void test_default_size(void) {
+    const size_t bytes = (size_t)256 * 256 * 1024 * 8;
+    sps_plan_report plan;
+    check_scene s;
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    check_set3(s.light[0].direction, 0, -1, 0);
+    s.light[0].shadow_map = &table;
+    s.volume[0].size[0] = s.volume[0].size[2] = 700;
+    s.volume[0].size[1] = 4;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.pass[SPS_PASS_LIGHT_MAPS].bytes < bytes + bytes / 4);
+    s.light[0].shadow_map_size = 600;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+    CHECK(plan.pass[SPS_PASS_LIGHT_MAPS].bytes > bytes + bytes / 4);
+}
+
+static void test_workers(void) {
+    check_hooks hooks;
+    sps_context *many;
+    memset(&hooks, 0, sizeof hooks);
+    many = check_context(&hooks);
+    for (int kind = 0; kind < KINDS; ++kind) {
+        check_scene s;
+        start(&s, kind, SPS_LIGHT_POINT);
+        s.light[0].shadow_map = &table;
+        check_render(context, &s, image_a);
+        for (int call = 0; call < 2; ++call) {
+            check_render(many, &s, image_b);
+            CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        }
+    }
+    sps_destroy(many);
+}
+
+/* Every allocation fails once, in the call that makes a table and in the one that finds another light. */
+static void test_allocations(void) {
+    for (long n = 1; n < 1000; ++n) {
+        check_hooks hooks;
+        sps_context *failing;
+        check_scene s;
+        sps_image image;
+        sps_result results[2];
+        memset(&hooks, 0, sizeof hooks);
+        memset(&image, 0, sizeof image);
+        failing = check_context(&hooks);
+        image.rgba = image_a;
+        start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+        s.light[0].shadow_map = &table;
+        s.view.quality = SPS_QUALITY_DRAFT;
+        hooks.fail_at = hooks.allocations + n;
+        results[0] = sps_render(failing, &s.scene, &s.view, &image);
+        s.light[0].direction[0] = -0.3;
+        results[1] = sps_render(failing, &s.scene, &s.view, &image);
+        CHECK(results[0] == SPS_OK || results[0] == SPS_ERROR_MEMORY);
+        hooks.fail_at = 0;
+        CHECK_OK(failing, sps_render(failing, &s.scene, &s.view, &image));
+        check_render(context, &s, image_b);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        sps_destroy(failing);
+        CHECK(hooks.live == 0);
+        if (results[0] == SPS_OK && results[1] == SPS_OK) break;
+        CHECK(n < 999);
+    }
+}
+
+static void check_refused(check_scene *s, sps_result result, const char *text) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = image_a;
+    CHECK(sps_render(context, &s->scene, &s->view, &image) == result);
+    if (!CHECK(strstr(sps_error(context), text) != NULL))
+        printf("    wanted \"%s\", got \"%s\"\n", text, sps_error(context));
+}
+
+static void test_refused(void) {
+    sps_tmap_settings settings = table;
+    sps_tmap_light light;
+    sps_tmap *map = NULL;
+    check_scene s;
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    s.light[0].shadow_map = &settings;
+    settings.components = 7;
+    check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].shadow_map.components is 7; a shadow table has 8, 9 .. 1024");
+    settings.components = 1025;
+    check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].shadow_map.components is 1025");
+    settings.components = 0;
+    s.light[0].angular_diameter = 0.1;
+    check_refused(&s, SPS_ERROR_UNSUPPORTED, "light[0].shadow_map holds the shadow of a single point");
+    s.light[0].angular_diameter = 0;
+    settings.components = 1024;
+    s.light[0].shadow_map_size = 2048;
+    check_refused(&s, SPS_ERROR_MEMORY, "light[0].shadow_map would have more than 2^28 entries");
+    light = check_light_of(&s.view);
+    settings.far_depth = 10;
+    CHECK(sps_tmap_create(context, &light, &settings, &map) == SPS_ERROR_ARGUMENT && !map);
+    CHECK(strstr(sps_error(context), "which is for sps_light.shadow_map only") != NULL);
+}
+
+int main(void) {
+    context = check_context(NULL);
+    if (!context) return 1;
+    table.technique = SPS_TMAP_TABLE;
+    RUN(test_even_slab);
+    RUN(test_against_sheets);
+    RUN(test_sizes);
+    RUN(test_light_within);
+    RUN(test_held);
+    RUN(test_held_particles);
+    RUN(test_several);
+    RUN(test_plan);
+    RUN(test_default_size);
+    RUN(test_workers);
+    RUN(test_allocations);
+    RUN(test_refused);
+    sps_destroy(context);
+    check_free_triangles(&ground);
+    return check_report();
+}

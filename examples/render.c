@@ -131,12 +131,10 @@ static void find_middle(const arguments *all, double middle[3], double half[3]) 
     for (int a = 0; a < 3; ++a) middle[a] = 0.5 * (lo[a] + hi[a]), half[a] = 0.5 * (hi[a] - lo[a]);
 }
 
-/* Turns a disc or a rectangle to a point, with the first axis perpendicular to `up`. Where the light is at that point,
-   it faces upwards. */
-static void set_light_axes(const light_size *size, const double middle[3], const double up[3], sps_light *light) {
-    const double *at = light->position;
-    const ex_vec upwards = ex_vec_unit(ex_vec_of(up[0], up[1], up[2]));
-    const ex_vec way = ex_vec_unit(ex_vec_of(middle[0] - at[0], middle[1] - at[1], middle[2] - at[2]));
+/* Turns a disc or a rectangle to face a direction, with the first axis perpendicular to `up`. Without a direction, it
+   faces upwards. */
+static void set_light_axes(const light_size *size, ex_vec towards, const double up[3], sps_light *light) {
+    const ex_vec upwards = ex_vec_unit(ex_vec_of(up[0], up[1], up[2])), way = ex_vec_unit(towards);
     const ex_vec facing = ex_vec_length(way) > 0 ? way : upwards, cross = ex_vec_cross(facing, upwards);
     const ex_vec across = ex_vec_length(cross) > 1e-9 ? ex_vec_unit(cross) : ex_vec_perpendicular(facing);
     const ex_vec sides[2] = {across, ex_vec_cross(across, facing)};
@@ -147,22 +145,37 @@ static void set_light_axes(const light_size *size, const double middle[3], const
     light->kind = size->count == 1 ? SPS_LIGHT_DISC : SPS_LIGHT_RECTANGLE;
 }
 
-static void load_lights(const arguments *all, sps_light *lights) {
+static int load_projector(light_arguments *from, const double up[3], sps_light *light, ex_error *error) {
+    if (ex_slide_read(from->image, &from->slide, error)) return 1;
+    from->projector = ex_slide_projector(&from->slide, from->image_angle);
+    from->projector.focus = from->focus;
+    memcpy(from->projector.up, up, sizeof from->projector.up);
+    light->projector = &from->projector;
+    return 0;
+}
+
+static int load_lights(const arguments *all, sps_light *lights, ex_error *error) {
     double middle[3], half[3];
     find_middle(all, middle, half);
     for (int i = 0; i < all->light_count; ++i) {
-        const light_arguments *from = &all->lights[i];
+        light_arguments *from = &all->lights[i];
         sps_light *light = &lights[i];
         light->kind = from->kind;
         memcpy(from->kind == SPS_LIGHT_POINT ? light->position : light->direction, from->place, sizeof from->place);
         to_floats(from->color, light->color);
         light->angular_diameter = from->angle * EX_PI / 180;
-        if (from->cone[1] > 0) memcpy(light->direction, from->axis, sizeof light->direction);
+        if (from->cone[1] > 0 || from->image) memcpy(light->direction, from->axis, sizeof light->direction);
         light->inner_cone = from->cone[0] * EX_PI / 180;
         light->outer_cone = from->cone[1] * EX_PI / 180;
         light->samples = from->samples;
-        if (from->size.count > 0) set_light_axes(&from->size, middle, all->up, light);
+        light->falloff = (sps_falloff)from->falloff;
+        if (from->image && load_projector(from, all->up, light, error)) return 1;
+        const double *at = light->position, *axis = light->direction;
+        const ex_vec to_middle = ex_vec_of(middle[0] - at[0], middle[1] - at[1], middle[2] - at[2]);
+        const ex_vec towards = from->image ? ex_vec_of(axis[0], axis[1], axis[2]) : to_middle;
+        if (from->size.count > 0) set_light_axes(&from->size, towards, all->up, light);
     }
+    return 0;
 }
 
 /* What the scene borrows. */
@@ -183,7 +196,7 @@ static int load_scene(arguments *all, const scene_arrays *arrays, sps_scene *sce
     scene->volumes = arrays->volumes, scene->volume_count = all->volume_count;
     scene->meshes = arrays->meshes, scene->mesh_count = all->mesh_count;
     scene->particles = arrays->particles, scene->particle_set_count = all->particle_set_count;
-    load_lights(all, arrays->lights);
+    if (load_lights(all, arrays->lights, error)) return 1;
     set_shadows(all, arrays->lights);
     scene->lights = arrays->lights, scene->light_count = all->light_count;
     to_floats(all->ambient, scene->ambient);
@@ -234,7 +247,7 @@ static void make_view(const arguments *all, sps_view *view) {
 #define PLAN_COUNTS(X)                                                                                                 \
     X(sweep_count) X(color_channels) X(sheet_channels) X(slab_count) X(shadow_width) X(shadow_height)                  \
     X(light_points) X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls)                     \
-    X(voxels_read) X(bytes)
+    X(projector_calls) X(voxels_read) X(bytes)
 /* clang-format on */
 
 /* The option that a field of the library comes from; NULL where none is. */
@@ -249,6 +262,7 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
                   {SPS_OBJECT_SCENE, "volume_count", "--volume"},
                   {SPS_OBJECT_SCENE, "mesh_count", "--mesh"},
                   {SPS_OBJECT_SCENE, "particle_set_count", "--particles"},
+                  {SPS_OBJECT_LIGHT, "projector.focus", "--light-focus"},
                   {SPS_OBJECT_LIGHT, "shadow_map.components", "--map-components"}};
     for (size_t i = 0; i < sizeof fields / sizeof *fields; ++i) {
         if (why->object != fields[i].object || strcmp(why->field, fields[i].field) != 0) continue;
@@ -318,8 +332,8 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     X(seconds_gather) X(seconds_polygons) X(seconds_tree) X(seconds_shadow_rays) X(seconds_bin) X(seconds_light)       \
     X(seconds_eye) X(seconds_total)
 #define STATS_COUNTS(X)                                                                                                \
-    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls) X(background_calls)                 \
-    X(blocks_skipped)                                                                                                  \
+    X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls) X(projector_calls)                  \
+    X(background_calls) X(blocks_skipped)                                                                              \
     X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced)                                                     \
     X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(shadow_rays) X(particles) X(slabs) X(slabs_empty)     \
     X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
@@ -420,6 +434,7 @@ static void free_arguments(arguments *all) {
     for (int i = 0; i == 0 || i < all->volume_count; ++i) ex_transfer_free(&all->volumes[i].points);
     for (int i = 0; i < all->mesh_count; ++i) ex_mesh_free(&all->meshes[i].mesh);
     for (int i = 0; i < all->particle_set_count; ++i) ex_particles_free(&all->particles[i].particles);
+    for (int i = 0; i < all->light_count; ++i) ex_slide_free(&all->lights[i].slide);
     free(all->particles);
     free(all->volumes);
     free(all->meshes);

@@ -6,6 +6,7 @@
 #include "arguments.h"
 #include "mesh.h"
 #include "particles.h"
+#include "slide.h"
 #include "transfer.h"
 #include "volume_file.h"
 
@@ -64,9 +65,13 @@ typedef struct light_arguments {
     sps_light_kind kind;
     double place[3], color[3]; /* the position of a point light, the direction of a directional one */
     double axis[3], cone[2];   /* of a spotlight: its direction; inner and outer angle from it, in degrees */
+    const char *image;         /* of a projector, which has an axis too: the file; otherwise NULL */
+    double image_angle;        /* that the image's height subtends, in degrees */
     light_size size;
-    double angle; /* degrees */
-    int samples;
+    double angle, focus; /* degrees; distance */
+    int samples, falloff;
+    ex_slide slide;
+    sps_projector projector;
 } light_arguments;
 
 /* One option with its value. */
@@ -119,6 +124,7 @@ static const char *const shading_names[] = {"gas", "surface", NULL};
 static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
                                            "fourier", "cosine", "moment",     "adaptive", "beer",    NULL};
 static const char *const window_names[] = {"none", "lanczos", "fejer", NULL};
+static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
 /* ================================================================================================ handlers */
 
@@ -288,42 +294,78 @@ static int add_mesh(const option_rule *rule, arguments *all, void *place, const 
     return 0;
 }
 
+/* Which way a spotlight or a projector points. */
+static int read_axis(const option_rule *rule, const char *value, const double axis[3], light_arguments *light,
+                     ex_error *error) {
+    if (!within(axis, 3, rule->lo, rule->hi)) return outside(rule, value, "dx,dy,dz", rule->lo, rule->hi, error);
+    if (axis[0] == 0 && axis[1] == 0 && axis[2] == 0) return unfit(rule, value, "the direction is zero", error);
+    memcpy(light->axis, axis, sizeof light->axis);
+    return 0;
+}
+
 /* x,y,z,dx,dy,dz,inner,outer,r,g,b: a point light with a cone. */
 static int read_spot(const option_rule *rule, const char *value, const double numbers[11], light_arguments *light,
                      ex_error *error) {
     const double *cone = numbers + 6;
-    if (!within(numbers + 3, 3, rule->lo, rule->hi)) return outside(rule, value, "dx,dy,dz", rule->lo, rule->hi, error);
-    if (numbers[3] == 0 && numbers[4] == 0 && numbers[5] == 0)
-        return unfit(rule, value, "the direction is zero", error);
+    if (read_axis(rule, value, numbers + 3, light, error)) return 1;
     if (!within(cone, 2, 0, 180)) return outside(rule, value, "inner,outer", 0, 180, error);
     if (!(cone[0] < cone[1])) return unfit(rule, value, "the inner angle must be less than the outer", error);
-    memcpy(light->axis, numbers + 3, sizeof light->axis);
     memcpy(light->cone, cone, sizeof light->cone);
     return 0;
 }
 
+/* x,y,z,dx,dy,dz,angle,r,g,b,FILE.ppm: a point light that throws an image. */
+static int read_projector(const option_rule *rule, const char *value, const double numbers[10], light_arguments *light,
+                          ex_error *error) {
+    if (read_axis(rule, value, numbers + 3, light, error)) return 1;
+    if (!within(numbers + 6, 1, 0.001, 177)) return outside(rule, value, "angle", 0.001, 177, error);
+    light->image_angle = numbers[6];
+    return 0;
+}
+
+/* The file in the value of a projector, which follows its ten numbers and may contain commas. NULL if there is none. */
+static const char *find_image(const char *value) {
+    int commas = 0;
+    if (strncmp(value, "projector,", 10) != 0) return NULL;
+    while (*value && commas < 11) commas += *value++ == ',';
+    return *value ? value : NULL;
+}
+
+/* Parses the numbers of a light, which end before the file of an image. Returns their number, or -1. */
+static int read_light_numbers(const char *value, const char *image, int most, double *out) {
+    char text[512];
+    const char *start = strchr(value, ',') + 1;
+    const size_t length = image ? (size_t)(image - start) - 1 : strlen(start);
+    if (length >= sizeof text) return -1;
+    memcpy(text, start, length);
+    text[length] = '\0';
+    return read_numbers(text, most, out);
+}
+
 static int add_light(const option_rule *rule, arguments *all, void *place, const char *value, ex_error *error) {
+    enum { DIRECTIONAL, POINT, SPOT, PROJECTOR, FORMS };
     static const struct {
         const char *name;
-        sps_light_kind kind;
         int count; /* of numbers; the last three are the color */
-    } kinds[] = {
-        {"directional,", SPS_LIGHT_DIRECTIONAL, 6}, {"point,", SPS_LIGHT_POINT, 6}, {"spot,", SPS_LIGHT_POINT, 11}};
+    } forms[FORMS] = {{"directional,", 6}, {"point,", 6}, {"spot,", 11}, {"projector,", 10}};
     double numbers[11];
     light_arguments *light = all->lights + all->light_count;
-    int kind = 0, count;
+    int form = 0, count;
     (void)place;
-    while (kind < 3 && strncmp(value, kinds[kind].name, strlen(kinds[kind].name)) != 0) ++kind;
-    if (kind == 3) return malformed(rule, value, error);
-    count = kinds[kind].count;
-    if (read_numbers(value + strlen(kinds[kind].name), count, numbers) != count) return malformed(rule, value, error);
+    while (form < FORMS && strncmp(value, forms[form].name, strlen(forms[form].name)) != 0) ++form;
+    if (form == FORMS) return malformed(rule, value, error);
+    count = forms[form].count;
+    light->image = find_image(value);
+    if (form == PROJECTOR && !light->image) return malformed(rule, value, error);
+    if (read_light_numbers(value, light->image, count, numbers) != count) return malformed(rule, value, error);
     if (!within(numbers, 3, rule->lo, rule->hi))
-        return outside(rule, value, kind > 0 ? "x,y,z" : "dx,dy,dz", rule->lo, rule->hi, error);
+        return outside(rule, value, form == DIRECTIONAL ? "dx,dy,dz" : "x,y,z", rule->lo, rule->hi, error);
     if (!within(numbers + count - 3, 3, 0, LARGEST)) return outside(rule, value, "r,g,b", 0, LARGEST, error);
-    if (kind == 0 && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
+    if (form == DIRECTIONAL && numbers[0] == 0 && numbers[1] == 0 && numbers[2] == 0)
         return unfit(rule, value, "the direction is zero", error);
-    if (kind == 2 && read_spot(rule, value, numbers, light, error)) return 1;
-    light->kind = kinds[kind].kind;
+    if (form == SPOT && read_spot(rule, value, numbers, light, error)) return 1;
+    if (form == PROJECTOR && read_projector(rule, value, numbers, light, error)) return 1;
+    light->kind = form == DIRECTIONAL ? SPS_LIGHT_DIRECTIONAL : SPS_LIGHT_POINT;
     memcpy(light->place, numbers, sizeof light->place);
     memcpy(light->color, numbers + count - 3, sizeof light->color);
     light->text = value;
@@ -382,10 +424,12 @@ static const option_rule options[] = {
     {"--width", "W", "pixels; default 512", set_integers, OF_SCENE(width), 1, 1, 16384, NULL},
     {"--height", "H", "pixels; default 512", set_integers, OF_SCENE(height), 1, 1, 16384, NULL},
     {"--region", "x,y,w,h", "renders only this part of the image, pixels from its top left corner", set_integers, OF_SCENE(region), 4, 0, 16384, NULL},
-    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b | spot,x,y,z,dx,dy,dz,inner,outer,r,g,b", "dx,dy,dz: the way the light travels; inner, outer: degrees from it; repeatable", add_light, SCENE, 0, 6, COORDINATES},
+    {"--light", "directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b | spot,x,y,z,dx,dy,dz,inner,outer,r,g,b | projector,x,y,z,dx,dy,dz,angle,r,g,b,FILE.ppm", "dx,dy,dz: the way the light travels; inner, outer: degrees from it; repeatable", add_light, SCENE, 0, 6, COORDINATES},
     {"--light-size", "R | W,H", "of a point light: a disc's radius, or a rectangle's edges; not with maps (--shadow)", set_light_size, OF_LIGHT(size), 2, 0, FARTHEST, NULL},
     {"--light-angle", "DEG", "of a directional light: its angular diameter; not with maps (--shadow)", set_reals, OF_LIGHT(angle), 1, 0, 114, NULL},
     {"--light-samples", "K", "points that stand for a light with one of these; default by --quality", set_integers, OF_LIGHT(samples), 1, 1, 256, NULL},
+    {"--light-focus", "D", "of a projector with --light-size: where its image is sharp; default infinitely far", set_reals, OF_LIGHT(focus), 1, 1e-15, FARTHEST, NULL},
+    {"--light-falloff", "inverse-square|none", "by distance, of any but a directional light; default inverse-square", set_choice, OF_LIGHT(falloff), 1, 0, 0, falloff_names},
     {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
@@ -432,24 +476,37 @@ static const char *const headings[][2] = {
     {"--particles", "Particles, in the same way: balls of gas."},
     {"--mesh", "Meshes, in the same way."},
     {"--camera", "View."},
-    {"--light", "Light. Colors are linear: irradiance of a directional light, of a point light at distance 1.\n"
-                "  --light-... applies to lights in the same way. A light with an extent casts penumbrae; a disc or a\n"
-                "  rectangle faces the middle of the scene, and W is its edge perpendicular to --up."},
+    {"--light",
+     "Light. Colors are linear: irradiance of a directional light, of others at distance 1. A projector throws an\n"
+     "  image, angle degrees high, with its top towards --up: a binary PPM file (P6), taken as sRGB; commas may be\n"
+     "  part of its name. --light-... applies to lights in the same way. A light with an extent casts penumbrae; a\n"
+     "  disc or a rectangle faces the middle of the scene, but a projector's lies across its direction, like a\n"
+     "  lens; W is its edge perpendicular to --up."},
     {"--slab", "Rendering."},
     {"--out", "Results. At least one is required."},
     {"--help", "Help."},
 };
+
+/* Prints an option and its form. A form that does not fit into 120 columns goes on in a second line. */
+static void print_long_form(const char *name, const char *form) {
+    const char *rest = form;
+    for (const char *at = form; (at = strstr(at, " | ")) != NULL; ++at)
+        if ((size_t)(at - form) + strlen(name) < 110) rest = at + 3;
+    if (strlen(form) + strlen(name) < 116) rest = form;
+    printf("  %s %.*s\n", name, (int)(rest > form ? (size_t)(rest - form) - 1 : strlen(form)), form);
+    if (rest > form) printf("    %s\n", rest);
+}
 
 static void print_help(void) {
     puts("usage: render [options]\n\n"
          "Options stand in any order. Of one that is given twice and is not repeatable, the last counts.\n"
          "Exit status: 0 done, 1 the render failed, 2 an option or a file is wrong.");
     for (int i = 0; i < OPTION_COUNT; ++i) {
-        char left[120];
+        char left[200];
         for (size_t k = 0; k < sizeof headings / sizeof *headings; ++k)
             if (strcmp(headings[k][0], options[i].name) == 0) printf("\n%s\n", headings[k][1]);
         snprintf(left, sizeof left, "%s %s", options[i].name, options[i].form ? options[i].form : "");
-        if (strlen(left) > 28) printf("  %s\n", left), left[0] = '\0'; /* too long: the help goes to the next line */
+        if (strlen(left) > 28) print_long_form(options[i].name, options[i].form), left[0] = '\0';
         printf("  %-28s %s\n", left, options[i].help);
     }
 }
@@ -507,6 +564,17 @@ static void cut_comment(char *text) {
     }
 }
 
+/* A projector's value, with the image's path relative to the look. */
+static char *image_beside(const char *look, const char *value, const char *image) {
+    const size_t before = (size_t)(image - value);
+    char *path = ex_path_beside(look, image);
+    char *out = (char *)ex_allocate(before + strlen(path) + 1, 1);
+    memcpy(out, value, before);
+    memcpy(out + before, path, strlen(path));
+    free(path);
+    return out;
+}
+
 /* Reads one line of a look: the name of an option without dashes, and its value; or nothing. */
 static int read_look_line(settings *all, const char *look, int line, char *text, ex_error *error) {
     char name[80];
@@ -522,6 +590,8 @@ static int read_look_line(settings *all, const char *look, int line, char *text,
     if (rule->form && !*value) return ex_fail(error, "%s:%d: %s needs a value: %s", look, line, name, rule->form);
     if (!rule->form && *value)
         return ex_fail(error, "%s:%d: %s takes no value: '%s'", look, line, name, ex_quoted(value).text);
+    const char *image = rule->apply == add_light ? find_image(value) : NULL;
+    if (image) value = keep_text(all, image_beside(look, value, image));
     if (rule->form && strncmp(rule->form, "FILE", 4) == 0) value = keep_text(all, ex_path_beside(look, value));
     const setting added = {rule, rule->form ? value : NULL, look, line};
     add_setting(all, added);
@@ -652,6 +722,8 @@ static const char *find_input(const arguments *all, const char *path) {
         if (ex_same_file(path, all->meshes[i].file)) return "--mesh";
     for (int i = 0; i < all->particle_set_count; ++i)
         if (ex_same_file(path, all->particles[i].file)) return "--particles";
+    for (int i = 0; i < all->light_count; ++i)
+        if (all->lights[i].image && ex_same_file(path, all->lights[i].image)) return "--light";
     for (size_t i = 0; i < all->settings->count; ++i)
         if (all->settings->list[i].look && ex_same_file(path, all->settings->list[i].look)) return "--look";
     return NULL;
@@ -694,6 +766,17 @@ static int check_map(const arguments *all, ex_error *error) {
     return 0;
 }
 
+/* A projector's focus has a meaning only with an extent, a falloff only with a position. */
+static int check_throw(const light_arguments *light, ex_error *error) {
+    if (has(light->given, "--light-focus") && !light->image)
+        return ex_fail(error, "--light-focus says nothing about --light %s, which is not a projector", light->text);
+    if (has(light->given, "--light-focus") && !has(light->given, "--light-size"))
+        return ex_fail(error, "--light-focus says nothing about --light %s, which has no --light-size", light->text);
+    if (has(light->given, "--light-falloff") && light->kind == SPS_LIGHT_DIRECTIONAL)
+        return ex_fail(error, "--light-falloff says nothing about --light %s: it has no position", light->text);
+    return 0;
+}
+
 /* The extent of a light must match its kind and how it casts shadows. */
 static int check_lights(const arguments *all, ex_error *error) {
     static const char *const extents[] = {"--light-angle", "--light-size"}; /* by sps_light_kind */
@@ -708,6 +791,7 @@ static int check_lights(const arguments *all, ex_error *error) {
             return ex_fail(error,
                            "%s of --light %s and --shadow %s exclude each other: a map holds the shadow of a point",
                            own, light->text, shadow_names[all->shadow]);
+        if (check_throw(light, error)) return 1;
     }
     return 0;
 }

@@ -42,8 +42,9 @@ static inline sps_projector ex_slide_projector(ex_slide *slide, double angle) {
 static inline int ex_ppm_number(FILE *file) {
     int c = fgetc(file), number = -1;
     while (c == ' ' || c == '\t' || c == '\r' || c == '\n' || c == '#') {
-        while (c == '#' && (c = fgetc(file)) != '\n')
-            if (c == EOF) return -1;
+        if (c == '#')
+            while ((c = fgetc(file)) != '\n')
+                if (c == EOF) return -1;
         c = fgetc(file);
     }
     for (; c >= '0' && c <= '9'; c = fgetc(file)) {

@@ -1190,7 +1190,8 @@ static void test_looks(void) {
         {"--look looks/whole.txt --volume two.raw --pfm look.pfm", 0, NULL},
         {"--look looks/whole.txt --volume two.raw --width 6 --pfm wide.pfm", 0, NULL},
         {"--width 6 --look looks/whole.txt --volume two.raw --pfm narrow.pfm", 0, NULL},
-        {"--look looks/empty.txt " VOLUME "--plan >plan", 0, NULL}};
+        {"--look looks/empty.txt " VOLUME "--plan >plan", 0, NULL},
+        {"--look looks/slide.txt --plan >plan", 0, NULL}};
     static const complaint bad[] = {
         {"--look missing.txt --plan", 2, "missing.txt: No such file"},
         {"--look looks/unknown.txt --plan", 2, "looks/unknown.txt:3: 'bogus' is not an option for a look"},
@@ -1208,22 +1209,26 @@ static void test_looks(void) {
          "--out looks/whole.txt is a file that --look reads"},
         {"--look looks/whole.txt --volume two.raw --out looks/corner.obj", 2,
          "--out looks/corner.obj is a file that --mesh reads"},
+        {"--look looks/slide.txt --out 'looks/dark, 1.ppm'", 2, "--out looks/dark, 1.ppm is a file that --light reads"},
         {"--transfer-point 0,1,1,1", 2, "--transfer-point: '0,1,1,1' is not value,r,g,b,extinction"},
         {"--transfer-point 0,1,1,2,0", 2, "out of range: r,g,b must be within 0..1"},
         {"--transfer-point -1,1,1,1,0", 2, "out of range: value and extinction must be within 0..1e+18"},
         {"--transfer-point 0,1,1,1,0 --plan", 2, "--transfer-point: there is no --volume"},
         {VOLUME "--transfer-point 2,1,1,1,0 --transfer-point 3,1,1,1,9 --plan", 2,
          "--transfer-point: a line's value is 2, and there are lines beyond it; u8 voxels stand for 0..1"}};
-    static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n";
+    static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n", dark[] = "P6 1 1 255 \0\0\0";
     static const char whole[] = "# two voxels\r\nwidth 5 # pixels\n\n  height\t4\nsize 2,2,2\nmesh corner.obj\n"
                                 "transfer-point 0.1,0.9,0.5,0.2,0\ntransfer-point 1,0.9,0.5,0.2,8\nshading surface\n"
                                 "light directional,-1,-1,-1,2,2,2\nlight point,9,9,9,50,40,30";
+    static const char projector[] = "light projector,0,0,5,0,0,-1,30,1,1,1,dark, 1.ppm\n";
     char path[200], lines[400], look[400];
     snprintf(path, sizeof path, "%s/looks", folder);
     CHECK(mkdir(path, 0777) == 0);
     write_file("looks/corner.obj", corner, strlen(corner));
     write_file("looks/whole.txt", whole, strlen(whole));
     write_file("looks/empty.txt", "#\n", 2);
+    write_file("looks/dark, 1.ppm", dark, sizeof dark - 1);
+    write_file("looks/slide.txt", projector, strlen(projector));
     write_file("looks/unknown.txt", "\n\nbogus 1\n", 10);
     write_file("looks/nested.txt", "look empty.txt\n", 15);
     write_file("looks/value.txt", "size # nothing\n", 15);
@@ -1376,28 +1381,46 @@ static void test_shadow_option(void) {
     CHECK_COMPLAINTS(all);
 }
 
+/* Runs a line that writes extent.pfm, and compares it with the same picture of 5 x 4 pixels by the library. Floats
+   differ by what the two programs' compilers make of a sum. */
+static void check_same_pfm(const char *line, const float *rgba) {
+    char file[400];
+    float rows[3 * 20];
+    CHECK(run_render(line).status == 0);
+    if (!CHECK(read_file("extent.pfm", file, sizeof file) == 12 + sizeof rows)) return;
+    memcpy(rows, file + 12, sizeof rows);
+    for (int pixel = 0; pixel < 20; ++pixel)
+        for (int c = 0; c < 3; ++c)
+            CHECK_NEAR((double)rows[3 * ((3 - pixel / 5) * 5 + pixel % 5) + c], (double)rgba[4 * pixel + c], 1e-5);
+}
+
+/* The view of these tests: SMALL, and --mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5. */
+static void start_corner(check_scene *s, check_triangles *corner) {
+    static const double origin[3] = {-1, 0, 0}, right[3] = {2, 0, 0}, top[3] = {0, 2, -1};
+    corner->count = 0;
+    check_add_corners(corner, origin, right, top);
+    check_clear(s, 5, 4);
+    check_add_mesh(s, corner, 0.8);
+    check_set3(s->view.camera.position, 0.5, 1, 4);
+    check_set3(s->view.camera.target, 0.5, 1, -0.5);
+    check_set3(s->view.camera.up, 0, 1, 0);
+    check_perspective(&s->view.camera, 40 * SPSI_PI / 180);
+}
+
 /* A disc and a rectangle before the middle of corner.obj (0.5, 1, -0.5), and a sun, against the same lights in the
-   library: W lies along x, which is perpendicular to --up and to the way from light to middle, and H along y. Floats of
-   a picture differ by what the two programs' compilers make of a sum. */
+   library: W lies along x, which is perpendicular to --up and to the way from light to middle, and H along y. */
 static void test_extents_as_placed(void) {
     static const char *const options[] = {"--light point,0.5,1,2,9,9,9 --light-size 0.9",
                                           "--light point,0.5,1,2,9,9,9 --light-size 2,0.6",
                                           "--light directional,0,-1,-1,3,3,3 --light-angle 60"};
-    static const double origin[3] = {-1, 0, 0}, right[3] = {2, 0, 0}, top[3] = {0, 2, -1};
     check_triangles triangles = {0};
     sps_context *context = check_context(NULL);
-    check_add_corners(&triangles, origin, right, top);
     for (int i = 0; i < 3; ++i) {
-        char line[300], file[400];
-        float rgba[4 * 20], rows[3 * 20];
+        char line[300];
+        float rgba[4 * 20];
         check_scene s;
         sps_light *light;
-        check_clear(&s, 5, 4);
-        check_add_mesh(&s, &triangles, 0.8);
-        check_set3(s.view.camera.position, 0.5, 1, 4);
-        check_set3(s.view.camera.target, 0.5, 1, -0.5);
-        check_set3(s.view.camera.up, 0, 1, 0);
-        check_perspective(&s.view.camera, 40 * SPSI_PI / 180);
+        start_corner(&s, &triangles);
         light = i < 2 ? check_add_point(&s, 0.5, 1, 2, 9) : check_add_directional(&s, 0, -1, -1, 3);
         light->samples = 7;
         if (i < 2) light->kind = i == 0 ? SPS_LIGHT_DISC : SPS_LIGHT_RECTANGLE;
@@ -1408,15 +1431,146 @@ static void test_extents_as_placed(void) {
         snprintf(line, sizeof line,
                  SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 %s --light-samples 7 --pfm extent.pfm",
                  options[i]);
-        CHECK(run_render(line).status == 0);
-        if (!CHECK(read_file("extent.pfm", file, sizeof file) == 12 + sizeof rows)) continue;
-        memcpy(rows, file + 12, sizeof rows);
-        for (int pixel = 0; pixel < 20; ++pixel)
-            for (int c = 0; c < 3; ++c)
-                CHECK_NEAR((double)rows[3 * ((3 - pixel / 5) * 5 + pixel % 5) + c], (double)rgba[4 * pixel + c], 1e-5);
+        check_same_pfm(line, rgba);
     }
     check_free_triangles(&triangles);
     sps_destroy(context);
+}
+
+/* A slide of three texels by two, none like another, as a PPM file, in the sRGB curve of its own formula. */
+static void write_slide(const char *name, int most) {
+    char head[40];
+    unsigned char file[100];
+    const int length = snprintf(head, sizeof head, "P6\n# three by two\n3 2\n%d\n", most);
+    int at = length;
+    memcpy(file, head, (size_t)length);
+    for (int i = 0; i < 18; ++i) {
+        const int code = 37 * i % 256 * (most > 255 ? 257 : 1);
+        if (most > 255) file[at++] = (unsigned char)(code >> 8);
+        file[at++] = (unsigned char)(code & 255);
+    }
+    write_file(name, file, (size_t)at);
+}
+
+/* sps_projector.sample_fn: the colors of write_slide. */
+static int sample_slide(void *user, size_t count, const float *uv, float *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i)
+        for (int c = 0; c < 3; ++c) {
+            const int x = (int)(3 * uv[2 * i]), y = (int)(2 * uv[2 * i + 1]);
+            const double code = 37 * (3 * (3 * y + x) + c) % 256 / 255.0;
+            out[3 * i + (size_t)c] = (float)(code <= 0.04045 ? code / 12.92 : pow((code + 0.055) / 1.055, 2.4));
+        }
+    return 0;
+}
+
+/* A light at (0.5, 1, 2) that throws an image of half a unit on either side of y = 1 at the distance 2.5. */
+static sps_light *add_slide(check_scene *s, sps_projector *projector, int kind) {
+    sps_light *light = check_add_point(s, 0.5, 1, 2, 9);
+    memset(projector, 0, sizeof *projector);
+    projector->width = 3, projector->height = 2;
+    projector->sample_fn = sample_slide;
+    projector->top = tan(0.5 * 50 * SPSI_PI / 180), projector->bottom = -projector->top;
+    projector->right = projector->top * 3 / 2, projector->left = -projector->right;
+    check_set3(projector->up, 0, 1, 0);
+    check_set3(light->direction, -0.6, 0, -2);
+    light->projector = projector;
+    if (kind == 0) return light;
+    light->kind = kind == 1 ? SPS_LIGHT_DISC : SPS_LIGHT_RECTANGLE;
+    light->samples = 7;
+    projector->focus = 3;
+    check_set3(light->axes[0], (kind == 1 ? 0.4 : 0.5) * 2 / sqrt(4.36), 0,
+               (kind == 1 ? 0.4 : 0.5) * -0.6 / sqrt(4.36));
+    check_set3(light->axes[1], 0, kind == 1 ? 0.4 : 0.1, 0);
+    if (kind == 2) light->falloff = SPS_FALLOFF_NONE;
+    return light;
+}
+
+/* A projector by options, against the same one in the library: sharp, through a disc, and through a rectangle, whose W
+   lies across the direction and --up. The light does not point at the middle of the scene, so that an extent that faced
+   it would show. */
+static void test_projector_as_placed(void) {
+    static const char *const options[] = {"'projector,0.5,1,2,-0.6,0,-2,50,9,9,9,slide, 8.ppm'",
+                                          "projector,0.5,1,2,-0.6,0,-2,50,9,9,9,slide16.ppm --light-size 0.4 "
+                                          "--light-focus 3 --light-samples 7",
+                                          "projector,0.5,1,2,-0.6,0,-2,50,9,9,9,slide16.ppm --light-size 1,0.2 "
+                                          "--light-focus 3 --light-samples 7 --light-falloff none"};
+    check_triangles triangles = {0};
+    sps_context *context = check_context(NULL);
+    write_slide("slide, 8.ppm", 255);
+    write_slide("slide16.ppm", 65535);
+    for (int i = 0; i < 3; ++i) {
+        char line[300];
+        float rgba[4 * 20];
+        sps_projector projector;
+        check_scene s;
+        start_corner(&s, &triangles);
+        add_slide(&s, &projector, i);
+        check_render(context, &s, rgba);
+        snprintf(line, sizeof line, SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 --light %s --pfm extent.pfm",
+                 options[i]);
+        check_same_pfm(line, rgba);
+    }
+    check_free_triangles(&triangles);
+    sps_destroy(context);
+}
+
+/* A projector's options and files that are wrong. */
+static void test_projector_options(void) {
+#define THROW  "--light projector,0,0,5,0,0,-1,30,1,1,1,"
+#define THROWN "--light projector,0,0,5,0,0,-1,30,1,1,1,slide16.ppm "
+    static const complaint all[] = {
+        {VOLUME THROWN "--plan >plan", 0, NULL},
+        {VOLUME THROWN "--stats a.json", 0, NULL},
+        {VOLUME THROWN "--shadow compressed --out a.png", 0, NULL},
+        {"--light projector,0,0,5,0,0,-1,30,1,1,1", 2, "is not directional,dx,dy,dz,r,g,b"},
+        {THROW, 2, "is not directional,dx,dy,dz,r,g,b"},
+        {"--light projector,0,0,5,0,0,-1,1,1,1,slide16.ppm", 2, "is not directional,dx,dy,dz,r,g,b"},
+        {"--light projector,0,0,5,0,0,-1,3x,1,1,1,slide16.ppm", 2, "is not directional,dx,dy,dz,r,g,b"},
+        {"--light projector,0,0,1e16,0,0,-1,30,1,1,1,a", 2, "x,y,z must be within"},
+        {"--light projector,0,0,5,0,0,-1e16,30,1,1,1,a", 2, "dx,dy,dz must be within"},
+        {"--light projector,0,0,5,0,0,0,30,1,1,1,a", 2, "the direction is zero"},
+        {"--light projector,0,0,5,0,0,-1,0,1,1,1,a", 2, "angle must be within 0.001..177"},
+        {"--light projector,0,0,5,0,0,-1,178,1,1,1,a", 2, "angle must be within 0.001..177"},
+        {"--light projector,0,0,5,0,0,-1,30,1,-1,1,a", 2, "r,g,b must be within 0..1e+18"},
+        {THROW "no.ppm --plan", 2, "no.ppm: No such file"},
+        {THROW ". --plan", 2, ".: not a regular file"},
+        {THROW "two.raw --plan", 2, "two.raw: not a binary PPM file ('P6')"},
+        {THROW "cut.ppm --plan", 2, "cut.ppm: the file ends amid its pixels"},
+        {THROW "p3.ppm --plan", 2, "p3.ppm: not a binary PPM file ('P6')"},
+        {THROW "zero.ppm --plan", 2, "zero.ppm: 0 x 2 pixels; there may be 1..4096 on a side"},
+        {THROW "wide.ppm --plan", 2, "wide.ppm: 4097 x 1 pixels; there may be 1..4096 on a side"},
+        {THROW "most.ppm --plan", 2, "most.ppm: not a binary PPM file ('P6')"},
+        {THROWN "--out slide16.ppm", 2, "--out slide16.ppm is a file that --light reads"},
+        {THROWN "--light-focus 3 --plan", 2,
+         "--light-focus says nothing about --light projector,0,0,5,0,0,-1,30,1,1,1,"
+         "slide16.ppm, which has no --light-size"},
+        {"--light point,0,0,5,1,1,1 --light-size 1 --light-focus 3 --plan", 2,
+         "--light-focus says nothing about --light point,0,0,5,1,1,1, which is not a projector"},
+        {"--light-focus 0", 2, "--light-focus: '0' is out of range: D must be within 1e-15..1e+15"},
+        {"--light-focus 1 --plan", 2, "--light-focus: there is no --light that it could be about"},
+        {THROWN "--light-angle 3 --plan", 2, "give --light-size"},
+        {THROWN "--light-size 1 --shadow deep --plan", 2, "exclude each other: a map holds the shadow of a point"},
+        {"--light projector,0,0,5,1,2,3,30,1,1,1,slide16.ppm --light-size 1e15 --light-focus 1e-15 --plan", 2,
+         "--light-focus: light[0].projector.focus is 1e-15; it must be 0, or within 1e15 and beyond the extent"},
+        {"--light-falloff linear", 2, "--light-falloff: 'linear' is not inverse-square|none"},
+        {"--light directional,0,0,1,1,1,1 --light-falloff none --plan", 2,
+         "--light-falloff says nothing about --light directional,0,0,1,1,1,1: it has no position"},
+        {VOLUME "--light point,3,4,2,1,1,1 --light-falloff inverse-square --pfm near.pfm", 0, NULL},
+        {VOLUME "--light point,3,4,2,1,1,1 --pfm hard.pfm", 0, NULL}};
+    char text[4000], other[400];
+    write_file("cut.ppm", "P6 3 2 255 12345678901234567", 28);
+    write_file("p3.ppm", "P3 1 1 255 1 1 1", 16);
+    write_file("zero.ppm", "P6 0 2 255 ", 11);
+    write_file("wide.ppm", "P6 4097 1 255 ", 14);
+    write_file("most.ppm", "P6 1 1 70000 123456", 19);
+    CHECK_COMPLAINTS(all);
+    CHECK(read_file("plan", text, sizeof text) > 60 && strstr(text, "projector_calls  2\n"));
+    CHECK(read_file("a.json", text, sizeof text) > 60 && strstr(text, "\"projector_calls\": 2,"));
+    CHECK(read_file("near.pfm", text, sizeof text) == read_file("hard.pfm", other, sizeof other));
+    CHECK(memcmp(text, other, 12 + 4 * 3 * 20) == 0);
+#undef THROW
+#undef THROWN
 }
 
 /* Each extent makes a picture of its own, one of 0 that of a light without; what has no effect is a mistake. */
@@ -1492,6 +1646,8 @@ static void test_light_options(void) {
     CHECK(read_file("point.pfm", text, sizeof text) == read_file("hard.pfm", other, sizeof other));
     CHECK(memcmp(text, other, 12 + 4 * 3 * 20) == 0);
     test_extents_as_placed();
+    test_projector_as_placed();
+    test_projector_options();
 }
 
 /* Errors that only the library detects name the option. */
@@ -1607,9 +1763,12 @@ static void test_help(void) {
                                         "--fov DEG",
                                         "--ortho HEIGHT",
                                         "--light directional,dx,dy,dz,r,g,b | point,x,y,z,r,g,b",
+                                        "projector,x,y,z,dx,dy,dz,angle,r,g,b,FILE.ppm\n",
                                         "--light-size R | W,H",
                                         "--light-angle DEG",
                                         "--light-samples K",
+                                        "--light-focus D",
+                                        "--light-falloff inverse-square|none",
                                         "--ambient r,g,b",
                                         "--background r,g,b",
                                         "--width W",

@@ -6365,16 +6365,12 @@ typedef struct spsi_surface_batch {
 } spsi_surface_batch;
 
 /* Change of a face's weights from a pixel to its neighbour, whose ray is `step` away at the point: `step`, projected
-   along the ray onto the plane, in the coordinates of edges u and v. A plane that is nearly edge-on counts as one that
-   is less so. */
+   along the ray onto the plane, in the coordinates of edges u and v. */
 static void spsi_weights_step(const double ray[3], const double step[3], const double u[3], const double v[3],
                               double change[3]) {
-    double n[3], across[3], along[3], facing, least;
+    double n[3], across[3], along[3];
     spsi_cross(u, v, n);
-    facing = spsi_dot(n, ray);
-    least = 1e-8 * spsi_length(n) * spsi_length(ray);
-    if (fabs(facing) < least) facing = facing < 0 ? -least : least;
-    spsi_along(step, ray, -spsi_dot(n, step) / facing, along);
+    spsi_along(step, ray, -spsi_dot(n, step) / spsi_dot(n, ray), along);
     spsi_cross(along, v, across);
     change[1] = spsi_dot(across, n) / spsi_dot(n, n);
     spsi_cross(u, along, across);

@@ -6301,14 +6301,12 @@ typedef struct spsi_appearance {
     float emission[3];
 } spsi_appearance;
 
-/* Reflectance of a face by itself. That of corners which agree has their bits. */
+/* Reflectance of a face by itself. Where corners have the same color, so has the face, to the bit. */
 static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double color[3]) {
-    double w[3];
-    spsi_hit_weights(hit, w);
     for (int c = 0; c < 3; ++c) {
-        const float *a = &face->color[0][c], *b = &face->color[1][c], *last = &face->color[2][c];
-        const int same = !(*a < *b || *a > *b || *a < *last || *a > *last);
-        color[c] = same ? (double)*a : w[0] * (double)*a + w[1] * (double)*b + w[2] * (double)*last;
+        const double first = (double)face->color[0][c];
+        color[c] = first + (double)hit->weights[0] * ((double)face->color[1][c] - first) +
+                   (double)hit->weights[1] * ((double)face->color[2][c] - first);
     }
 }
 
@@ -6322,13 +6320,11 @@ static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_su
 
 static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
                                spsi_appearance *look) {
-    memset(look, 0, sizeof *look);
-    if (!set) {
-        spsi_face_color(&faces->list[hit->face], hit, look->color);
-        return;
+    if (!set) spsi_face_color(&faces->list[hit->face], hit, look->color);
+    for (int c = 0; c < 3; ++c) {
+        if (set) look->color[c] = (double)set->color[c];
+        look->emission[c] = set ? set->emission[c] : 0;
     }
-    for (int c = 0; c < 3; ++c) look->color[c] = (double)set->color[c];
-    memcpy(look->emission, set->emission, sizeof look->emission);
 }
 
 /* The mesh that a face belongs to. Cost: a binary search. */

@@ -95,15 +95,16 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
     lights that share a sweep are held at the same time. A light with an extent adds 64 bytes per texel of its shadow
-    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. sps_plan returns an upper
-    bound beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is
-    never exceeded.
+    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. Meshes that have a shade_fn
+    add 28 bytes per triangle of theirs, 24 per pixel of the region, and 0.6 MB. sps_plan returns an upper bound
+    beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is never
+    exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
-    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, background,
-    progress, message, allocator) run on the calling thread, one at a time, and must not call into the same context.
-    With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
+    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, shade,
+    background, progress, message, allocator) run on the calling thread, one at a time, and must not call into the same
+    context. With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers.
@@ -323,7 +324,28 @@ typedef struct sps_triangle {
     float position[3][3]; /* local to the mesh's placement */
     float normal[3][3];   /* read if has_normals; of any length; zero: the triangle's geometric normal */
     float color[3][3];    /* read if has_colors; replaces the mesh's color; 0..1 */
+    float uv[3][2];       /* read if there is a shade_fn, which receives it; any finite numbers */
 } sps_triangle;
+
+/* The point of a mesh that a pixel shows, for shade_fn. */
+typedef struct sps_surface_point {
+    double position[3]; /* world */
+    double uv[2];       /* interpolated between the corners' in perspective */
+    /* Change of uv from this pixel to the next one to the right, and to the next one below, in the plane of the
+       triangle: a texture is filtered over them. Large where the triangle is seen edge-on, but finite. */
+    float uv_dx[2], uv_dy[2];
+    float normal[3];  /* in the world, of unit length, on the eye's side: light is reflected by it */
+    float weights[3]; /* of the triangle's corners, to interpolate the caller's own data; their sum is 1 */
+    size_t triangle;  /* number in the mesh */
+    int mesh;         /* number in the scene's array */
+    int x, y;         /* pixel of the whole image */
+} sps_surface_point;
+
+/* Appearance of such a point. */
+typedef struct sps_surface {
+    float color[3];    /* reflectance, 0..1 */
+    float emission[3]; /* the point's own radiance, >= 0; seen by the eye, lights nothing else */
+} sps_surface;
 
 /* Opaque triangles, lit on both sides. Their shadows on each other are found by exact rays to the light; the sharpness
    of their shadows in gas is set by sps_view.shadow_size. Degenerate triangles are skipped; non-finite ones are an
@@ -338,6 +360,13 @@ typedef struct sps_mesh {
     sps_placement placement;
     float color[3]; /* reflectance, 0..1 */
     int has_normals, has_colors;
+    /* Optional, for textures: sets the appearance of `count` points, at most 4096 per call. Called once for each pixel
+       of the region that shows this mesh, in front of gas or behind it, before any light is known: in rows from the
+       top, whatever the number of workers. `out` holds color and emission 0 beforehand: the mesh's own color, or that
+       of the corners. A point's appearance must not depend on the other points of a call, so that a region's pixels
+       are those of the whole image. Maps do not call it. Returns non-zero on failure. */
+    int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
+    void *shade_user;
     float transparency; /* fraction of light that passes, 0..1; for transmittance maps: sps_render refuses all but 0 */
     /* Non-zero: the triangles of all meshes, and the tree through which their shadows are traced, are kept for the next
        call, provided that every mesh has a revision and nothing about any of them has changed; otherwise all are read
@@ -355,7 +384,9 @@ typedef struct sps_indexed_mesh {
     const float *positions; /* x, y, z of each vertex, local to the mesh's placement */
     const float *normals;   /* three floats per vertex, or NULL: then mesh.has_normals must be 0 */
     const float *colors;    /* three floats per vertex, or NULL: then mesh.has_colors must be 0 */
+    const float *uvs;       /* two floats per vertex, or NULL: all 0 */
     size_t position_stride, normal_stride, color_stride; /* bytes from one vertex to the next; 0: 12, packed */
+    size_t uv_stride;                                    /* 0: 8, packed */
     size_t triangle_count;
     /* Three indices per triangle, in one array or the other. Both NULL: vertices 0, 1, 2 are the first triangle,
        3, 4, 5 the second, and so on. */
@@ -655,6 +686,7 @@ typedef enum sps_pass {
     SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
     SPS_PASS_PROJECTORS,     /* reads the images that lights throw */
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
+    SPS_PASS_TEXTURES,       /* calls shade_fn for the points of polygons that pixels show */
     SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
                                 penumbrae */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
@@ -696,17 +728,20 @@ typedef struct sps_plan_report {
 } sps_plan_report;
 
 typedef struct sps_stats_report {
-    /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; building their tree;
-       tracing shadow rays through it; binning bricks and particles; the lights' sheets; the eye's sheets, shading and
-       the image; all of the call. Set by sps_render; sps_reference and sps_tmap_finish set only seconds_total. */
-    double seconds_gather, seconds_polygons, seconds_tree, seconds_shadow_rays;
+    /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; passing their points
+       to shade_fn; building their tree; tracing shadow rays through it; binning bricks and particles; the lights'
+       sheets; the eye's sheets, shading and the image; all of the call. Set by sps_render; sps_reference and
+       sps_tmap_finish set only seconds_total. */
+    double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
+    uint64_t shade_calls;
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
-    uint64_t shadow_rays; /* from pixels' polygons towards lights */
-    uint64_t particles;   /* that have a radius and an optical depth */
+    uint64_t surface_points; /* passed to shade_fn */
+    uint64_t shadow_rays;    /* from pixels' polygons towards lights */
+    uint64_t particles;      /* that have a radius and an optical depth */
     /* Transmittance maps: particles that reach beyond near_depth or far_depth. message_fn is told of these, and of such
        voxels. */
     uint64_t particles_outside;
@@ -816,7 +851,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
    times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
    light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle. Particles smaller
-   than a pixel are not widened. The image is written only if SPS_OK is returned. Any sps_result can occur. */
+   than a pixel are not widened. shade_fn is called as by sps_render. The image is written only if SPS_OK is returned.
+   Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
@@ -1459,7 +1495,11 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FACE_ORDER,    /* the order of the triangles in their tree, >>trees */
     SPSI_BUFFER_FACE_NODES,    /* the nodes of the triangles' tree */
     SPSI_BUFFER_TREE_ITEMS,    /* items of any tree that is being built */
+    SPSI_BUFFER_FACE_TEXTURES, /* texture coordinates of triangles that need them */
+    SPSI_BUFFER_MESH_FACES,    /* which triangles belong to each mesh */
     SPSI_BUFFER_EYE_FACES,     /* the triangle visible at each pixel */
+    SPSI_BUFFER_SURFACES,      /* what shade_fn has set at each pixel of the region */
+    SPSI_BUFFER_SURFACE_BATCH, /* points for one call of shade_fn */
     SPSI_BUFFER_SHADOWS,       /* of a sweep's lights, >>shading */
     SPSI_BUFFER_ARRIVALS,      /* light that arrives at a vector of pixels, per worker */
     SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: the pixels whose polygons see it */
@@ -3664,8 +3704,10 @@ typedef struct spsi_mesh {
     float optical_depth;     /* of each triangle; SPSI_DEPTH_MAX: opaque */
     int has_normals;         /* 1: corners have normals */
     int has_colors;          /* 1: corners have colors */
-    int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out); /* as in sps_mesh */
-    void *user;                                                                /* of read_fn */
+    int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);                    /* as in sps_mesh */
+    void *user;                                                                                   /* of read_fn */
+    int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out); /* NULL: `color` */
+    void *shade_user;                                                                             /* of shade_fn */
     uint64_t revision; /* of the triangles; 0: they are read in every call */
 } spsi_mesh;
 
@@ -3747,6 +3789,7 @@ typedef struct spsi_meshes {
     spsi_mesh *list;
     int count;
     size_t triangle_count; /* of all meshes, known before any is read */
+    size_t textured_count; /* of those that have a shade_fn */
 } spsi_meshes;
 
 /* The appearance of volumes and particles. */
@@ -4645,6 +4688,8 @@ static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
     mesh->has_colors = from->has_colors != 0;
     mesh->read_fn = from->read_fn;
     mesh->user = from->user;
+    mesh->shade_fn = from->shade_fn;
+    mesh->shade_user = from->shade_user;
     mesh->revision = from->revision;
 }
 
@@ -4658,6 +4703,7 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
         if (spsi_check_placement(context, &mesh->placement, SPS_OBJECT_MESH, i)) return context->result;
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
         meshes->triangle_count += mesh->triangle_count;
+        meshes->textured_count += mesh->shade_fn ? mesh->triangle_count : 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
                                    "triangle_count, with those before it,", (double)meshes->triangle_count,
@@ -4913,7 +4959,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
-        grey &= !frame->meshes.list[i].has_colors && spsi_grey(frame->meshes.list[i].color);
+        grey &= !frame->meshes.list[i].has_colors && !frame->meshes.list[i].shade_fn &&
+                spsi_grey(frame->meshes.list[i].color);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
@@ -5731,18 +5778,33 @@ typedef struct spsi_hit {
     float weights[2]; /* of corners 1 and 2 */
 } spsi_hit;
 
+/* What shade_fn needs to know of a face, in addition. */
+typedef struct spsi_face_texture {
+    float uv[3][2];
+    uint32_t number; /* of the triangle in its mesh: those without area are no faces */
+} spsi_face_texture;
+
+/* The faces of a mesh, which follow those of the mesh before it. */
+typedef struct spsi_mesh_faces {
+    int end;      /* of its faces in the list */
+    int textures; /* of a mesh that has a shade_fn: index of its first face's texture, minus that of the face */
+} spsi_mesh_faces;
+
 typedef struct spsi_faces {
     const spsi_face *list;
     int count;
     double extent; /* largest absolute coordinate */
     spsi_tree tree;
+    const spsi_face_texture *textures; /* of the faces of all meshes that have a shade_fn; NULL: none has */
+    const spsi_mesh_faces *meshes;     /* per mesh; NULL likewise */
 } spsi_faces;
 
-/* Checks a triangle's colors and normals, and its corners' positions in the world. */
+/* Checks a triangle's colors, normals and texture coordinates, and its corners' positions in the world. */
 static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *t, const spsi_mesh *mesh, size_t number,
                                       double world[3][3]) {
-    const char *names[] = {"position", "normal", "color"};
-    const char *rules[] = {"in the world it must be within 1e15", "it must be finite", "it must be 0..1"};
+    const char *names[] = {"position", "normal", "color", "uv"};
+    const char *rules[] = {"in the world it must be within 1e15", "it must be finite", "it must be 0..1",
+                           "it must be finite"};
     char field[64];
     int wrong = -1;
     double value = 0;
@@ -5753,6 +5815,8 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
         if (mesh->has_colors && !(local[2] >= 0 && local[2] <= 1)) wrong = 2;
         if (wrong >= 0) value = wrong == 0 ? world[i / 3][i % 3] : (double)local[wrong];
     }
+    for (int i = 0; i < 6 && mesh->shade_fn && wrong < 0; ++i)
+        if (!(fabsf(t->uv[i / 2][i % 2]) <= FLT_MAX)) wrong = 3, value = (double)t->uv[i / 2][i % 2];
     if (wrong < 0) return SPS_OK;
     for (int i = 0; i < 9 && wrong == 0; ++i) /* a NaN spreads to other components on its way into the world */
         if (!(fabsf(t->position[i / 3][i % 3]) <= FLT_MAX)) value = (double)t->position[i / 3][i % 3];
@@ -5817,8 +5881,27 @@ static inline spsi_v spsi_hit_depths(const spsi_hit *hits, int width, int height
 
 #define SPSI_TRIANGLE_BATCH 256 /* triangles read at a time */
 
+/* Where faces go while they are read. */
+typedef struct spsi_face_lists {
+    spsi_face *faces;
+    spsi_face_texture *textures; /* NULL: no mesh has a shade_fn */
+    spsi_mesh_faces *meshes;     /* NULL likewise */
+    int face_count, texture_count;
+} spsi_face_lists;
+
+/* Adds a triangle, unless it has no area. */
+static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const sps_triangle *triangle, size_t number,
+                          double world[3][3], spsi_face_lists *lists) {
+    if (!spsi_face_from_triangle(mesh, triangle, world, frame, &lists->faces[lists->face_count])) return;
+    lists->face_count += 1;
+    if (!mesh->shade_fn) return;
+    memcpy(lists->textures[lists->texture_count].uv, triangle->uv, sizeof triangle->uv);
+    lists->textures[lists->texture_count].number = (uint32_t)number;
+    lists->texture_count += 1;
+}
+
 static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
-                                   spsi_faces *faces, spsi_face *list) {
+                                   spsi_face_lists *lists) {
     sps_triangle *triangles =
         (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     if (!triangles) return context->result;
@@ -5836,7 +5919,7 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
             double world[3][3];
             for (int k = 0; k < 3; ++k) spsi_place(&mesh->placement, triangles[i].position[k], world[k]);
             if (spsi_triangle_check(context, &triangles[i], mesh, first + i, world)) return context->result;
-            if (spsi_face_from_triangle(mesh, &triangles[i], world, frame, &list[faces->count])) faces->count += 1;
+            spsi_face_add(frame, mesh, &triangles[i], first + i, world, lists);
         }
     }
     return SPS_OK;
@@ -5847,6 +5930,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
     uint64_t hash = SPSI_FINGERPRINT_START;
     for (int i = 0; i < frame->meshes.count; ++i) {
         const spsi_mesh *mesh = &frame->meshes.list[i];
+        const int textured = mesh->shade_fn != NULL;
         if (mesh->revision == 0) return 0;
         hash = spsi_fingerprint(hash, &mesh->triangle_count, sizeof mesh->triangle_count);
         hash = spsi_fingerprint(hash, &mesh->read_fn, sizeof mesh->read_fn);
@@ -5856,6 +5940,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
         hash = spsi_fingerprint(hash, &mesh->has_normals, sizeof mesh->has_normals);
         hash = spsi_fingerprint(hash, &mesh->has_colors, sizeof mesh->has_colors);
         hash = spsi_fingerprint(hash, &mesh->optical_depth, sizeof mesh->optical_depth);
+        hash = spsi_fingerprint(hash, &textured, sizeof textured);
         hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
     }
     return hash | 1;
@@ -5867,14 +5952,31 @@ static int spsi_faces_held(const sps_context *context, const spsi_frame *frame) 
     return fingerprint != 0 && fingerprint == context->faces_held;
 }
 
+/* Reserves the lists of faces, and of what shade_fn needs if any mesh has one. */
+static sps_result spsi_face_lists_begin(sps_context *context, const spsi_frame *frame, spsi_face_lists *lists) {
+    const spsi_meshes *meshes = &frame->meshes;
+    memset(lists, 0, sizeof *lists);
+    lists->faces = (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, meshes->triangle_count, sizeof(spsi_face));
+    if (!lists->faces || meshes->textured_count == 0) return context->result;
+    lists->textures = (spsi_face_texture *)spsi_reserve(context, SPSI_BUFFER_FACE_TEXTURES, meshes->textured_count,
+                                                        sizeof *lists->textures);
+    lists->meshes =
+        (spsi_mesh_faces *)spsi_reserve(context, SPSI_BUFFER_MESH_FACES, (size_t)meshes->count, sizeof *lists->meshes);
+    return context->result;
+}
+
 /* Reads every mesh, once. */
-static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame, spsi_faces *faces) {
-    spsi_face *list =
-        (spsi_face *)spsi_reserve(context, SPSI_BUFFER_FACES, frame->meshes.triangle_count, sizeof(spsi_face));
-    if (!list) return context->result;
-    for (int i = 0; i < frame->meshes.count; ++i)
-        if (spsi_gather_mesh(context, frame, &frame->meshes.list[i], faces, list)) return context->result;
-    context->face_count = faces->count;
+static sps_result spsi_read_faces(sps_context *context, const spsi_frame *frame) {
+    spsi_face_lists lists;
+    if (spsi_face_lists_begin(context, frame, &lists)) return context->result;
+    for (int i = 0; i < frame->meshes.count; ++i) {
+        const int textures = lists.texture_count - lists.face_count;
+        if (spsi_gather_mesh(context, frame, &frame->meshes.list[i], &lists)) return context->result;
+        if (!lists.meshes) continue;
+        lists.meshes[i].end = lists.face_count;
+        lists.meshes[i].textures = textures;
+    }
+    context->face_count = lists.face_count;
     memcpy(context->mesh_low, frame->content->mesh_bounds.low, sizeof context->mesh_low);
     memcpy(context->mesh_high, frame->content->mesh_bounds.high, sizeof context->mesh_high);
     return SPS_OK;
@@ -5887,13 +5989,17 @@ static sps_result spsi_gather_faces(sps_context *context, const spsi_frame *fram
     if (!spsi_faces_held(context, frame)) {
         context->faces_held = 0;
         context->tree_held = 0;
-        if (spsi_read_faces(context, frame, faces)) return context->result;
+        if (spsi_read_faces(context, frame)) return context->result;
         context->faces_held = spsi_meshes_fingerprint(frame);
     }
     if (!spsi_reserve(context, SPSI_BUFFER_FACE_ROWS, frame->meshes.triangle_count, 4 * sizeof(int)))
         return context->result;
     faces->list = (const spsi_face *)context->buffers[SPSI_BUFFER_FACES].data;
     faces->count = context->face_count;
+    if (frame->meshes.textured_count > 0) {
+        faces->textures = (const spsi_face_texture *)context->buffers[SPSI_BUFFER_FACE_TEXTURES].data;
+        faces->meshes = (const spsi_mesh_faces *)context->buffers[SPSI_BUFFER_MESH_FACES].data;
+    }
     memcpy(frame->content->mesh_bounds.low, context->mesh_low, sizeof context->mesh_low);
     memcpy(frame->content->mesh_bounds.high, context->mesh_high, sizeof context->mesh_high);
     for (int i = 0; i < 3; ++i)
@@ -6185,6 +6291,244 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
     }
     if ((spsi_dot(surface->normal, plane) < 0) != turned)
         for (int i = 0; i < 3; ++i) surface->normal[i] = -surface->normal[i];
+}
+
+/* --- appearance of surfaces: what shade_fn sets --- */
+
+/* Color and emission of a face where a pixel meets it. */
+typedef struct spsi_appearance {
+    double color[3];
+    float emission[3];
+} spsi_appearance;
+
+/* Reflectance of a face by itself. Where corners have the same color, so has the face, to the bit. */
+static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double color[3]) {
+    for (int c = 0; c < 3; ++c) {
+        const double first = (double)face->color[0][c];
+        color[c] = first + (double)hit->weights[0] * ((double)face->color[1][c] - first) +
+                   (double)hit->weights[1] * ((double)face->color[2][c] - first);
+    }
+}
+
+/* What shade_fn has set at a pixel; NULL: nothing, or the pixel is outside the region. */
+static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, int x, int y) {
+    const int *region = frame->view.region, column = x - region[0], row = y - region[1];
+    if (!set || column < 0 || row < 0 || column >= region[2] || row >= region[3]) return NULL;
+    set += (size_t)row * (size_t)region[2] + (size_t)column;
+    return set->color[0] >= 0 ? set : NULL;
+}
+
+static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
+                               spsi_appearance *look) {
+    if (!set) spsi_face_color(&faces->list[hit->face], hit, look->color);
+    for (int c = 0; c < 3; ++c) {
+        if (set) look->color[c] = (double)set->color[c];
+        look->emission[c] = set ? set->emission[c] : 0;
+    }
+}
+
+/* The mesh that a face belongs to. Cost: a binary search. */
+static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int face) {
+    int low = 0, high = frame->meshes.count - 1;
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (face < faces->meshes[middle].end)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+#define SPSI_SURFACE_BATCH 4096 /* points for a call of shade_fn, at most */
+
+/* A pixel whose mesh has a shade_fn. */
+typedef struct spsi_shown {
+    int x, y, mesh; /* mesh: in the frame's list */
+} spsi_shown;
+
+/* The next pixels, in rows from the top, whose meshes have a shade_fn; and those of one mesh among them. */
+typedef struct spsi_surface_batch {
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    const spsi_hit *hits;
+    int x, y; /* the next pixel to look at */
+    int shown_count, count;
+    spsi_shown shown[SPSI_SURFACE_BATCH];
+    spsi_shown same[SPSI_SURFACE_BATCH]; /* of one mesh */
+    sps_surface_point points[SPSI_SURFACE_BATCH];
+    sps_surface out[SPSI_SURFACE_BATCH];
+} spsi_surface_batch;
+
+/* Change of a face's weights from a pixel to its neighbour, whose ray is `step` away at the point: `step`, projected
+   along the ray onto the plane, in the coordinates of edges u and v. */
+static void spsi_weights_step(const double ray[3], const double step[3], const double u[3], const double v[3],
+                              double change[3]) {
+    double n[3], across[3], along[3];
+    spsi_cross(u, v, n);
+    spsi_along(step, ray, -spsi_dot(n, step) / spsi_dot(n, ray), along);
+    spsi_cross(along, v, across);
+    change[1] = spsi_dot(across, n) / spsi_dot(n, n);
+    spsi_cross(u, along, across);
+    change[2] = spsi_dot(across, n) / spsi_dot(n, n);
+    change[0] = -change[1] - change[2];
+}
+
+/* The i-th texture coordinate at weights, or its change at a change of weights. */
+static double spsi_uv_mean(const spsi_face_texture *texture, const double w[3], int i) {
+    return w[0] * (double)texture->uv[0][i] + w[1] * (double)texture->uv[1][i] + w[2] * (double)texture->uv[2][i];
+}
+
+/* Change of texture coordinates from pixel to pixel, along x if axis is the eye's a, along y if it is b. */
+static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi_face_texture *texture,
+                         const spsi_shown *at, double depth, const double axis[3], float change[2]) {
+    double ray[3], step[3], u[3], v[3], w[3];
+    const double scale = eye->perspective ? depth : 1;
+    spsi_ray_direction(eye, at->x, at->y, ray);
+    for (int i = 0; i < 3; ++i) step[i] = scale * axis[i];
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_weights_step(ray, step, u, v, w);
+    for (int i = 0; i < 2; ++i) change[i] = (float)fmax(-1e30, fmin(1e30, spsi_uv_mean(texture, w, i)));
+}
+
+/* Describes the point that a pixel shows. Without shade_fn it would have the mesh's own color. */
+static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown *at, sps_surface_point *point,
+                               sps_surface *out) {
+    const spsi_rays *eye = &batch->frame->content->eye;
+    const spsi_hit *hit = &batch->hits[(size_t)at->y * (size_t)eye->width + (size_t)at->x];
+    const spsi_face *face = &batch->faces->list[hit->face];
+    const spsi_face_texture *texture = &batch->faces->textures[batch->faces->meshes[at->mesh].textures + hit->face];
+    const double depth = (double)hit->depth + eye->depth_reference;
+    double w[3], color[3];
+    spsi_surface surface;
+    spsi_surface_at(eye, batch->faces, hit, at->x, at->y, &surface);
+    spsi_normalise(surface.normal);
+    spsi_hit_weights(hit, w);
+    spsi_face_color(face, hit, color);
+    memcpy(point->position, surface.point, sizeof point->position);
+    for (int i = 0; i < 2; ++i) point->uv[i] = spsi_uv_mean(texture, w, i);
+    spsi_uv_step(eye, face, texture, at, depth, eye->a, point->uv_dx);
+    spsi_uv_step(eye, face, texture, at, depth, eye->b, point->uv_dy);
+    for (int i = 0; i < 3; ++i) {
+        point->normal[i] = (float)surface.normal[i];
+        point->weights[i] = (float)w[i];
+        out->color[i] = (float)color[i];
+        out->emission[i] = 0;
+    }
+    point->triangle = texture->number;
+    point->mesh = batch->frame->meshes.list[at->mesh].index;
+    point->x = at->x;
+    point->y = at->y;
+}
+
+static void spsi_surface_point_task(void *data, int index, int worker) {
+    spsi_surface_batch *batch = (spsi_surface_batch *)data;
+    const int end = spsi_batch_end(index, batch->count);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i)
+        spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
+}
+
+/* Collects the next pixels. Returns 0 if there are none. */
+static int spsi_surface_batch_fill(spsi_surface_batch *batch) {
+    const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
+    batch->shown_count = 0;
+    for (; batch->y < bottom; ++batch->y, batch->x = region[0]) {
+        const spsi_hit *row = batch->hits + (size_t)batch->y * (size_t)batch->frame->content->eye.width;
+        for (; batch->x < right; ++batch->x) {
+            const int face = row[batch->x].face;
+            spsi_shown *shown = &batch->shown[batch->shown_count];
+            if (face < 0) continue;
+            if (batch->shown_count == SPSI_SURFACE_BATCH) return 1;
+            shown->x = batch->x;
+            shown->y = batch->y;
+            shown->mesh = spsi_mesh_of(batch->frame, batch->faces, face);
+            batch->shown_count += batch->frame->meshes.list[shown->mesh].shade_fn != NULL;
+        }
+    }
+    return batch->shown_count > 0;
+}
+
+/* Picks the pixels of one mesh. Returns the next mesh that has any, or -1. */
+static int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
+    int next = -1;
+    batch->count = 0;
+    for (int i = 0; i < batch->shown_count; ++i) {
+        const int other = batch->shown[i].mesh;
+        if (other == mesh) batch->same[batch->count++] = batch->shown[i];
+        if (other > mesh && (next < 0 || other < next)) next = other;
+    }
+    return next;
+}
+
+/* Calls a mesh's shade_fn for the points that were picked, and checks what it has set. */
+static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_batch *batch, const spsi_mesh *mesh) {
+    int returned;
+    spsi_parallel_batches(context, batch->count, spsi_surface_point_task, batch);
+    context->stats.shade_calls += 1;
+    context->stats.surface_points += (uint64_t)batch->count;
+    returned = mesh->shade_fn(mesh->shade_user, (size_t)batch->count, batch->points, batch->out);
+    if (returned)
+        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_MESH, mesh->index, "shade_fn", returned, NULL);
+    for (int i = 0; i < batch->count; ++i) {
+        const float *color = spsi_bad_color(batch->out[i].color, 1);
+        const float *emission = spsi_bad_color(batch->out[i].emission, SPSI_VALUE_MAX);
+        if (color)
+            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's color",
+                                   (double)*color, "red, green and blue must be 0..1");
+        if (emission)
+            return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_MESH, mesh->index, "shade_fn's emission",
+                                   (double)*emission, "red, green and blue must be 0..1e18");
+    }
+    return SPS_OK;
+}
+
+/* Shades the pixels that were collected, mesh by mesh, into the region's. */
+static sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
+    const int *region = batch->frame->view.region;
+    int next;
+    for (int mesh = spsi_surface_batch_pick(batch, -1); mesh >= 0; mesh = next) {
+        next = spsi_surface_batch_pick(batch, mesh);
+        if (spsi_surface_batch_shade(context, batch, &batch->frame->meshes.list[mesh])) return context->result;
+        for (int i = 0; i < batch->count; ++i)
+            set[(size_t)(batch->same[i].y - region[1]) * (size_t)region[2] + (size_t)(batch->same[i].x - region[0])] =
+                batch->out[i];
+    }
+    return spsi_progress(context, 0);
+}
+
+/* Calls shade_fn for the points that the region's pixels show, once each. *set receives what it has set, per pixel;
+   NULL if no mesh has one. */
+static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                const spsi_hit *hits, const sps_surface **set) {
+    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+    spsi_surface_batch *batch;
+    sps_surface *out;
+    *set = NULL;
+    if (!faces->textures || !hits) return SPS_OK;
+    out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, pixels, sizeof *out);
+    batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
+    if (!out || !batch) return context->result;
+    for (size_t i = 0; i < pixels; ++i) out[i].color[0] = -1; /* nothing is set there */
+    batch->frame = frame;
+    batch->faces = faces;
+    batch->hits = hits;
+    batch->x = frame->view.region[0];
+    batch->y = frame->view.region[1];
+    while (spsi_surface_batch_fill(batch))
+        if (spsi_surface_batch_run(context, batch, out)) return context->result;
+    *set = out;
+    return SPS_OK;
+}
+
+/* Bytes of all that shade_fn needs: of triangles, and of pixels. */
+static size_t spsi_textures_bytes(const spsi_frame *frame) {
+    const spsi_meshes *meshes = &frame->meshes;
+    if (meshes->textured_count == 0) return 0;
+    return meshes->textured_count * sizeof(spsi_face_texture) + (size_t)meshes->count * sizeof(spsi_mesh_faces) +
+           (size_t)frame->view.region[2] * (size_t)frame->view.region[3] * sizeof(sps_surface) +
+           sizeof(spsi_surface_batch);
 }
 
 /* --- shadows on surfaces: rays through a tree of triangles --- */
@@ -12126,6 +12470,7 @@ typedef struct spsi_shader {
     const spsi_shadow *shadows; /* of the lights that the sweep carries */
     int shadow_count;
     const spsi_hit *hits;      /* of the whole image; NULL: no polygons */
+    const sps_surface *set;    /* what shade_fn has set at the region's pixels; NULL: no mesh has one */
     spsi_linear slab;          /* slab coordinate */
     spsi_linear position[3];   /* world position, relative to `position_origin` */
     double position_origin[3]; /* in the world */
@@ -12780,16 +13125,6 @@ static int spsi_surface_irradiance(const spsi_frame *frame, const spsi_lamp *lam
     return any;
 }
 
-/* Reflectance of a face where a pixel meets it. */
-static void spsi_surface_color(const spsi_faces *faces, const spsi_hit *hit, double color[3]) {
-    const spsi_face *face = &faces->list[hit->face];
-    double w[3];
-    spsi_hit_weights(hit, w);
-    for (int c = 0; c < 3; ++c)
-        color[c] =
-            w[0] * (double)face->color[0][c] + w[1] * (double)face->color[1][c] + w[2] * (double)face->color[2][c];
-}
-
 #define SPSI_SIGHT_BLOCK 4  /* pixels along a side of a block, whose rays form a packet */
 #define SPSI_SIGHT_TILE  32 /* pixels along a side of a task's tile, whose rays meet much the same boxes and faces */
 
@@ -12932,11 +13267,12 @@ static int spsi_surface_lit(const spsi_shadow *shadow, size_t pixel, double lit[
 static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
     const spsi_frame *frame = shader->frame;
     const size_t at = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
-    double color[3];
+    spsi_appearance look;
     spsi_surface surface;
     spsi_surface_at(&frame->content->eye, shader->faces, &shader->hits[at], x, y, &surface);
-    spsi_surface_color(shader->faces, &shader->hits[at], color);
-    for (int c = 0; c < 3; ++c) radiance[c] = shader->sweep->first ? (float)color[c] * frame->ambient[c] : 0;
+    spsi_appearance_at(shader->faces, &shader->hits[at], spsi_surface_set(frame, shader->set, x, y), &look);
+    for (int c = 0; c < 3; ++c)
+        radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient[c] + look.emission[c] : 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
@@ -12946,7 +13282,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
         if (shadow) through = exp(-spsi_shadow_depth(shadow, shader->first_slab, surface.point));
         for (int c = 0; c < 3; ++c) {
             arrives[c] = arrives[c] / SPSI_PI * lit[c] * through;
-            radiance[c] += (float)fmin(color[c] * arrives[c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
+            radiance[c] += (float)fmin(look.color[c] * arrives[c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
         }
     }
 }
@@ -13557,8 +13893,9 @@ static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *fram
 typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
-    spsi_hit *hits; /* of the whole image; NULL: no polygons */
-    float *total;   /* radiance, coverage and distance of the region so far */
+    spsi_hit *hits;         /* of the whole image; NULL: no polygons */
+    const sps_surface *set; /* what shade_fn has set at the region's pixels; NULL: no mesh has one */
+    float *total;           /* radiance, coverage and distance of the region so far */
 } spsi_picture;
 
 /* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total. */
@@ -13624,6 +13961,7 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     double start;
     part.progress = SPSI_PROGRESS_GATHER + n * part.share;
     memset(run, 0, sizeof *run);
+    run->shader.set = picture->set;
     if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
     start = spsi_clock(context);
@@ -13655,6 +13993,9 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     if (spsi_eye_polygons(context, frame, &picture.faces, &picture.hits)) return context->result;
     context->stats.seconds_polygons = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);
+    if (spsi_textures(context, frame, &picture.faces, picture.hits, &picture.set)) return context->result;
+    context->stats.seconds_textures = spsi_clock(context) - gathered;
+    gathered = spsi_clock(context);
     if (frame->lamps.shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
@@ -13673,9 +14014,9 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
    and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",      "projectors", "eye polygons", "light polygons", "triangle tree",
-    "shadow rays", "eye sheets", "light sheets", "light maps",     "penumbrae",
-    "gradient",    "scattering", "emission",     "ambient",        "surface light"};
+    "gather",      "projectors", "eye polygons", "textures",     "light polygons", "triangle tree",
+    "shadow rays", "eye sheets", "light sheets", "light maps",   "penumbrae",      "gradient",
+    "scattering",  "emission",   "ambient",      "surface light"};
 
 /* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
@@ -13872,6 +14213,8 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
     const int hard = shadows - (polygons ? report->pass[SPS_PASS_PENUMBRAE].runs : 0);
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
+    spsi_plan_pass(report, SPS_PASS_TEXTURES, frame->meshes.textured_count > 0, "meshes have a shade_fn",
+                   polygons ? "no mesh has a shade_fn" : "no triangles");
     spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->matter.scatters ? hard : 0,
                    "polygons cast shadows on gas, one map per light without penumbrae",
                    shadows == 0 ? nothing
@@ -13927,6 +14270,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
             SPSI_BLOCK_BYTES;
+        report->pass[SPS_PASS_TEXTURES].bytes = spsi_textures_bytes(frame);
         if (frame->lamps.shadow_count > 0) {
             if (frame->matter.scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = lights * spsi_depth_map_floats_most(size) * sizeof(float);
@@ -14063,6 +14407,8 @@ typedef struct spsi_marcher {
     double step;                        /* maximum, in world length */
     float *total;                       /* the region's pixels, spsi_total_floats each */
     int first_row;                      /* of the current batch, in the region */
+    spsi_hit *hits;                     /* of the whole image, for shade_fn; NULL: no mesh has one */
+    const sps_surface *set;             /* what shade_fn has set at the region's pixels; NULL likewise */
     spsi_sample *samples;               /* one per part, per worker */
 } spsi_marcher;
 
@@ -14490,39 +14836,43 @@ static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lam
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
 static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
     const spsi_frame *frame = marcher->frame;
-    double color[3];
+    spsi_appearance look;
     spsi_surface surface;
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
-    spsi_surface_color(marcher->faces, hit, color);
-    for (int c = 0; c < 3; ++c) radiance[c] = color[c] * (double)frame->ambient[c];
+    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->set, x, y), &look);
+    for (int c = 0; c < 3; ++c) radiance[c] = look.color[c] * (double)frame->ambient[c] + (double)look.emission[c];
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         double arrives[3];
         spsi_march_arrival(marcher, lamp, hit->face, &surface, arrives);
-        for (int c = 0; c < 3; ++c) radiance[c] += color[c] * (arrives[c] / SPSI_PI) * (double)lamp->color[c];
+        for (int c = 0; c < 3; ++c) radiance[c] += look.color[c] * (arrives[c] / SPSI_PI) * (double)lamp->color[c];
     }
+}
+
+/* Finds the face that a pixel's ray meets, where the ray then ends. */
+static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_ray *ray, spsi_hit *hit) {
+    const spsi_rays *eye = &marcher->frame->content->eye;
+    double length;
+    spsi_ray_point(eye, x, y, 0, ray->origin);
+    spsi_ray_direction(eye, x, y, ray->direction);
+    length = spsi_length(ray->direction);
+    spsi_normalise(ray->direction);
+    ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
+    ray->high = HUGE_VAL;
+    hit->face = spsi_trace(marcher->faces, ray);
+    hit->depth = (float)(ray->high / length - eye->depth_reference);
+    for (int i = 0; i < 2; ++i) hit->weights[i] = hit->face >= 0 ? (float)ray->weights[i] : 0;
 }
 
 /* Marches one pixel: radiance, transmittance, and distance weighted by coverage. */
 static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, double radiance[3],
                              double *through, double *distance) {
-    const spsi_rays *eye = &marcher->frame->content->eye;
-    double origin[3], direction[3], range[2], length;
-    spsi_hit hit = {SPSI_INFINITY, -1, {0, 0}};
+    double range[2];
+    spsi_hit hit;
     spsi_ray ray, step;
     int count;
-    spsi_ray_point(eye, x, y, 0, origin);
-    spsi_ray_direction(eye, x, y, direction);
-    length = spsi_length(direction);
-    spsi_normalise(direction);
-    memcpy(ray.origin, origin, sizeof origin);
-    memcpy(ray.direction, direction, sizeof direction);
-    ray.low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
-    ray.high = HUGE_VAL;
-    hit.face = spsi_trace(marcher->faces, &ray);
-    hit.depth = (float)(ray.high / length - eye->depth_reference);
-    for (int i = 0; i < 2; ++i) hit.weights[i] = hit.face >= 0 ? (float)ray.weights[i] : 0;
-    count = spsi_march_range(marcher, origin, direction, ray.low, ray.high, range);
+    spsi_march_meet(marcher, x, y, &ray, &hit);
+    count = spsi_march_range(marcher, ray.origin, ray.direction, ray.low, ray.high, range);
     radiance[0] = radiance[1] = radiance[2] = *distance = 0;
     *through = 1;
     step = ray;
@@ -14572,6 +14922,28 @@ static void spsi_march_span_task(void *data, int index, int worker) {
         pixel[3] = (float)(1 - through);
         if (marcher->frame->wants_depth) pixel[4] = through < 1 ? (float)(distance / (1 - through)) : SPSI_INFINITY;
     }
+}
+
+static void spsi_march_hits_task(void *data, int index, int worker) {
+    const spsi_marcher *marcher = (const spsi_marcher *)data;
+    const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
+    const int y = region[1] + index;
+    (void)worker;
+    for (int x = region[0]; x < region[0] + region[2]; ++x) {
+        spsi_ray ray;
+        spsi_march_meet(marcher, x, y, &ray, &marcher->hits[(size_t)y * (size_t)width + (size_t)x]);
+    }
+}
+
+/* Calls shade_fn, on the calling thread, for what the region's rays meet. */
+static sps_result spsi_march_textures(sps_context *context, spsi_marcher *marcher) {
+    const spsi_frame *frame = marcher->frame;
+    if (!marcher->faces->textures) return SPS_OK;
+    marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
+                                             sizeof *marcher->hits);
+    if (!marcher->hits) return context->result;
+    spsi_parallel(context, frame->view.region[3], spsi_march_hits_task, marcher);
+    return spsi_textures(context, frame, marcher->faces, marcher->hits, &marcher->set);
 }
 
 /* --- setting up --- */
@@ -14703,7 +15075,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
                                                            sizeof *marcher->samples);
     if (!marcher->total || !marcher->samples) return context->result;
-    if (spsi_faces_tree(context, faces)) return context->result;
+    if (spsi_faces_tree(context, faces) || spsi_march_textures(context, marcher)) return context->result;
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
@@ -15010,9 +15382,9 @@ static size_t spsi_mesh_index(const sps_indexed_mesh *mesh, size_t i) {
     return wide;
 }
 
-/* Copies the three floats of a vertex, if there is a list. */
-static void spsi_mesh_vector(const float *list, size_t stride, size_t vertex, float out[3]) {
-    if (list) memcpy(out, (const char *)list + vertex * (stride ? stride : 3 * sizeof *out), 3 * sizeof *out);
+/* Copies the floats of a vertex, if there is a list. */
+static void spsi_mesh_vector(const float *list, size_t stride, size_t vertex, size_t floats, float *out) {
+    if (list) memcpy(out, (const char *)list + vertex * (stride ? stride : floats * sizeof *out), floats * sizeof *out);
 }
 
 SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps_triangle *out) {
@@ -15024,9 +15396,10 @@ SPS_API int sps_indexed_mesh_read(void *indexed, size_t first, size_t count, sps
         const size_t vertex = spsi_mesh_index(mesh, 3 * first + i);
         sps_triangle *triangle = &out[i / 3];
         if (vertex >= mesh->vertex_count) return 3;
-        spsi_mesh_vector(mesh->positions, mesh->position_stride, vertex, triangle->position[i % 3]);
-        spsi_mesh_vector(mesh->normals, mesh->normal_stride, vertex, triangle->normal[i % 3]);
-        spsi_mesh_vector(mesh->colors, mesh->color_stride, vertex, triangle->color[i % 3]);
+        spsi_mesh_vector(mesh->positions, mesh->position_stride, vertex, 3, triangle->position[i % 3]);
+        spsi_mesh_vector(mesh->normals, mesh->normal_stride, vertex, 3, triangle->normal[i % 3]);
+        spsi_mesh_vector(mesh->colors, mesh->color_stride, vertex, 3, triangle->color[i % 3]);
+        spsi_mesh_vector(mesh->uvs, mesh->uv_stride, vertex, 2, triangle->uv[i % 3]);
     }
     return 0;
 }

@@ -4,7 +4,7 @@
    bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
    bench speed      without the tables of error against time
    bench lights     one light and two, by maps and by sheets; sharp and soft shadows
-   bench polygons   the tree of triangles, shadow rays and rasterising alone
+   bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
 
@@ -998,9 +998,26 @@ static double least_of(ex_session *session, const frame *f, int stage) {
         sps_stats_report s;
         render_seconds(session, f, &f->view);
         sps_get_stats(session->context, &s);
-        least = fmin(least, stage == 0 ? s.seconds_tree : stage == 1 ? s.seconds_shadow_rays : s.seconds_polygons);
+        const double seconds[] = {s.seconds_tree, s.seconds_shadow_rays, s.seconds_polygons, s.seconds_textures};
+        least = fmin(least, seconds[stage]);
     }
     return 1000 * least;
+}
+
+/* sps_mesh.shade_fn: the mesh's own colors. */
+static int keep_colors(void *user, size_t count, const sps_surface_point *points, sps_surface *out) {
+    (void)user, (void)count, (void)points, (void)out;
+    return 0;
+}
+
+/* Milliseconds for a million points of a shade_fn that does nothing. */
+static double textures_of(ex_session *session, frame *f) {
+    sps_stats_report s;
+    f->mesh.shade_fn = keep_colors;
+    const double least = least_of(session, f, 3);
+    sps_get_stats(session->context, &s);
+    f->mesh.shade_fn = NULL;
+    return 1e6 * least / (double)s.surface_points;
 }
 
 static void bench_land(const char *name, ex_mesh *land, const double position[3], const double target[3], double bound,
@@ -1015,6 +1032,11 @@ static void bench_land(const char *name, ex_mesh *land, const double position[3]
                      i + 1, i ? "s" : "");
             at_most(what, least_of(&sessions[i], &f, stage), "ms", stage == 1 && i == 1 ? bound : HUGE_VAL);
         }
+    }
+    for (int i = 0; i < 2; ++i) {
+        snprintf(what, sizeof what, "%s, %zu triangles: a million points for shade_fn, %d worker%s", name,
+                 land->triangle_count, i + 1, i ? "s" : "");
+        plain(what, textures_of(&sessions[i], &f), "ms");
     }
     { /* the depth map, over all of the land, by which polygons shade gas */
         const double bare = least_of(&sessions[1], &f, 2);

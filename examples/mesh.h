@@ -17,15 +17,17 @@ typedef struct ex_mesh {
 
 typedef struct ex_corner {
     size_t position; /* index */
-    size_t normal;   /* index, or EX_NO_NORMAL: to be computed */
+    size_t normal;   /* index, or EX_NOT_GIVEN: to be computed */
+    size_t uv;       /* index, or EX_NOT_GIVEN: 0 */
 } ex_corner;
-#define EX_NO_NORMAL ((size_t)-1)
+#define EX_NOT_GIVEN ((size_t)-1)
 
 /* A mesh under construction. Zero-initialize it. */
 typedef struct ex_builder {
-    float *positions, *normals; /* packed triples */
-    ex_corner *corners;         /* three per triangle */
-    size_t position_count, position_capacity, normal_count, normal_capacity, corner_count, corner_capacity;
+    float *positions, *normals, *uvs; /* packed triples; the third number of a texture coordinate is not used */
+    ex_corner *corners;               /* three per triangle */
+    size_t position_count, position_capacity, normal_count, normal_capacity, uv_count, uv_capacity;
+    size_t corner_count, corner_capacity;
 } ex_builder;
 
 /* Appends three numbers to a list of packed triples. Returns the index of the new triple. */
@@ -44,18 +46,22 @@ static inline size_t ex_add_normal(ex_builder *builder, double x, double y, doub
     return ex_add_triple(&builder->normals, &builder->normal_count, &builder->normal_capacity, x, y, z);
 }
 
-static inline void ex_add_corner(ex_builder *builder, size_t position, size_t normal) {
+static inline size_t ex_add_uv(ex_builder *builder, double u, double v) {
+    return ex_add_triple(&builder->uvs, &builder->uv_count, &builder->uv_capacity, u, v, 0);
+}
+
+static inline void ex_add_corner(ex_builder *builder, ex_corner corner) {
     builder->corners =
         (ex_corner *)ex_grow(builder->corners, builder->corner_count, &builder->corner_capacity, sizeof(ex_corner));
-    builder->corners[builder->corner_count].position = position;
-    builder->corners[builder->corner_count].normal = normal;
-    ++builder->corner_count;
+    builder->corners[builder->corner_count++] = corner;
 }
 
 static inline void ex_add_triangle(ex_builder *builder, size_t a, size_t b, size_t c) {
-    ex_add_corner(builder, a, EX_NO_NORMAL);
-    ex_add_corner(builder, b, EX_NO_NORMAL);
-    ex_add_corner(builder, c, EX_NO_NORMAL);
+    const size_t positions[3] = {a, b, c};
+    for (int i = 0; i < 3; ++i) {
+        const ex_corner corner = {positions[i], EX_NOT_GIVEN, EX_NOT_GIVEN};
+        ex_add_corner(builder, corner);
+    }
 }
 
 static inline void ex_add_quad(ex_builder *builder, size_t a, size_t b, size_t c, size_t d) {
@@ -66,6 +72,7 @@ static inline void ex_add_quad(ex_builder *builder, size_t a, size_t b, size_t c
 static inline void ex_builder_free(ex_builder *builder) {
     free(builder->positions);
     free(builder->normals);
+    free(builder->uvs);
     free(builder->corners);
     memset(builder, 0, sizeof *builder);
 }
@@ -183,7 +190,9 @@ static inline void ex_mesh_build(ex_mesh *mesh, ex_builder *builder, double crea
         sps_triangle *triangle = mesh->triangles + i / 3;
         const ex_corner corner = builder->corners[i];
         memcpy(triangle->position[i % 3], builder->positions + 3 * corner.position, 3 * sizeof(float));
-        if (corner.normal != EX_NO_NORMAL)
+        if (corner.uv != EX_NOT_GIVEN)
+            memcpy(triangle->uv[i % 3], builder->uvs + 3 * corner.uv, sizeof triangle->uv[0]);
+        if (corner.normal != EX_NOT_GIVEN)
             memcpy(triangle->normal[i % 3], builder->normals + 3 * corner.normal, 3 * sizeof(float));
         else
             ex_smooth_normal(builder, &star, i, crease_cosine, triangle->normal[i % 3]);
@@ -207,12 +216,14 @@ static inline void ex_mesh_free(ex_mesh *mesh) {
 
 /* -------------------------------------------------------------------------------------------------- Wavefront OBJ */
 
-/* Reads three numbers after "v" or "vn" and ignores what follows (w, a color). Returns what is wrong, or NULL. */
-static inline const char *ex_obj_triple(char *text, double out[3]) {
+/* Reads three numbers after "v", "vn" or "vt", where those from `least` on may be left out and are 0 then, and ignores
+   what follows (w, a color). Returns what is wrong, or NULL. */
+static inline const char *ex_obj_numbers(char *text, int least, double out[3]) {
     for (int i = 0; i < 3; ++i) {
         char *end;
         out[i] = strtod(text, &end);
-        if (end == text) return "not three numbers";
+        if (end == text && i >= least) continue;
+        if (end == text) return least == 3 ? "not three numbers" : "not a number";
         if (!(fabs(out[i]) <= EX_COORDINATE_MAX)) return "a number that is not within 1e15";
         text = end;
     }
@@ -238,16 +249,11 @@ static inline int ex_obj_index(char **text, size_t count, size_t *out) {
 
 /* One corner of a face: v, v/vt, v//vn or v/vt/vn. */
 static inline int ex_obj_corner(char **text, const ex_builder *builder, ex_corner *corner) {
-    corner->normal = EX_NO_NORMAL;
+    corner->normal = corner->uv = EX_NOT_GIVEN;
     if (ex_obj_index(text, builder->position_count, &corner->position)) return 1;
     if (**text == '/') {
         ++*text;
-        if (**text != '/') {
-            char *end;
-            strtoll(*text, &end, 10); /* the texture coordinate is not used */
-            if (end == *text) return 1;
-            *text = end;
-        }
+        if (**text != '/' && ex_obj_index(text, builder->uv_count, &corner->uv)) return 1;
         if (**text == '/') {
             ++*text;
             if (ex_obj_index(text, builder->normal_count, &corner->normal)) return 1;
@@ -258,15 +264,15 @@ static inline int ex_obj_corner(char **text, const ex_builder *builder, ex_corne
 
 /* Reads a face of three corners or more and splits it into a fan around its first corner. */
 static inline int ex_obj_face(char *text, ex_builder *builder) {
-    ex_corner first = {0, 0}, previous = {0, 0}, corner = {0, 0};
+    ex_corner first = {0, 0, 0}, previous = {0, 0, 0}, corner = {0, 0, 0};
     int corner_count = 0;
     for (text = ex_skip_blanks(text); *text && *text != '#'; text = ex_skip_blanks(text)) {
         if (ex_obj_corner(&text, builder, &corner)) return 1;
         if (corner_count == 0) first = corner;
         if (corner_count >= 2) {
-            ex_add_corner(builder, first.position, first.normal);
-            ex_add_corner(builder, previous.position, previous.normal);
-            ex_add_corner(builder, corner.position, corner.normal);
+            ex_add_corner(builder, first);
+            ex_add_corner(builder, previous);
+            ex_add_corner(builder, corner);
         }
         previous = corner;
         ++corner_count;
@@ -274,18 +280,28 @@ static inline int ex_obj_face(char *text, ex_builder *builder) {
     return corner_count < 3;
 }
 
-/* Reads positions, normals and faces and skips everything else. Returns what is wrong, or NULL. */
+/* Whether a line begins with this word. */
+static inline int ex_obj_begins(const char *line, const char *word) {
+    const size_t length = strlen(word);
+    return strncmp(line, word, length) == 0 && (line[length] == ' ' || line[length] == '\t');
+}
+
+/* Reads positions, normals, texture coordinates and faces, and skips everything else. Returns what is wrong, or NULL.
+ */
 static inline const char *ex_obj_line(char *line, ex_builder *builder) {
-    double triple[3];
+    double numbers[3];
     const char *wrong = NULL;
     line = ex_skip_blanks(line);
-    if (line[0] == 'v' && (line[1] == ' ' || line[1] == '\t')) {
-        wrong = ex_obj_triple(line + 1, triple);
-        if (!wrong) ex_add_position(builder, triple[0], triple[1], triple[2]);
-    } else if (line[0] == 'v' && line[1] == 'n' && (line[2] == ' ' || line[2] == '\t')) {
-        wrong = ex_obj_triple(line + 2, triple);
-        if (!wrong) ex_add_normal(builder, triple[0], triple[1], triple[2]);
-    } else if (line[0] == 'f' && (line[1] == ' ' || line[1] == '\t')) {
+    if (ex_obj_begins(line, "v")) {
+        wrong = ex_obj_numbers(line + 1, 3, numbers);
+        if (!wrong) ex_add_position(builder, numbers[0], numbers[1], numbers[2]);
+    } else if (ex_obj_begins(line, "vn")) {
+        wrong = ex_obj_numbers(line + 2, 3, numbers);
+        if (!wrong) ex_add_normal(builder, numbers[0], numbers[1], numbers[2]);
+    } else if (ex_obj_begins(line, "vt")) {
+        wrong = ex_obj_numbers(line + 2, 1, numbers);
+        if (!wrong) ex_add_uv(builder, numbers[0], numbers[1]);
+    } else if (ex_obj_begins(line, "f")) {
         if (ex_obj_face(line + 1, builder)) wrong = "not a face, or an index that is not there";
     }
     return wrong;

@@ -182,6 +182,7 @@ static inline void ex_samples_cell(const ex_samples *samples, const int cell[3],
         for (int i = 1; i < count - 1; ++i) {
             const int fan[3] = {apex, apex + i, apex + i + 1};
             sps_triangle t;
+            memset(t.uv, 0, sizeof t.uv);
             for (int c = 0; c < 3; ++c) {
                 ex_samples_crossing(samples, cell, loop[fan[c] % count], t.position[c], t.normal[c]);
                 memcpy(t.color[c], color, sizeof t.color[c]);

@@ -43,6 +43,7 @@ static inline void ex_surface_corner(sps_triangle *t, int corner, ex_surface_fn 
                  m = ex_clamp(u, 1e-3, 1 - 1e-3); /* off the poles, where the direction of v is undefined */
     const ex_vec du = ex_vec_sub(surface(shape, m + step, v), surface(shape, m - step, v));
     const ex_vec dv = ex_vec_sub(surface(shape, m, v + step), surface(shape, m, v - step));
+    t->uv[corner][0] = (float)u, t->uv[corner][1] = (float)v;
     ex_store(t->position[corner], surface(shape, u, v));
     ex_store(t->normal[corner], ex_vec_unit(ex_vec_cross(du, dv)));
 }
@@ -136,13 +137,15 @@ static inline void ex_shape_tube(ex_mesh *mesh, const ex_tube *tube, const float
     ex_shape_surface(mesh, ex_tube_point, tube, 8 * (tube->count - 1), 24, color, NULL);
 }
 
-/* A flat quadrilateral, corners in order around it. */
+/* A flat quadrilateral, corners in order around it, with texture coordinates (0,0), (1,0), (1,1), (0,1). */
 static inline void ex_shape_quad(ex_mesh *mesh, ex_vec a, ex_vec b, ex_vec c, ex_vec d, const float color[3]) {
     const ex_vec corners[2][3] = {{a, b, c}, {a, c, d}};
     for (int i = 0; i < 2; ++i) {
         sps_triangle t;
         memset(&t, 0, sizeof t); /* normals of zero: the library uses the triangle's own */
         for (int k = 0; k < 3; ++k) {
+            const int corner = k > 0 ? k + i : 0;
+            t.uv[k][0] = corner == 1 || corner == 2, t.uv[k][1] = corner > 1;
             ex_store(t.position[k], corners[i][k]);
             memcpy(t.color[k], color, sizeof t.color[k]);
         }

@@ -87,6 +87,21 @@ static int background_sky(void *user, size_t count, const float *directions, flo
     return fails_now((provider *)user);
 }
 
+/* A texture that depends on the point alone; kind 5 leaves the range in one place in 4000. */
+static int shade_points(void *user, size_t count, const sps_surface_point *points, sps_surface *out) {
+    provider *p = (provider *)user;
+    for (size_t i = 0; i < count; ++i) {
+        const sps_surface_point *at = &points[i];
+        const uint64_t hash = ((uint64_t)at->x * 7919 + (uint64_t)at->y * 104729) * 0x9e3779b97f4a7c15u + p->seed;
+        for (int c = 0; c < 3; ++c) out[i].color[c] *= 0.5f + 0.5f * at->normal[c];
+        if (p->kind == 1) check_color(out[i].color, fmod(fabs(at->uv[0]), 1), fmod(fabs(at->uv[1]), 1), 0.5);
+        if (p->kind == 2) out[i].emission[at->triangle % 3] = fabsf(at->weights[1]);
+        if (p->kind == 3) out[i].color[0] = fminf(1, fabsf(at->uv_dx[0]) + fabsf(at->uv_dy[1]));
+        if (p->kind == 5 && (hash >> 32) % 4000 == 0) out[i].emission[1] = (float)(HUGE_VAL - HUGE_VAL);
+    }
+    return fails_now(p);
+}
+
 /* Every particle has its own random numbers, whichever block it is read in. */
 static int read_particles(void *user, size_t first, size_t count, sps_particle *out) {
     provider *p = (provider *)user;
@@ -115,7 +130,7 @@ enum { VOLUMES = 3, MESHES = 2, LIGHTS = 3, SETS = 2, PIXELS_MAX = 90 * 90 };
 
 typedef struct scenery {
     check_scene s;
-    provider providers[VOLUMES], sky, crowds[SETS];
+    provider providers[VOLUMES], sky, crowds[SETS], textures[MESHES];
     sps_particles sets[SETS];
     sps_tmap_settings maps[LIGHTS];
     sps_transfer transfers[VOLUMES];
@@ -211,8 +226,10 @@ static void random_mesh(scenery *x, int n) {
                 t->position[corner][k] = (float)(between(-1, 1) * size);
                 t->normal[corner][k] = (float)between(-1, 1);
                 t->color[corner][k] = (float)unit();
+                if (k < 2) t->uv[corner][k] = (float)between(-2, 2);
             }
         if (one_in(400)) t->position[1][1] = (float)(HUGE_VAL - HUGE_VAL);
+        if (one_in(400)) t->uv[1][1] = one_in(2) ? 3e38f : (float)HUGE_VAL;
     }
     mesh->triangle_count = x->triangles[n].count;
     mesh->read_fn = check_read_triangles;
@@ -221,6 +238,10 @@ static void random_mesh(scenery *x, int n) {
     mesh->has_colors = one_in(2);
     random_color(mesh->color, 1);
     if (one_in(2)) random_placement(&mesh->placement);
+    if (!one_in(3)) return;
+    random_provider(&x->textures[n]);
+    mesh->shade_fn = shade_points;
+    mesh->shade_user = &x->textures[n];
 }
 
 static void random_set(scenery *x, int n) {
@@ -431,6 +452,7 @@ static int steady(const scenery *x) {
     int fails = x->sky.fails;
     for (int i = 0; i < VOLUMES; ++i) fails |= x->providers[i].fails;
     for (int i = 0; i < SETS; ++i) fails |= x->crowds[i].fails;
+    for (int i = 0; i < MESHES; ++i) fails |= x->textures[i].fails;
     return !fails;
 }
 

@@ -470,6 +470,25 @@ static inline void add_soup(random_scene *x, int count, int slivers) {
     }
 }
 
+/* sps_mesh.shade_fn: waves over the texture coordinates and the mesh's own color, and a little light. */
+static inline int shade_waves(void *user, size_t count, const sps_surface_point *points, sps_surface *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i) {
+        const double u = points[i].uv[0], v = points[i].uv[1];
+        for (int c = 0; c < 3; ++c) out[i].color[c] *= (float)(0.6 + 0.4 * sin(7 * u + c) * cos(5 * v - c));
+        out[i].emission[points[i].triangle % 3] = (float)(0.02 * u * v);
+    }
+    return 0;
+}
+
+/* Textures every third mesh. The generator is a copy, so that scenes are the same with and without it otherwise. */
+static inline void add_texture(random_scene *x, check_random random) {
+    static const float uvs[3][2] = {{0, 0}, {1, 0}, {0.5f, 1}};
+    if (!one_in(&random, 3)) return;
+    for (size_t i = 0; i < x->triangles.count; ++i) memcpy(x->triangles.list[i].uv, uvs, sizeof uvs);
+    x->s.mesh[0].shade_fn = shade_waves;
+}
+
 static inline void add_mesh(random_scene *x) {
     const int kind = x->levels[MESH];
     sps_mesh *mesh = &x->s.mesh[0];
@@ -485,6 +504,7 @@ static inline void add_mesh(random_scene *x) {
     draw_color(&x->random, 0.2, 0.9, mesh->color);
     for (int a = 0; a < 3; ++a) mesh->placement.axis[a][a] = x->scale;
     memcpy(mesh->placement.origin, x->offset, sizeof x->offset);
+    add_texture(x, x->random);
     if (kind != MESH_BALL) return;
     mesh->has_normals = mesh->has_colors = 1;
     mesh->placement.axis[draw_below(&x->random, 3)][draw_below(&x->random, 3)] += 0.4 * x->scale;
@@ -800,6 +820,7 @@ static inline sps_result scene_triangles(sps_context *context, const random_scen
         bare.s.mesh[i].read_fn = read_numbered;
         bare.s.mesh[i].user = (void *)(uintptr_t)&x->s.mesh[i];
         bare.s.mesh[i].has_colors = 1;
+        bare.s.mesh[i].shade_fn = NULL;
     }
     result = scene_render(context, &bare, step, &picture);
     for (int i = 0; i < scene_width(x) * scene_height(x); ++i)

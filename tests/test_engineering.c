@@ -13,10 +13,11 @@
 enum { WIDTH = 75, HEIGHT = 71, PIXELS = WIDTH * HEIGHT, FLOATS = 5 * PIXELS }; /* odd, with 2 x 2 tiles */
 enum { SMALL_WIDTH = 21, SMALL_HEIGHT = 13 }; /* for scenes that are rendered hundreds of times */
 
-typedef enum called { RANGE, READ, EVAL, TRIANGLES, BACKGROUND, TRANSFER, CALLED_COUNT } called;
+typedef enum called { RANGE, READ, EVAL, TRIANGLES, BACKGROUND, TRANSFER, SHADE, CALLED_COUNT } called;
 
-/* A gas by read_fn and range_fn, a classified volume by eval_fn and a transfer callback, a mesh, a background callback,
-   a light along the view and one against it, so that both compositing orders run. Counts its callbacks, and fails one.
+/* A gas by read_fn and range_fn, a classified volume by eval_fn and a transfer callback, a mesh, another one with a
+   shade_fn, a background callback, a light along the view and one against it, so that both compositing orders run.
+   Counts its callbacks, and fails one.
  */
 typedef struct mixed {
     check_scene s;
@@ -108,6 +109,27 @@ static void mixed_add_mesh(mixed *m) {
     mesh->user = m;
 }
 
+static int mixed_shade(void *user, size_t count, const sps_surface_point *points, sps_surface *out) {
+    for (size_t i = 0; i < count; ++i) {
+        const double wave = 0.5 + 0.4 * sin(20 * points[i].uv[0]) * sin(20 * points[i].uv[1]);
+        check_color(out[i].color, wave, 0.5, 1 - wave);
+        check_color(out[i].emission, 0, 0.1 * wave, 0);
+    }
+    return called_now((mixed *)user, SHADE);
+}
+
+/* Half of the triangles of the other mesh, moved. */
+static void mixed_add_textured_mesh(mixed *m) {
+    sps_mesh *mesh = check_add_mesh(&m->s, &m->triangles, 0.6);
+    for (size_t i = 0; i < 6 * m->triangles.count; ++i)
+        m->triangles.list[i / 6].uv[i / 2 % 3][i % 2] = m->triangles.list[i / 6].position[i / 2 % 3][i % 2];
+    mesh->triangle_count = m->triangles.count / 2;
+    mesh->read_fn = mixed_triangles;
+    mesh->shade_fn = mixed_shade;
+    mesh->user = mesh->shade_user = m;
+    mesh->placement = check_box(0.3, -0.2, 0.35, 1.2, 0.8, 1.35);
+}
+
 static void mixed_build(mixed *m) {
     memset(m, 0, sizeof *m);
     check_clear(&m->s, WIDTH, HEIGHT);
@@ -119,6 +141,7 @@ static void mixed_build(mixed *m) {
     m->transfer.user = m;
     mixed_add_volumes(m);
     mixed_add_mesh(m);
+    mixed_add_textured_mesh(m);
     check_add_directional(&m->s, 0.5, -0.6, -1, 2);
     check_add_point(&m->s, -1, 3, -5, 30);
     check_color(m->s.scene.ambient, 0.1, 0.12, 0.15);
@@ -252,7 +275,7 @@ static void test_growing_allocations(mixed *m) {
         m->s.view.region[2] = m->s.view.region[3] = 8;
         CHECK_OK(context, run(context, m, RENDER, pixels_after));
         m->s.scene.volume_count = m->s.scene.light_count = 2;
-        m->s.scene.mesh_count = 1;
+        m->s.scene.mesh_count = 2;
         m->s.view.region[2] = m->s.view.region[3] = whole;
         hooks.fail_at = hooks.allocations + n;
         if (!fails_cleanly(&f, context, &hooks.fail_at)) break;
@@ -446,6 +469,8 @@ static int vary(mixed *m, int variant) {
     case 20: view->slab = 50; return 1;
     case 21: m->s.scene.volume_count = 0, m->s.light[1].position[2] = 0; return 1; /* six depth maps */
     case 22: view->width = WIDTH, view->height = HEIGHT; return 1;
+    case 23: m->s.mesh[1].shade_fn = NULL; return 1;
+    case 24: m->s.mesh[0].shade_fn = mixed_shade, m->s.mesh[0].shade_user = m; return 1;
     default: return 0;
     }
 }

@@ -1,5 +1,5 @@
-/* The modelling tools of the example programs: metaballs, marching cubes, the thickness of closed meshes, smoke puffs.
- */
+/* The modelling tools of the example programs: metaballs, marching cubes, the thickness of closed meshes, smoke puffs,
+   texture coordinates. */
 
 #include "check.h"
 
@@ -523,6 +523,59 @@ static void test_swirl(void) {
     CHECK(fastest > 1 && fastest < 10);
 }
 
+/* ------------------------------------------------------------------------------------------------------- OBJ files */
+
+/* Reads lines into a builder. Returns what is wrong with the first that is wrong, or NULL. */
+static const char *obj_lines(ex_builder *builder, const char *const *lines, int count) {
+    for (int i = 0; i < count; ++i) {
+        char line[64];
+        const char *wrong;
+        snprintf(line, sizeof line, "%s", lines[i]);
+        wrong = ex_obj_line(line, builder);
+        if (wrong) return wrong;
+    }
+    return NULL;
+}
+
+/* Texture coordinates of one, two or three numbers, by indices from either end; corners without have 0. */
+static void test_obj_uvs(void) {
+    static const char *const square[] = {"v 0 0 0", "v 1 0 0",  "v 1 1 0",   "v 0 1 0",           "vt 0.25 0.5",
+                                         "vt 3",    "vt 4 5 6", "vn 0 0 1 ", "f 1/1 2/2 3/-1/1 4"};
+    static const float wanted[2][3][2] = {{{0.25f, 0.5f}, {3, 0}, {4, 5}}, {{0.25f, 0.5f}, {4, 5}, {0, 0}}};
+    static const char *const wrong[] = {"f 1/4 2/1 3/1", "f 1/0 2/1 3/1", "f 1/x 2/1 3/1", "vt x 1", "vt 1 1e16"};
+    ex_builder builder;
+    ex_mesh mesh;
+    memset(&builder, 0, sizeof builder);
+    CHECK(obj_lines(&builder, square, 9) == NULL);
+    for (int i = 0; i < 5; ++i)
+        if (!CHECK(obj_lines(&builder, &wrong[i], 1) != NULL)) printf("    %s\n", wrong[i]);
+    builder.corner_count = 6;
+    ex_mesh_build(&mesh, &builder, 60);
+    CHECK(mesh.triangle_count == 2);
+    for (int i = 0; i < 12; ++i) CHECK(mesh.triangles[i / 6].uv[i / 2 % 3][i % 2] == wanted[i / 6][i / 2 % 3][i % 2]);
+    ex_mesh_free(&mesh);
+}
+
+/* Shapes have texture coordinates: those of a surface are its parameters, those of a quadrilateral run from 0 to 1. */
+static void test_shapes_uvs(void) {
+    static const double profile[] = {1, 0, 1, 2};
+    const ex_lathe lathe = {profile, 2, {0, 0, 0}, {0, 1, 0}};
+    ex_mesh mesh;
+    memset(&mesh, 0, sizeof mesh);
+    ex_shape_lathe(&mesh, &lathe, 8, white, NULL);
+    ex_shape_quad(&mesh, ex_vec_of(0, 0, 0), ex_vec_of(1, 0, 0), ex_vec_of(1, 1, 0), ex_vec_of(0, 1, 0), white);
+    for (size_t i = 0; i < 3 * mesh.triangle_count; ++i) {
+        const sps_triangle *t = &mesh.triangles[i / 3];
+        const float *uv = t->uv[i % 3], *p = t->position[i % 3];
+        if (i / 3 < mesh.triangle_count - 2)
+            CHECK_NEAR((double)uv[0], 0.5 * (double)p[1], 1e-6);
+        else
+            CHECK(uv[0] == p[0] && uv[1] == p[1]);
+    }
+    CHECK(mesh.triangle_count == 18);
+    ex_mesh_free(&mesh);
+}
+
 int main(void) {
     RUN(test_metaballs);
     RUN(test_cells);
@@ -538,5 +591,7 @@ int main(void) {
     RUN(test_shapes_of_puffs);
     RUN(test_blown_puff);
     RUN(test_swirl);
+    RUN(test_obj_uvs);
+    RUN(test_shapes_uvs);
     return check_report();
 }

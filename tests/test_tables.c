@@ -211,11 +211,15 @@ static void check_change(const check_scene *s, int held, const char *what) {
 
 static void test_held(void) {
     sps_tmap_settings fewer = table;
-    sps_volume *volume;
+    sps_volume *volume, *within;
     check_scene s;
     start(&s, SURFACE, SPS_LIGHT_DIRECTIONAL);
     volume = &s.volume[0];
     fewer.components = 20;
+    within = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3)); /* which does not change the bounds */
+    within->read_fn = read_full;
+    within->revision = 1;
+    within->extinction = 2;
     s.light[0].shadow_map = &table;
     check_render(context, &s, image_a);
     check_change(&s, 1, "nothing");
@@ -229,6 +233,10 @@ static void test_held(void) {
     check_change(&s, 0, "revision");
     volume->placement.origin[0] += 0.05;
     check_change(&s, 0, "place");
+    within->placement.origin[0] += 0.05;
+    check_change(&s, 0, "place within");
+    within->extinction = 3;
+    check_change(&s, 0, "extinction within");
     volume->transfer = &other_tissue;
     check_change(&s, 0, "transfer");
     volume->transfer = NULL;

@@ -1766,7 +1766,7 @@ static void test_settings(void) {
                   {"settings.components is 4; a Beer map has 3", SPS_TMAP_BEER, 4},
                   {"settings.components is 2; a deep opacity map has 3, 4 .. 65", SPS_TMAP_DEFAULT, 2}};
     static const char *const texts[] = {
-        "settings.technique is 11", "settings.technique is 15",  "settings.window is 3",
+        "settings.technique is 12", "settings.technique is 15",  "settings.window is 3",
         "settings.epsilon is 0.51", "settings.epsilon is nan",   "settings.surface_bias is -1",
         "settings.start_canary is", "settings.end_canary is",    "settings.far_depth is 0",
         "settings.far_depth is 2",  "settings.near_depth is -1", "settings.far_depth is 2e+15",
@@ -1780,7 +1780,7 @@ static void test_settings(void) {
     for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
         fixture f;
         begin(&f, SPS_TMAP_FOURIER);
-        if (i == 0) f.settings.technique = (sps_tmap_technique)(TECHNIQUES + 1);
+        if (i == 0) f.settings.technique = (sps_tmap_technique)(SPS_TMAP_TABLE + 1);
         if (i == 1) f.settings.technique = (sps_tmap_technique)15;
         if (i == 2) f.settings.window = (sps_tmap_window)3;
         if (i == 3) f.settings.epsilon = 0.51f;
@@ -3510,7 +3510,7 @@ static void test_picture_settings_are_copied(void) {
 
 /* A light's invalid settings are refused by name; so is a translucent mesh, in every call that makes an image. */
 static void test_picture_refusals(void) {
-    static const char *const texts[] = {"light[0].shadow_map.technique is 11",
+    static const char *const texts[] = {"light[0].shadow_map.technique is 12",
                                         "light[0].shadow_map.components is 2",
                                         "light[0].shadow_map_omnidirectional is 1",
                                         "light[0].shadow_map.far_depth is 3",
@@ -3532,7 +3532,7 @@ static void test_picture_refusals(void) {
         begin_picture(&p, 8, 6, 8);
         lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
         p.settings.technique = SPS_TMAP_OPACITY;
-        if (i == 0) p.settings.technique = (sps_tmap_technique)(TECHNIQUES + 1);
+        if (i == 0) p.settings.technique = (sps_tmap_technique)(SPS_TMAP_TABLE + 1);
         if (i == 1) p.settings.technique = SPS_TMAP_BEER, p.settings.components = 2;
         if (i == 2) p.s.light[0].shadow_map_omnidirectional = 1;
         if (i == 3) p.settings.far_depth = 3;

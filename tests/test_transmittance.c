@@ -1237,12 +1237,12 @@ static void test_extremes(void) {
 /* As documented at the public types. */
 static void test_table(void) {
     static const char *names[] = {"no map",  "deep",   "compressed", "depth",    "opacity", "deep opacity",
-                                  "Fourier", "cosine", "moment",     "adaptive", "Beer"};
+                                  "Fourier", "cosine", "moment",     "adaptive", "Beer",    "shadow table"};
     static const int ranges[][4] = {{0, 0, 0, 0},  {0, 0, 0, 0},   {0, 0, 0, 0},   {1, 1, 1, 0},
                                     {1, 65, 8, 0}, {3, 65, 8, 1},  {3, 65, 7, -1}, {2, 64, 8, 0},
-                                    {5, 9, 5, 0},  {4, 64, 16, 0}, {3, 3, 3, 0}};
+                                    {5, 9, 5, 0},  {4, 64, 16, 0}, {3, 3, 3, 0},   {8, 1024, 256, 0}};
     const int count = (int)(sizeof spsi_techniques / sizeof *spsi_techniques);
-    CHECK(count == SPS_TMAP_BEER + 1);
+    CHECK(count == SPS_TMAP_TABLE + 1);
     for (int t = SPS_TMAP_DEEP; t < count; ++t) {
         const spsi_technique *p = &spsi_techniques[t];
         CHECK(p->name && strstr(p->name, names[t]));
@@ -1252,7 +1252,8 @@ static void test_table(void) {
               (p->optical_depth != NULL) + (p->optical_depths != NULL) == !p->lists);
         CHECK(p->sums == (p->insert != NULL) && (p->fit != NULL) == (!p->sums && !p->lists));
         CHECK(p->lists || (p->usual >= p->least && p->usual <= p->most && (p->usual - p->least) % p->step == 0));
-        CHECK(p->lists || ((p->most - p->least) % p->step == 0 && p->most <= SPSI_TMAP_COMPONENTS));
+        CHECK(p->lists ||
+              ((p->most - p->least) % p->step == 0 && (p->most <= SPSI_TMAP_COMPONENTS || t == SPS_TMAP_TABLE)));
     }
 }
 

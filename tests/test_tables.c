@@ -263,6 +263,18 @@ static void test_held(void) {
     check_change(&s, 0, "no revision again");
 }
 
+/* The bounds of an even cube, whose corners are floats without rounding, are the same as seen from mirrored lights. */
+static void test_held_mirrored(void) {
+    check_scene s;
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    s.volume[0].read_fn = read_full;
+    s.volume[0].size[0] = s.volume[0].size[1] = s.volume[0].size[2] = 32;
+    s.light[0].shadow_map = &table;
+    check_render(context, &s, image_a);
+    s.light[0].direction[0] *= -1;
+    check_change(&s, 0, "mirrored direction");
+}
+
 /* Particles are read in every call, and compared. */
 static void test_held_particles(void) {
     check_scene s;
@@ -397,6 +409,25 @@ static void check_refused(check_scene *s, sps_result result, const char *text) {
         printf("    wanted \"%s\", got \"%s\"\n", text, sps_error(context));
 }
 
+/* A light's default is a table; a byte_budget takes planes from it, until none is left to take. */
+static void test_settings(void) {
+    sps_tmap_settings settings;
+    sps_stats_report stats;
+    check_scene s;
+    memset(&settings, 0, sizeof settings);
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    s.light[0].shadow_map = &table;
+    check_render(context, &s, image_a);
+    s.light[0].shadow_map = &settings;
+    stats = render_stats(&s, image_b);
+    CHECK(stats.tables_held == 1 && memcmp(image_a, image_b, sizeof image_a) == 0);
+    settings.byte_budget = 60000;
+    s.light[0].shadow_map_size = 20;
+    stats = render_stats(&s, image_b);
+    CHECK(stats.tables_made == 1 && memcmp(image_a, image_b, sizeof image_a) != 0);
+    CHECK(check_rms(image_a, image_b, COUNT) < 0.1 * mean_of(image_a));
+}
+
 static void test_refused(void) {
     sps_tmap_settings settings = table;
     sps_tmap_light light;
@@ -430,12 +461,14 @@ int main(void) {
     RUN(test_sizes);
     RUN(test_light_within);
     RUN(test_held);
+    RUN(test_held_mirrored);
     RUN(test_held_particles);
     RUN(test_several);
     RUN(test_plan);
     RUN(test_default_size);
     RUN(test_workers);
     RUN(test_allocations);
+    RUN(test_settings);
     RUN(test_refused);
     sps_destroy(context);
     check_free_triangles(&ground);

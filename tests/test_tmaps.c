@@ -3355,7 +3355,7 @@ static void test_omnidirectional_light(void) {
     check_free_triangles(&p.floor);
 }
 
-/* A light's zeroed settings are those of test_default_technique, in its plan as well. */
+/* A light's zeroed settings are those of a table, in its plan as well. */
 static void test_default_picture(void) {
     sps_context *context = sps_create(NULL, NULL);
     sps_plan_report plans[2];
@@ -3364,7 +3364,7 @@ static void test_default_picture(void) {
     lit_by_map(&p, check_add_directional(&p.s, -1, -2, -0.5, 3));
     for (int i = 0; i < 2; ++i) {
         memset(&p.settings, 0, sizeof p.settings);
-        if (i) p.settings.technique = SPS_TMAP_DEEP_OPACITY, p.settings.cubic = 1, p.settings.components = 8;
+        if (i) p.settings.technique = SPS_TMAP_TABLE;
         CHECK_OK(context, sps_plan(context, &p.s.scene, &p.s.view, &plans[i]));
         check_render(context, &p.s, i ? image_b : image_a);
     }

@@ -344,7 +344,7 @@ typedef struct sps_surface_point {
 /* Appearance of such a point. */
 typedef struct sps_surface {
     float color[3];    /* reflectance, 0..1 */
-    float emission[3]; /* the point's own radiance, >= 0; seen by the eye, lights nothing else */
+    float emission[3]; /* the point's own radiance, 0..1e18; seen by the eye, lights nothing else */
 } sps_surface;
 
 /* Opaque triangles, lit on both sides. Their shadows on each other are found by exact rays to the light; the sharpness
@@ -360,11 +360,11 @@ typedef struct sps_mesh {
     sps_placement placement;
     float color[3]; /* reflectance, 0..1 */
     int has_normals, has_colors;
-    /* Optional, for textures: sets the appearance of `count` points, at most 4096 per call. Called once for each pixel
-       of the region that shows this mesh, in front of gas or behind it, before any light is known: in rows from the
-       top, whatever the number of workers. `out` holds color and emission 0 beforehand: the mesh's own color, or that
-       of the corners. A point's appearance must not depend on the other points of a call, so that a region's pixels
-       are those of the whole image. Maps do not call it. Returns non-zero on failure. */
+    /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
+       region that shows the mesh, even through gas, is passed once, in rows from the top, whatever the number of
+       workers; light is added later. `out` holds the mesh's own color beforehand, or that of the corners, and no
+       emission. A point's appearance must not depend on the other points of a call, which depend on the region. Values
+       out of the ranges of sps_surface are SPS_ERROR_DATA. Maps do not call it. Returns non-zero on failure. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     float transparency; /* fraction of light that passes, 0..1; for transmittance maps: sps_render refuses all but 0 */

@@ -11505,7 +11505,7 @@ static void spsi_row_add_even(const spsi_texel_grid *grid, const spsi_slide *sli
     for (int start = first; start < end; start += SPSI_ROW_PART) {
         const int part = spsi_least(SPSI_ROW_PART, end - start);
         const float *from = grid->values + (size_t)row * (size_t)grid->width + (size_t)(column + start);
-        float weighted[SPSI_ROW_PART + 2 * SPSI_LANES];
+        float weighted[SPSI_ROW_PART + 3 + SPSI_LANES]; /* filters reach three texels farther */
         for (int i = 0; i < part + 3; i += SPSI_LANES) {
             const int some = spsi_least(SPSI_LANES, part + 3 - i);
             spsi_v value = spsi_set(0);

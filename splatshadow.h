@@ -95,14 +95,14 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
     lights that share a sweep are held at the same time. A light with an extent adds 64 bytes per texel of its shadow
-    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. Meshes that have a shade_fn
-    add 28 bytes per triangle of theirs, 24 per pixel of the region, and 0.6 MB. sps_plan returns an upper bound
-    beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is never
-    exceeded.
+    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
+    takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
+    per triangle of theirs, 24 per pixel of the region, and 0.6 MB. sps_plan returns an upper bound beforehand, without
+    the lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
-    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, shade,
+    query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, shade, sample,
     background, progress, message, allocator) run on the calling thread, one at a time, and must not call into the same
     context. With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So

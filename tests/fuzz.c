@@ -102,6 +102,14 @@ static int shade_points(void *user, size_t count, const sps_surface_point *point
     return fails_now(p);
 }
 
+/* Mostly colors of 0..1 or a little more; `kind` as for a field. */
+static int sample_image(void *user, size_t count, const float *uv, float *rgb) {
+    provider *p = (provider *)user;
+    for (size_t i = 0; i < 3 * count; ++i)
+        rgb[i] = (float)field_value(p, 9 * (double)uv[2 * (i / 3)], 9 * (double)uv[2 * (i / 3) + 1], (double)(i % 3));
+    return fails_now(p);
+}
+
 /* Every particle has its own random numbers, whichever block it is read in. */
 static int read_particles(void *user, size_t first, size_t count, sps_particle *out) {
     provider *p = (provider *)user;
@@ -130,8 +138,9 @@ enum { VOLUMES = 3, MESHES = 2, LIGHTS = 3, SETS = 2, PIXELS_MAX = 90 * 90 };
 
 typedef struct scenery {
     check_scene s;
-    provider providers[VOLUMES], sky, crowds[SETS], textures[MESHES];
+    provider providers[VOLUMES], sky, crowds[SETS], textures[MESHES], images[LIGHTS];
     sps_particles sets[SETS];
+    sps_projector projectors[LIGHTS];
     sps_tmap_settings maps[LIGHTS];
     sps_transfer transfers[VOLUMES];
     sps_transfer_point points[VOLUMES][4];
@@ -286,6 +295,23 @@ static void random_extent(sps_light *light) {
     light->inner_cone = one_in(10) ? strange(0, 1.5) : light->outer_cone * unit();
 }
 
+/* An image, valid for the most part, of a few texels, at times of many or of a strange number. */
+static void random_projector(scenery *x, int n) {
+    static const int sizes[] = {0, -1, 4097, 4096, 700, 2147483647};
+    sps_light *light = &x->s.light[n];
+    sps_projector *projector = &x->projectors[n];
+    random_provider(&x->images[n]);
+    projector->width = one_in(40) ? sizes[below(6)] : 1 + below(one_in(6) ? 200 : 12);
+    projector->height = one_in(40) ? sizes[below(5)] : 1 + below(one_in(6) ? 200 : 12); /* rows are calls */
+    projector->sample_fn = one_in(100) ? NULL : sample_image;
+    projector->user = &x->images[n];
+    projector->left = strange(-2, 0.5), projector->right = projector->left + strange(0.05, 3);
+    projector->bottom = strange(-2, 0.5), projector->top = projector->bottom + strange(0.05, 3);
+    for (int i = 0; i < 3; ++i) projector->up[i] = one_in(3) ? 0 : strange(-1, 1);
+    if (one_in(2)) projector->focus = one_in(10) ? strange(0, 1) : strange(2, 9);
+    light->projector = projector;
+}
+
 static void random_light(scenery *x, int n) {
     sps_light *light = &x->s.light[n];
     light->kind = one_in(2) ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL;
@@ -295,6 +321,8 @@ static void random_light(scenery *x, int n) {
     }
     random_color(light->color, 5);
     random_extent(light);
+    if (one_in(4)) random_projector(x, n);
+    if (one_in(4)) put_int(&light->falloff, one_in(30) ? 2 : 1);
     light->no_shadow = one_in(5);
     random_map(&x->maps[n]);
     if (one_in(3)) light->shadow_map = &x->maps[n];
@@ -343,7 +371,7 @@ static void random_view(scenery *x) {
 /* Spoils something that a caller might get wrong. */
 static void spoil(scenery *x) {
     sps_scene *scene = &x->s.scene;
-    switch (below(17)) {
+    switch (below(18)) {
     case 0: x->s.volume[0].start_canary = 1; break;
     case 1: x->s.light[0].end_canary = 1; break;
     case 2: scene->volumes = NULL; break;
@@ -360,6 +388,7 @@ static void spoil(scenery *x) {
     case 13: x->sets[0].end_canary = 1; break;
     case 14: scene->particle_set_count = -2; break;
     case 15: x->sets[1].read_fn = NULL; break;
+    case 16: x->projectors[0].start_canary = 2; break;
     default: memcpy(x->s.view.camera.target, x->s.view.camera.position, sizeof x->s.view.camera.target); break;
     }
 }
@@ -453,6 +482,7 @@ static int steady(const scenery *x) {
     for (int i = 0; i < VOLUMES; ++i) fails |= x->providers[i].fails;
     for (int i = 0; i < SETS; ++i) fails |= x->crowds[i].fails;
     for (int i = 0; i < MESHES; ++i) fails |= x->textures[i].fails;
+    for (int i = 0; i < LIGHTS; ++i) fails |= x->images[i].fails;
     return !fails;
 }
 

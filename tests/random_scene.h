@@ -164,6 +164,12 @@ typedef struct scene_formula {
     uint64_t seed;
 } scene_formula;
 
+/* A color of every place of an image: waves, of a length of 0.7 images or more, which is several voxels. */
+typedef struct scene_slide {
+    double wave[3][2], phase[3]; /* of red, green and blue */
+    int fades; /* towards the edges, where it is black; otherwise the edges are outside of the scene */
+} scene_slide;
+
 typedef struct scene_crowd {
     sps_particle list[SCENE_PARTICLES];
 } scene_crowd;
@@ -185,6 +191,8 @@ typedef struct random_scene {
     sps_particles sets[SCENE_SETS];
     scene_crowd crowds[SCENE_SETS];
     sps_tmap_settings maps[SCENE_LIGHTS];
+    sps_projector projectors[SCENE_LIGHTS];
+    scene_slide slides[SCENE_LIGHTS];
     double matrix[16];
 } random_scene;
 
@@ -703,6 +711,77 @@ static inline void add_lights(random_scene *x) {
         add_scene_light(x, LIGHT_LAMP, SHADOW_SLABS, draw_below(random, 3));
     if (others == OTHERS_MAP || others == OTHERS_THREE)
         add_scene_light(x, LIGHT_SUN, SHADOW_DEEP + draw_below(random, 3), draw_below(random, 3));
+}
+
+/* --- images that lights throw --- */
+
+/* sps_projector.sample_fn */
+static inline int scene_slide_color(void *user, size_t count, const float *uv, float *out_rgb) {
+    const scene_slide *slide = (const scene_slide *)user;
+    for (size_t i = 0; i < count; ++i) {
+        const double u = (double)uv[2 * i], v = (double)uv[2 * i + 1];
+        const double share = slide->fades ? sin(SCENE_PI * u) * sin(SCENE_PI * v) : 1;
+        for (int c = 0; c < 3; ++c) {
+            const double turn = slide->phase[c] + slide->wave[c][0] * u + slide->wave[c][1] * v;
+            out_rgb[3 * i + (size_t)c] = (float)(share * (0.55 + 0.45 * sin(2 * SCENE_PI * turn)));
+        }
+    }
+    return 0;
+}
+
+/* The edges of an image about the scene's centre, and whether it fades: 1.4 to 2 widths of the scene if so, and
+   otherwise so wide that all of the scene is within it. For the light of world distance `distance`, 0 if directional.
+ */
+static inline void set_image_edges(random_scene *x, int n, double distance, check_random *random) {
+    sps_projector *projector = &x->projectors[n];
+    const double away = distance > 0 ? distance / x->scale : HUGE_VAL; /* in widths of the scene */
+    const int fades = x->slides[n].fades = away < 2 || one_in(random, 2);
+    const double half = fades ? draw(random, 0.7, 1) / fmax(away, 0.7) : 1.2 / (away - 1); /* as tangents */
+    const double across = fades ? draw(random, 0.7, 1) * x->scale : 1.2 * x->scale;        /* of a directional light */
+    double *const edges[4] = {&projector->left, &projector->right, &projector->bottom, &projector->top};
+    for (int i = 0; i < 4; ++i) *edges[i] = (i % 2 ? 1 : -1) * draw(random, 0.9, 1.2) * (distance > 0 ? half : across);
+}
+
+/* Lets a light throw an image; a disc or a rectangle is in focus near the scene, or at infinity. */
+static inline void set_image(random_scene *x, int n, check_random *random) {
+    sps_light *light = &x->s.light[n];
+    sps_projector *projector = &x->projectors[n];
+    const int has_place = light->kind != SPS_LIGHT_DIRECTIONAL;
+    double offset[3], distance;
+    spsi_along(light->position, x->offset, -1, offset);
+    distance = has_place ? spsi_length(offset) : 0;
+    if (!has_place) memcpy(light->position, x->offset, sizeof light->position);
+    set_image_edges(x, n, distance, random);
+    for (int c = 0; c < 3; ++c) {
+        x->slides[n].phase[c] = draw(random, 0, 1);
+        for (int k = 0; k < 2; ++k) x->slides[n].wave[c][k] = draw(random, -1, 1);
+    }
+    projector->width = (int)draw_log(random, 8, 200);
+    projector->height = (int)draw_log(random, 8, 200);
+    projector->sample_fn = scene_slide_color;
+    projector->user = &x->slides[n];
+    draw_direction(random, projector->up);
+    if (light->kind >= SPS_LIGHT_DISC && !one_in(random, 3)) projector->focus = distance * draw(random, 0.7, 1.5);
+    light->projector = projector;
+    if (!has_place || !one_in(random, 3)) return;
+    light->falloff = SPS_FALLOFF_NONE;
+    for (int c = 0; c < 3; ++c) light->color[c] /= (float)(distance * distance);
+}
+
+/* In one of three scenes, lights throw images: the first one, and every other one besides. Returns their number. A
+   scene has its own generator for it, so that all others stay as they are. */
+static inline int throw_images(random_scene *x, uint64_t seed) {
+    check_random random;
+    int count = 0;
+    random.state = ~seed;
+    for (int i = 0; i < 4; ++i) check_next(&random);
+    if (!one_in(&random, 3)) return 0;
+    for (int i = 0; i < x->s.scene.light_count; ++i) {
+        if (i > 0 && one_in(&random, 2)) continue;
+        set_image(x, i, &random);
+        ++count;
+    }
+    return count;
 }
 
 /* sps_scene.background_fn */

@@ -12,17 +12,18 @@
 
 enum { WIDTH = 75, HEIGHT = 71, PIXELS = WIDTH * HEIGHT, FLOATS = 5 * PIXELS }; /* odd, with 2 x 2 tiles */
 enum { SMALL_WIDTH = 21, SMALL_HEIGHT = 13 }; /* for scenes that are rendered hundreds of times */
+enum { IMAGE_ROWS = 5 };
 
-typedef enum called { RANGE, READ, EVAL, TRIANGLES, BACKGROUND, TRANSFER, SHADE, CALLED_COUNT } called;
+typedef enum called { RANGE, READ, EVAL, TRIANGLES, BACKGROUND, TRANSFER, SHADE, IMAGE, CALLED_COUNT } called;
 
 /* A gas by read_fn and range_fn, a classified volume by eval_fn and a transfer callback, a mesh, another one with a
-   shade_fn, a background callback, a light along the view and one against it, so that both compositing orders run.
-   Counts its callbacks, and fails one.
- */
+   shade_fn, a background callback, a light along the view and one against it, which throws an image, so that both
+   compositing orders run. Counts its callbacks, and fails one. */
 typedef struct mixed {
     check_scene s;
     sps_transfer transfer;
     check_triangles triangles;
+    sps_projector projector;
     long calls, fail_at; /* of all callbacks together, counted from 1 */
     long of[CALLED_COUNT];
     double threshold; /* below which the transfer function shows nothing */
@@ -77,6 +78,24 @@ static int mixed_background(void *user, size_t count, const float *directions, f
     for (size_t i = 0; i < count; ++i)
         check_color(rgb + 3 * i, 0.2, 0.3, 0.4 + 0.1 * fabs((double)directions[3 * i + 1]));
     return called_now((mixed *)user, BACKGROUND);
+}
+
+static int mixed_image(void *user, size_t count, const float *uv, float *rgb) {
+    for (size_t i = 0; i < count; ++i, uv += 2, rgb += 3) check_color(rgb, (double)uv[0], (double)uv[1], 0.5);
+    return called_now((mixed *)user, IMAGE);
+}
+
+/* A light against the view, whose image reaches beyond the scene on one side. */
+static void mixed_add_projector(mixed *m) {
+    sps_light *light = check_add_point(&m->s, -1, 3, -5, 30);
+    check_set3(light->direction, 1, -3, 5);
+    light->projector = &m->projector;
+    m->projector.width = 6;
+    m->projector.height = IMAGE_ROWS;
+    m->projector.sample_fn = mixed_image;
+    m->projector.user = m;
+    m->projector.left = m->projector.bottom = -0.3;
+    m->projector.right = m->projector.top = 0.1;
 }
 
 static void mixed_add_volumes(mixed *m) {
@@ -143,7 +162,7 @@ static void mixed_build(mixed *m) {
     mixed_add_mesh(m);
     mixed_add_textured_mesh(m);
     check_add_directional(&m->s, 0.5, -0.6, -1, 2);
-    check_add_point(&m->s, -1, 3, -5, 30);
+    mixed_add_projector(m);
     check_color(m->s.scene.ambient, 0.1, 0.12, 0.15);
     m->s.scene.background_fn = mixed_background;
     m->s.scene.background_user = m;
@@ -1865,12 +1884,12 @@ static void test_command_line(void) {
 }
 
 static void test_failures(mixed *m) {
-    test_every_allocation(m, RENDER, 15);
-    test_every_allocation(m, REFERENCE, 8);
+    test_every_allocation(m, RENDER, 16);
+    test_every_allocation(m, REFERENCE, 9);
     test_every_allocation(m, PLAN, 2);
     test_growing_allocations(m);
-    test_every_callback(m, RENDER, 33 + 1 + 1 + 8 + 2 + SMALL_HEIGHT);
-    test_every_callback(m, REFERENCE, 33 + 1 + 8 + 2 + SMALL_HEIGHT);
+    test_every_callback(m, RENDER, 33 + 1 + 1 + 8 + 2 + IMAGE_ROWS + SMALL_HEIGHT);
+    test_every_callback(m, REFERENCE, 33 + 1 + 8 + 2 + IMAGE_ROWS + SMALL_HEIGHT);
     test_every_callback(m, PLAN, 33 + 1);
     test_every_cancellation(m, RENDER, 5);
     test_every_cancellation(m, REFERENCE, SMALL_HEIGHT + 1);

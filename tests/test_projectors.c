@@ -21,7 +21,7 @@ typedef struct slide {
     int pattern;
 } slide;
 
-enum { WHITE, NOISE, CHECKER, HALVES, GREY };
+enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED };
 
 /* A color of the texel at (x, y): a hash. */
 static void noise(int x, int y, float rgb[3]) {
@@ -38,7 +38,8 @@ static int sample_slide(void *user, size_t count, const float *uv, float *out) {
     for (size_t i = 0; i < count; ++i, uv += 2, out += 3) {
         const int x = (int)((double)uv[0] * s->size), y = (int)((double)uv[1] * s->size);
         out[0] = out[1] = out[2] = 1;
-        if (s->pattern == NOISE) noise(x, y, out);
+        if (s->pattern == NOISE || s->pattern == HOLED) noise(x, y, out);
+        if (s->pattern == HOLED && y == s->size - 1 && x == 1) out[0] = out[1] = out[2] = 0;
         if (s->pattern == GREY) out[0] = out[1] = out[2] = 0.5f;
         if (s->pattern == CHECKER) out[0] = out[1] = out[2] = (float)((x ^ y) & 1);
         if (s->pattern == HALVES) out[0] = (float)(uv[0] < 0.5f), out[1] = (float)(uv[1] < 0.5f), out[2] = 0;
@@ -417,7 +418,6 @@ static void test_refused(void) {
     slide image = {8, 0, 0, 0, NOISE};
     const sps_projector right = projector_of(&image, 1);
     sps_projector wrong = right;
-    sps_stats_report stats;
     check_scene s;
     start_wall(&s);
     add_projector(&s, SPS_LIGHT_DISC, &wrong);
@@ -457,11 +457,24 @@ static void test_refused(void) {
     check_refused(&s, SPS_ERROR_DATA, "light[0].projector.sample_fn's color is -1");
     image.wrong = NAN;
     check_refused(&s, SPS_ERROR_DATA, "light[0].projector.sample_fn's color is nan");
+}
+
+/* Where invalid colors are replaced, the texel is black: all of the picture is that of an image with a black one. */
+static void test_replaced(void) {
+    slide spoilt = {SIDE, 0, 0, NAN, NOISE}, holed = {SIDE, 0, 0, 0, HOLED};
+    const sps_projector projectors[2] = {projector_of(&spoilt, 2), projector_of(&holed, 2)};
+    sps_stats_report stats;
+    check_scene s;
+    start_wall(&s);
+    add_projector(&s, SPS_LIGHT_DIRECTIONAL, &projectors[0]);
     s.scene.replace_invalid = 1;
     check_render(context, &s, image_a);
     sps_get_stats(context, &stats);
     CHECK(stats.values_replaced == 1);
-    for (int i = 0; i < COUNT; ++i) CHECK(image_a[i] >= 0 && image_a[i] < 10);
+    s.light[0].projector = &projectors[1];
+    check_render(context, &s, image_b);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    CHECK(pixel(image_a, 1, SIDE - 1)[0] == 0 && pixel(image_a, 1, SIDE - 2)[0] > 0);
 }
 
 int main(void) {
@@ -479,6 +492,7 @@ int main(void) {
     RUN(test_counts);
     RUN(test_workers);
     RUN(test_refused);
+    RUN(test_replaced);
     sps_destroy(context);
     check_free_triangles(&ground);
     return check_report();

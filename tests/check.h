@@ -474,6 +474,19 @@ static inline int check_render(sps_context *context, const check_scene *s, float
     return check_render_depth(context, s, rgba, NULL);
 }
 
+/* Renders what must fail with this result and these words, and leave the image untouched. */
+static inline void check_fails(sps_context *context, const check_scene *s, float *rgba, sps_result result,
+                               const char *words) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    rgba[0] = 7;
+    CHECK(sps_render(context, &s->scene, &s->view, &image) == result);
+    if (!CHECK(strstr(sps_error(context), words) != NULL))
+        printf("    wanted \"%s\", got \"%s\"\n", words, sps_error(context));
+    CHECK(rgba[0] == 7);
+}
+
 static inline int check_march(sps_context *context, const check_scene *s, double step, float *rgba, float *depth) {
     sps_image image;
     memset(&image, 0, sizeof image);

@@ -569,15 +569,8 @@ static void test_workers(void) {
 
 /* --- what is refused --- */
 
-static void check_refused(check_scene *s, sps_result result, const char *text) {
-    sps_image image;
-    memset(&image, 0, sizeof image);
-    image.rgba = image_a;
-    image_a[0] = 7;
-    CHECK(sps_render(context, &s->scene, &s->view, &image) == result);
-    if (!CHECK(strstr(sps_error(context), text) != NULL))
-        printf("    wanted \"%s\", got \"%s\"\n", text, sps_error(context));
-    CHECK(image_a[0] == 7);
+static void check_refused(const check_scene *s, sps_result result, const char *text) {
+    check_fails(context, s, image_a, result, text);
 }
 
 static void test_refused(void) {

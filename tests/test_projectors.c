@@ -21,7 +21,7 @@ typedef struct slide {
     int pattern;
 } slide;
 
-enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED };
+enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED, ROWS, COLUMNS };
 
 /* A color of the texel at (x, y): a hash. */
 static void noise(int x, int y, float rgb[3]) {
@@ -40,6 +40,8 @@ static int sample_slide(void *user, size_t count, const float *uv, float *out) {
         out[0] = out[1] = out[2] = 1;
         if (s->pattern == NOISE || s->pattern == HOLED) noise(x, y, out);
         if (s->pattern == HOLED && y == s->size - 1 && x == 1) out[0] = out[1] = out[2] = 0;
+        if (s->pattern == ROWS) out[0] = out[1] = out[2] = (float)((y + 2) >> 2 & 1);
+        if (s->pattern == COLUMNS) out[0] = out[1] = out[2] = (float)((x + 2) >> 2 & 1);
         if (s->pattern == GREY) out[0] = out[1] = out[2] = 0.5f;
         if (s->pattern == CHECKER) out[0] = out[1] = out[2] = (float)((x ^ y) & 1);
         if (s->pattern == HALVES) out[0] = (float)(uv[0] < 0.5f), out[1] = (float)(uv[1] < 0.5f), out[2] = 0;
@@ -158,6 +160,25 @@ static void test_large_pixels(void) {
     }
 }
 
+/* Texels that are four times as fine along one side of the image as along the other count as fine: stripes of eight
+   texels, one pixel, are grey, and those of halves of the coarse side's size would be black or white. Away from the
+   edges, over which halves of eight texels fade within two pixels. */
+static void test_oblong_texels(void) {
+    for (int columns = 0; columns < 2; ++columns) {
+        slide image = {8 * SIDE, 0, 0, 0, columns ? COLUMNS : ROWS};
+        sps_projector projector = projector_of(&image, 2);
+        check_scene s;
+        double worst = 0;
+        *(columns ? &projector.height : &projector.width) = 2 * SIDE;
+        start_wall(&s);
+        add_projector(&s, SPS_LIGHT_DIRECTIONAL, &projector);
+        check_render(context, &s, image_a);
+        for (int y = 3; y < SIDE - 3; ++y)
+            for (int x = 3; x < SIDE - 3; ++x) worst = fmax(worst, fabs((double)pixel(image_a, x, y)[0] - 0.5));
+        CHECK(worst < 1e-6);
+    }
+}
+
 /* Halving keeps the mean, for sizes that are not powers of two as well: a wall of one pixel per image. */
 static void test_halving(void) {
     static const int sizes[] = {1, 2, 3, 5, 7, 37, 100};
@@ -217,6 +238,60 @@ static void test_focus(void) {
             /* 256 points: steps of a few points, 1 / 64; cosines: 2 % at 1 from the axis, (1 + 0.4)^2 / 50 */
             CHECK(worst < 1.0 / 64 + (sun ? 0.005 : 0.04));
         }
+}
+
+/* The points of a disc that is tilted out of the plane across the axis are nearer to the wall or farther from it, and
+   still agree on it. An edge beside the axis, at x = 1, lies between two pixels of 1/8, whose centres are 7/16 of a
+   texel of 1/7 away from it: one has 15/16 of the light and the other 1/16. A lens that is not focused would move it by
+   1/10 for its nearest and its farthest points. 2e-5: as in test_reproduced. */
+static void test_tilted_lens(void) {
+    slide halves = {28, 0, 0, 0, HALVES}, white = {28, 0, 0, 0, WHITE};
+    sps_projector projectors[2] = {projector_of(&halves, 0.4), projector_of(&white, 0.4)};
+    const int right = SIDE / 2 + SIDE / 4; /* the first pixel beyond x = 1 */
+    check_scene s;
+    sps_light *light;
+    for (int i = 0; i < 2; ++i) projectors[i].left += 0.2, projectors[i].right += 0.2, projectors[i].focus = 5;
+    start_wall(&s);
+    light = add_projector(&s, SPS_LIGHT_DISC, &projectors[0]);
+    check_set3(light->axes[0], 0.4, 0, 0.5);
+    check_set3(light->axes[1], 0, 0.4, 0);
+    light->samples = 64;
+    check_render(context, &s, image_a);
+    light->projector = &projectors[1];
+    check_render(context, &s, image_b);
+    for (int y = 2; y < SIDE - 2; ++y) {
+        const double left_white = (double)pixel(image_b, right - 1, y)[0];
+        const double right_white = (double)pixel(image_b, right, y)[0];
+        CHECK(left_white > 0.8 && right_white > 0.8);
+        CHECK_NEAR((double)pixel(image_a, right - 1, y)[0], 15.0 / 16 * left_white, 2e-5);
+        CHECK_NEAR((double)pixel(image_a, right, y)[0], 1.0 / 16 * right_white, 2e-5);
+    }
+}
+
+/* Half of a lens in focus at infinity is hidden by a plate, beyond the near plane: all of its points that throw the red
+   half of the image to x = 3/16, but only half of those that throw the green one to y = 1/16. */
+static void test_hidden_colors(void) {
+    const double corner[3] = {0, -3, 4.9}, u[3] = {3, 0, 0}, v[3] = {0, 6, 0};
+    slide image = {SIDE, 0, 0, 0, HALVES};
+    const sps_projector projector = projector_of(&image, 0.4);
+    const int x = SIDE / 2 + 1, y = SIDE / 2 - 1;
+    check_scene s;
+    sps_light *light;
+    double open_green;
+    start_wall(&s);
+    light = add_projector(&s, SPS_LIGHT_DISC, &projector);
+    check_set3(light->axes[0], 0.4, 0, 0);
+    check_set3(light->axes[1], 0, 0.4, 0);
+    light->samples = 64;
+    s.view.near_distance = 0.5;
+    check_render(context, &s, image_b);
+    open_green = (double)pixel(image_b, x, y)[1];
+    CHECK(pixel(image_b, x, y)[0] > 0.1f && open_green > 0.3);
+    check_add_quad(&ground, corner, u, v);
+    s.mesh[0].triangle_count = ground.count;
+    check_render(context, &s, image_a);
+    CHECK(pixel(image_a, x, y)[0] == 0);
+    CHECK_NEAR((double)pixel(image_a, x, y)[1] / open_green, 0.5, 0.1); /* 6 of 64 points are near the plate's edge */
 }
 
 /* --- what stays the same --- */
@@ -476,8 +551,11 @@ int main(void) {
     RUN(test_reproduced);
     RUN(test_any_frustum);
     RUN(test_large_pixels);
+    RUN(test_oblong_texels);
     RUN(test_halving);
     RUN(test_focus);
+    RUN(test_tilted_lens);
+    RUN(test_hidden_colors);
     RUN(test_white);
     RUN(test_falloff);
     RUN(test_reference);

@@ -3,7 +3,7 @@
    cc -std=c99 -O3 -march=native -pthread -I. examples/bench.c -o bench -lm
    bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
    bench speed      without the tables of error against time
-   bench lights     one light and two, by maps and by sheets; sharp and soft shadows
+   bench lights     one light and more, by maps, sheets and shadow tables; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
@@ -75,6 +75,13 @@ static void frame_begin(frame *f, int width, int height) {
     f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
 }
 
+/* The same frame with a picture of its own. */
+static void frame_copy(frame *f, const frame *from) {
+    *f = *from;
+    f->scene.volumes = &f->volume, f->scene.meshes = &f->mesh, f->scene.lights = &f->light;
+    f->rgba = (float *)ex_allocate((size_t)f->view.width * (size_t)f->view.height, 4 * sizeof(float));
+}
+
 static void frame_end(frame *f) { free(f->rgba); }
 
 static double render_seconds(ex_session *session, const frame *f, const sps_view *view) {
@@ -91,6 +98,7 @@ typedef struct contender {
     ex_session *session;
     const frame *frame;
     sps_view view;
+    double *moving; /* a coordinate that moves a little before each frame; may be NULL */
     double seconds; /* median */
     sps_stats_report stats;
 } contender;
@@ -107,6 +115,7 @@ static void race(contender *contenders, int count, int repeats) {
     for (int r = -1; r < repeats; ++r)
         for (int i = 0; i < count; ++i) {
             contender *c = contenders + i;
+            if (c->moving) *c->moving += 1e-3;
             const double took = render_seconds(c->session, c->frame, &c->view);
             if (r >= 0) seconds[i * repeats + r] = took;
             sps_get_stats(c->session->context, &c->stats);
@@ -1077,6 +1086,89 @@ static void bench_polygons(void) {
 
 /* ================================================================================================== lights */
 
+/* The root mean square difference of the colors of two frames. */
+static double frames_rms(const frame *a, const frame *b) {
+    const size_t count = 4 * (size_t)a->view.width * (size_t)a->view.height;
+    double sum = 0;
+    for (size_t i = 0; i < count; ++i)
+        if (i % 4 != 3) sum += pow((double)a->rgba[i] - (double)b->rgba[i], 2);
+    return sqrt(sum / (0.75 * (double)count));
+}
+
+/* Frames of one scene that differ by their lights. The light of MADE turns before each frame, so that its table is made
+   anew; from HELD on tables are held and the camera moves. */
+enum { BARE, SHEETS, MADE, HELD, TWO, THREE, FOUR, TABLE_KINDS };
+
+typedef struct table_trial {
+    sps_tmap_settings table;
+    sps_light lights[4];
+    frame frame;
+    ex_session session; /* of its own: a context holds the tables of its last call */
+} table_trial;
+
+static void table_trial_begin(table_trial *t, const frame *from, int kind, contender *c) {
+    static const double turns[4][2] = {{0, 0}, {1.2, 0}, {0, 1.1}, {1, 0.9}}; /* of x and z */
+    memset(t, 0, sizeof *t);
+    ex_session_measure(&t->session, program, WORKERS);
+    t->table.technique = SPS_TMAP_TABLE;
+    frame_copy(&t->frame, from);
+    for (int i = 0; i < 4; ++i) {
+        t->lights[i] = from->light;
+        t->lights[i].direction[0] += turns[i][0], t->lights[i].direction[2] += turns[i][1];
+        t->lights[i].shadow_map = kind >= MADE ? &t->table : NULL;
+    }
+    t->frame.scene.lights = t->lights, t->frame.scene.light_count = kind > HELD ? 1 + kind - HELD : 1;
+    contender_set(c, &t->session, &t->frame, kind == BARE);
+    c->moving = kind == MADE ? &t->lights[0].direction[0] : kind > MADE ? &c->view.camera.position[0] : NULL;
+}
+
+/* What shadow tables cost: made and held, for one light and for more; and what sheets cost and show. */
+static void bench_tables(const char *name, const frame *from) {
+    static const char *const ordinals[] = {"second", "third", "fourth"};
+    static table_trial trials[TABLE_KINDS];
+    contender c[TABLE_KINDS];
+    double mean = 0;
+    for (int i = 0; i < TABLE_KINDS; ++i) table_trial_begin(&trials[i], from, i, &c[i]);
+    race(c, TABLE_KINDS, REPEATS);
+    printf("\nShadow tables: %s, %d x %d, 2 workers, voxels held\n", name, from->view.width, from->view.height);
+    plain("unshadowed, one light", c[BARE].seconds, "s");
+    plain("by sheets / unshadowed", c[SHEETS].seconds / c[BARE].seconds, "");
+    at_most("table made in the frame / unshadowed", c[MADE].seconds / c[BARE].seconds, "", 1.6);
+    at_most("table held, camera moved / unshadowed", c[HELD].seconds / c[BARE].seconds, "", 1.15);
+    for (int i = TWO; i <= FOUR; ++i) {
+        char what[80];
+        snprintf(what, sizeof what, "the %s light adds, of a frame with one table held", ordinals[i - TWO]);
+        at_most(what, 100 * (c[i].seconds - c[i - 1].seconds) / c[HELD].seconds, "%", 40);
+    }
+    print_stages(&c[HELD].stats);
+    for (int i = SHEETS; i <= HELD; i += HELD - SHEETS)
+        render_seconds(&trials[i].session, &trials[i].frame, &trials[i].frame.view);
+    for (int i = 0; i < from->view.width * from->view.height; ++i) mean += (double)trials[SHEETS].frame.rgba[4 * i + 1];
+    mean /= (double)from->view.width * from->view.height;
+    plain("rms difference of table and sheets, of the mean",
+          100 * frames_rms(&trials[SHEETS].frame, &trials[HELD].frame) / mean, "%");
+    plain("memory of a context that holds one table", 1e-6 * (double)c[HELD].stats.bytes, "MB");
+    plain("... and with sheets", 1e-6 * (double)c[SHEETS].stats.bytes, "MB");
+    for (int i = 0; i < TABLE_KINDS; ++i) {
+        ex_session_end(&trials[i].session);
+        frame_end(&trials[i].frame);
+    }
+}
+
+/* The blob over a plane, and the bonsai as a gas. */
+static void bench_all_tables(void) {
+    ex_grid grid;
+    frame f;
+    blob_frame(&f, 64, 512);
+    bench_tables("a blob of 64^3 voxels over a plane", &f);
+    frame_end(&f);
+    if (bonsai_load(&grid)) return;
+    bonsai_frame(&f, &grid);
+    bench_tables("bonsai as a gas", &f);
+    frame_end(&f);
+    ex_grid_free(&grid);
+}
+
 /* One light and two, by maps and by sheets: lights with maps share one eye sweep. */
 static void bench_lights(void) {
     enum { GRID = 64, SIZE = 512 };
@@ -1141,15 +1233,6 @@ static void smoke_frame(frame *f, ex_grid *grid) {
     f->view.camera.field_of_view = 30 * EX_PI / 180;
 }
 
-/* The root mean square difference of the colors of two frames. */
-static double frames_rms(const frame *a, const frame *b) {
-    const size_t count = 4 * (size_t)a->view.width * (size_t)a->view.height;
-    double sum = 0;
-    for (size_t i = 0; i < count; ++i)
-        if (i % 4 != 3) sum += pow((double)a->rgba[i] - (double)b->rgba[i], 2);
-    return sqrt(sum / (0.75 * (double)count));
-}
-
 /* A frame under a sun of 10 degrees: time against a sharp sun, and what its points miss compared with 256 of them. The
    target is of the fewest points whose error is at most 0.005. */
 static void bench_soft(const char *name, const frame *hard, double target) {
@@ -1162,9 +1245,7 @@ static void bench_soft(const char *name, const frame *hard, double target) {
     ex_session_measure(&session, program, WORKERS);
     for (int i = 0; i <= KINDS + 1; ++i) {
         frame *f = i <= KINDS ? &frames[i] : &exact;
-        *f = *hard;
-        f->scene.volumes = &f->volume, f->scene.meshes = &f->mesh, f->scene.lights = &f->light;
-        f->rgba = (float *)ex_allocate((size_t)f->view.width * (size_t)f->view.height, 4 * sizeof(float));
+        frame_copy(f, hard);
         f->light.angular_diameter = i > 0 ? 10 * EX_PI / 180 : 0;
         f->light.samples = i > KINDS ? 256 : i > 0 ? points[i - 1] : 0;
         if (i <= KINDS) contender_set(&c[i], &session, f, 0);
@@ -1228,6 +1309,7 @@ int main(int argc, char **argv) {
     }
     if (lights) {
         bench_lights();
+        bench_all_tables();
         bench_penumbrae();
     }
     if (polygons) bench_polygons();

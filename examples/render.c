@@ -89,13 +89,14 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
 
 /* Sets the technique by which all lights cast the shadows of gas. */
 static void set_shadows(arguments *all, sps_light *lights) {
-    if (all->shadow == 0) return;
+    for (int i = 0; i < all->light_count; ++i) lights[i].no_shadow = shadow_is(all, "none");
+    if (!has_maps(all)) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
     all->map.window = (sps_tmap_window)all->map_window;
     all->map.epsilon = (float)all->map_epsilon;
     for (int i = 0; i < all->light_count; ++i) {
         lights[i].shadow_map = &all->map;
-        lights[i].shadow_map_size = all->map_size;
+        lights[i].shadow_map_size = shadow_is(all, "table") ? all->table_size : all->map_size;
     }
 }
 
@@ -324,6 +325,8 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
 #define PRINT_COUNT(field) printf("%-16s %" PRIu64 "\n", #field, (uint64_t)plan.field);
     PLAN_COUNTS(PRINT_COUNT)
 #undef PRINT_COUNT
+    printf("%-16s %d\n", "tables_made", shadow_is(all, "table") ? plan.pass[SPS_PASS_LIGHT_MAPS].runs : 0);
+    printf("%-16s %d\n", "tables_held", 0); /* a single frame is rendered */
     return 0;
 }
 
@@ -338,7 +341,7 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(surface_points) X(shadow_rays)                \
     X(particles) X(slabs) X(slabs_empty)                                                                               \
     X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
-    X(soft_texels) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
+    X(tables_made) X(tables_held) X(soft_texels) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
 /* clang-format on */
 
 static int write_stats(const char *path, const sps_context *context, ex_error *error) {

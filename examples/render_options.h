@@ -102,9 +102,9 @@ typedef struct arguments {
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
     int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
-    int shadow, map_size, map_window;
+    int shadow, map_size, table_size, map_window;
     double map_epsilon;
-    sps_tmap_settings map; /* of all lights, except with --shadow sheets; options set its fields */
+    sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
 
@@ -121,8 +121,10 @@ typedef struct option_rule {
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
-static const char *const shadow_names[] = {"sheets",  "deep",   "compressed", "depth",    "opacity", "deep-opacity",
-                                           "fourier", "cosine", "moment",     "adaptive", "beer",    NULL};
+/* sps_tmap_technique, after sheets; and none. */
+static const char *const shadow_names[] = {"sheets",       "deep",    "compressed", "depth",  "opacity",
+                                           "deep-opacity", "fourier", "cosine",     "moment", "adaptive",
+                                           "beer",         "table",   "none",       NULL};
 static const char *const window_names[] = {"none", "lanczos", "fejer", NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
@@ -434,17 +436,18 @@ static const option_rule options[] = {
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer", "what gas shades by: sheets, or this kind of transmittance map; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
-    {"--map-components", "N", "floats a texel of that map; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 65, NULL},
+    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer|table|none", "what gas shades by: sheets, or this kind of map; none: as --no-shadows; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--map-components", "N", "floats a texel of that map, planes of a table; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 1024, NULL},
     {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
+    {"--table-size", "N", "the same for --shadow table, in place of --map-size; default by --quality, up to 256", set_integers, OF_SCENE(table_size), 1, 1, 16384, NULL},
     {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
     {"--map-texel-range", NULL, "a range of depths for each texel, which takes two more floats, for fourier", set_flag, OF_SCENE(map.texel_range), NO_NUMBERS},
     {"--map-running-maximum", NULL, "shadows never grow lighter with depth: slow, for fourier", set_flag, OF_SCENE(map.running_maximum), NO_NUMBERS},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
-    {"--no-shadows", NULL, "light shines through everything", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
-    {"--reference", NULL, "brute-force ray marching: slow; does not look at --quality, --shadow-size, --shadow", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching: slow; of --quality, --shadow-size, --shadow sees only none", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -748,18 +751,26 @@ static int check_outputs(const arguments *all, ex_error *error) {
     return 0;
 }
 
+static int shadow_is(const arguments *all, const char *name) { return strcmp(shadow_names[all->shadow], name) == 0; }
+
+/* Whether lights have transmittance maps. */
+static int has_maps(const arguments *all) { return !shadow_is(all, "sheets") && !shadow_is(all, "none"); }
+
 /* Options for transmittance maps must match the technique. */
 static int check_map(const arguments *all, ex_error *error) {
     static const struct {
         const char *option, *kinds[3]; /* the techniques it applies to; none: all */
-    } about[] = {{"--map-components", {NULL, NULL, NULL}},           {"--map-size", {NULL, NULL, NULL}},
-                 {"--map-window", {"fourier", "cosine", NULL}},      {"--map-epsilon", {"compressed", NULL, NULL}},
-                 {"--map-cubic", {"opacity", "deep-opacity", NULL}}, {"--map-texel-range", {"fourier", NULL, NULL}},
-                 {"--map-running-maximum", {"fourier", NULL, NULL}}};
+        const char *other;             /* but this one */
+    } about[] = {
+        {"--map-components", {NULL, NULL, NULL}, ""},       {"--map-size", {NULL, NULL, NULL}, "table"},
+        {"--table-size", {"table", NULL, NULL}, ""},        {"--map-window", {"fourier", "cosine", NULL}, ""},
+        {"--map-epsilon", {"compressed", NULL, NULL}, ""},  {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""},
+        {"--map-texel-range", {"fourier", NULL, NULL}, ""}, {"--map-running-maximum", {"fourier", NULL, NULL}, ""}};
     const char *kind = shadow_names[all->shadow];
-    if (all->shadow > 0 && all->no_shadows) return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);
+    if (has_maps(all) && all->no_shadows) return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);
     for (size_t i = 0; i < sizeof about / sizeof *about; ++i) {
-        const int fits = about[i].kinds[0] ? ex_find_name(about[i].kinds, kind) >= 0 : all->shadow > 0;
+        const int fits = about[i].kinds[0] ? ex_find_name(about[i].kinds, kind) >= 0
+                                           : has_maps(all) && !shadow_is(all, about[i].other);
         if (has(all->given, about[i].option) && !fits)
             return ex_fail(error, "%s says nothing about --shadow %s", about[i].option, kind);
     }
@@ -787,7 +798,7 @@ static int check_lights(const arguments *all, ex_error *error) {
             return ex_fail(error, "%s says nothing about --light %s: give %s", other, light->text, own);
         if (has(light->given, "--light-samples") && !has(light->given, own))
             return ex_fail(error, "--light-samples says nothing about --light %s, which has no %s", light->text, own);
-        if (has(light->given, own) && all->shadow > 0)
+        if (has(light->given, own) && has_maps(all))
             return ex_fail(error,
                            "%s of --light %s and --shadow %s exclude each other: a map holds the shadow of a point",
                            own, light->text, shadow_names[all->shadow]);

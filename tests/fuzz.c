@@ -269,10 +269,10 @@ static void random_set(scenery *x, int n) {
 
 /* Valid settings, except for one in twelve. */
 static void random_map(sps_tmap_settings *map) {
-    static const int components[] = {0, 0, 0, 1, 7, 8, 9, 6, 7, 10, 3};
+    static const int components[] = {0, 0, 0, 1, 7, 8, 9, 6, 7, 10, 3, 20};
     memset(map, 0, sizeof *map);
-    put_int(&map->technique, one_in(60) ? 12 : below(11));
-    if (one_in(2) && (int)map->technique < 11) map->components = components[map->technique];
+    put_int(&map->technique, one_in(60) ? 12 : below(12));
+    if (one_in(2) && (int)map->technique < 12) map->components = components[map->technique];
     if (one_in(24)) map->components = below(70) - 2;
     put_int(&map->window, one_in(60) ? 3 : below(3));
     map->cubic = one_in(2);
@@ -511,7 +511,8 @@ static int sums_only(const scenery *x) {
     for (int i = 0; i < x->s.scene.light_count; ++i) {
         const sps_tmap_technique technique = x->maps[i].technique;
         if (x->s.light[i].shadow_map && technique != SPS_TMAP_OPACITY && technique != SPS_TMAP_DEEP_OPACITY &&
-            technique != SPS_TMAP_FOURIER && technique != SPS_TMAP_MOMENT && technique != SPS_TMAP_BEER)
+            technique != SPS_TMAP_FOURIER && technique != SPS_TMAP_MOMENT && technique != SPS_TMAP_BEER &&
+            technique != SPS_TMAP_TABLE && technique != SPS_TMAP_DEFAULT)
             return 0;
     }
     return 1;

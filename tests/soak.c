@@ -74,6 +74,9 @@ static const char *excuse(uint64_t seed, long number) {
     return NULL;
 }
 
+/* Levels that are drawn with all others. */
+static int drawn_levels(int f) { return f == LIGHT ? LIGHT_WIDE_SUN : f == SHADOW ? SHADOW_TABLE : level_count(f); }
+
 /* A light with an extent in the place of every other one without that casts sharp shadows by slabs, or none. Drawn by a
    generator of its own, so that all other scenes stay the ones that `known` lists. */
 static void draw_extent(check_random random, int levels[FEATURES]) {
@@ -82,17 +85,26 @@ static void draw_extent(check_random random, int levels[FEATURES]) {
     if (one_in(&random, 2) && levels[LIGHT] != LIGHT_NONE && !has_map) levels[LIGHT] = extended;
 }
 
+/* A table in the place of every other map that draws nothing; by a generator of its own, too, so that all else stays.
+ */
+static void draw_table(check_random random, int levels[FEATURES]) {
+    for (int i = 0; i < 3; ++i) check_next(&random);
+    if ((levels[SHADOW] == SHADOW_DEEP || levels[SHADOW] == SHADOW_COMPRESSED) && one_in(&random, 2))
+        levels[SHADOW] = SHADOW_TABLE;
+}
+
 /* Compatible levels, each as likely as the others; but few scenes are without a light. */
 static void draw_levels(check_random *random, int levels[FEATURES]) {
     int good;
     do {
         good = 1;
-        for (int f = 0; f < FEATURES; ++f) levels[f] = draw_below(random, f == LIGHT ? LIGHT_WIDE_SUN : level_count(f));
+        for (int f = 0; f < FEATURES; ++f) levels[f] = draw_below(random, drawn_levels(f));
         if (levels[LIGHT] == LIGHT_NONE) levels[LIGHT] = draw_below(random, LIGHT_WIDE_SUN);
         for (int a = 0; a < FEATURES; ++a)
             for (int b = 0; b < a; ++b) good &= !scene_excluded(a, levels[a], b, levels[b]);
     } while (!good);
     draw_extent(*random, levels);
+    draw_table(*random, levels);
 }
 
 static void judge(soak *s, const outcome *o) {

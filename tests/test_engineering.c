@@ -1376,7 +1376,7 @@ static void test_particles_option(void) {
 /* Every kind of shadow makes a picture of its own, and so does every way to read a map; options for a map must fit the
    kind of map. */
 static void test_shadow_option(void) {
-    enum { KINDS = 16 };
+    enum { KINDS = 18 };
     static const char *const kinds[KINDS] = {"sheets",
                                              "deep",
                                              "compressed",
@@ -1392,7 +1392,9 @@ static void test_shadow_option(void) {
                                              "cosine",
                                              "moment",
                                              "adaptive",
-                                             "beer"};
+                                             "beer",
+                                             "table",
+                                             "none"};
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
@@ -1405,6 +1407,15 @@ static void test_shadow_option(void) {
         {VOLUME "--map-texel-range --shadow cosine --plan", 2, "--map-texel-range says nothing about --shadow cosine"},
         {VOLUME "--shadow opacity --map-running-maximum --plan", 2,
          "--map-running-maximum says nothing about --shadow opacity"},
+        {VOLUME "--table-size 8 --plan", 2, "--table-size says nothing about --shadow sheets"},
+        {VOLUME "--shadow deep --table-size 8 --plan", 2, "--table-size says nothing about --shadow deep"},
+        {VOLUME "--shadow table --map-size 8 --plan", 2, "--map-size says nothing about --shadow table"},
+        {VOLUME "--shadow table --map-cubic --plan", 2, "--map-cubic says nothing about --shadow table"},
+        {VOLUME "--shadow table --no-shadows --plan", 2, "--shadow table says nothing with --no-shadows"},
+        {VOLUME "--shadow table --map-components 7 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
+         "--map-components: light[0].shadow_map.components is 7; a shadow table has 8, 9 .. 1024"},
+        {VOLUME "--shadow none --map-components 8 --plan", 2, "--map-components says nothing about --shadow none"},
+        {VOLUME "--shadow none --light point,9,9,9,1,1,1 --light-size 1 --plan >plan", 0, NULL},
         {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not sheets|deep"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
         {VOLUME "--shadow cosine --map-window lanczos --map-components 6 --light directional,0,0,-1,1,1,1 " SMALL
@@ -1423,6 +1434,41 @@ static void test_shadow_option(void) {
                 printf("    %s and %s give one picture\n", kinds[k], kinds[i]);
     }
     CHECK_COMPLAINTS(all);
+}
+
+#define CAST VOLUME "--extinction 15 --light directional,1,-1,-1,9,9,9 "
+
+/* Renders both into shadow.pfm. */
+static int same_shadows(const char *line_a, const char *line_b) {
+    char a[400], b[400];
+    CHECK(run_render(line_a).status == 0);
+    const int size = read_file("shadow.pfm", a, sizeof a);
+    CHECK(run_render(line_b).status == 0);
+    return CHECK(size > 12 && read_file("shadow.pfm", b, sizeof b) == size) && memcmp(a, b, (size_t)size) == 0;
+}
+
+static int says(const char *file, const char *words) {
+    static char text[8000];
+    CHECK(read_file(file, text, sizeof text) > 0);
+    return strstr(text, words) != NULL;
+}
+
+/* The size of a table and its planes change the picture; plan and statistics count tables; --shadow none is
+   --no-shadows. */
+static void test_table_option(void) {
+    CHECK(same_shadows(CAST "--shadow table --pfm shadow.pfm", CAST "--shadow table --threads 1 --pfm shadow.pfm"));
+    CHECK(!same_shadows(CAST "--shadow table --pfm shadow.pfm", CAST "--shadow table --table-size 8 --pfm shadow.pfm"));
+    CHECK(!same_shadows(CAST "--shadow table --pfm shadow.pfm",
+                        CAST "--shadow table --map-components 9 --pfm shadow.pfm"));
+    CHECK(same_shadows(CAST "--shadow none --pfm shadow.pfm", CAST "--no-shadows --pfm shadow.pfm"));
+    CHECK(same_shadows(CAST "--shadow none --reference --pfm shadow.pfm",
+                       CAST "--no-shadows --reference --pfm shadow.pfm"));
+    CHECK(run_render(CAST "--light point,0.5,0.5,0.5,1,1,1 --shadow table --stats stats.json --out a.png").status == 0);
+    CHECK(says("stats.json", "\"tables_made\": 2,") && says("stats.json", "\"tables_held\": 0,"));
+    CHECK(run_render(CAST "--shadow table --plan >plan").status == 0);
+    CHECK(says("plan", "tables_made      1\n") && says("plan", "tables_held      0\n"));
+    CHECK(run_render(CAST "--shadow deep --plan >plan").status == 0);
+    CHECK(says("plan", "tables_made      0\n"));
 }
 
 /* Runs a line that writes extent.pfm, and compares it with the same picture of 5 x 4 pixels by the library. Floats
@@ -1821,9 +1867,10 @@ static void test_help(void) {
                                         "--slab VOXELS",
                                         "--shadow-size N",
                                         "--shadow sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|"
-                                        "moment|adaptive|beer",
+                                        "moment|adaptive|beer|table|none",
                                         "--map-components N",
                                         "--map-size N",
+                                        "--table-size N",
                                         "--map-window none|lanczos|fejer",
                                         "--map-epsilon E",
                                         "--map-cubic",
@@ -1875,6 +1922,7 @@ static void test_command_line(void) {
     test_bad_values();
     test_particles_option();
     test_shadow_option();
+    test_table_option();
     test_light_options();
     test_library_errors();
     test_bad_files();

@@ -1,7 +1,7 @@
 /* A walk around a cloud above the ground, lit by the sun and by a lamp in its midst. Both lights shade by shadow
    tables, which show what the lights see: the camera may move, and the tables are held from frame to frame. Renders 36
-   frames, prints how long the first took and how long the others, and writes six of them side by side. cc -std=c99 -O3
-   -march=native -pthread -I. -I/usr/include/stb examples/turntable.c -o turntable -lm */
+   frames, prints how long the first took and how long the others, and writes six of them side by side.
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/turntable.c -o turntable -lm */
 
 #define SPLATSHADOW_IMPLEMENTATION
 #include "densities.h"
@@ -49,7 +49,7 @@ static void set_lamp(sps_light *lamp) {
 /* Frame n of a full turn. */
 static sps_camera camera_of(int n) {
     const double angle = 2 * EX_PI * n / FRAMES;
-    return ex_camera_at(ex_vec_of(5.2 * sin(angle), 2.4, 5.2 * cos(angle)), ex_vec_of(0, 0.75, 0), 27);
+    return ex_camera_at(ex_vec_of(6.4 * sin(angle), 2.9, 6.4 * cos(angle)), ex_vec_of(0, 0.75, 0), 27);
 }
 
 /* Seconds of the first frame and of all others, and the tables they made and held. */

@@ -12966,6 +12966,9 @@ static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp,
     const spsi_frame *frame = shader->frame;
     spsi_v axis[3], irradiance = spsi_set(1);
     spsi_reach reach;
+    for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
+    spsi_set3(lamp->direction, incident->travel);
+    if (!lamp->is_point && !lamp->projection.exists) return; /* the same everywhere */
     spsi_reach_build(shader, lamp, p, part, &reach);
     if (lamp->falls_off) irradiance = spsi_lamp_falloff(p, &reach);
     spsi_lamp_travel(lamp, p, &reach, incident->travel);

@@ -94,11 +94,13 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
-    lights that share a sweep are held at the same time. A light with an extent adds 64 bytes per texel of its shadow
-    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
-    takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
-    per triangle of theirs, 24 per pixel of the region, and 0.6 MB. sps_plan returns an upper bound beforehand, without
-    the lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
+    lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
+    while one is made, by default up to 256^3 entries per face. A light with an extent adds 64 bytes per texel of its
+    shadow buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light
+    throws takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add
+    28 bytes per triangle of theirs, 24 per pixel of the region, and 0.6 MB. sps_plan returns an upper bound
+    beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is never
+    exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may

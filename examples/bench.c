@@ -129,9 +129,10 @@ static double fragments_per_second(const sps_stats_report *stats) {
 }
 
 static void print_stages(const sps_stats_report *s) {
-    printf(
-        "    of %.3f s: read voxels %.3f, polygons %.3f, sort %.3f, light sheets %.3f, eye sheets and shading %.3f\n",
-        s->seconds_total, s->seconds_gather, s->seconds_polygons, s->seconds_bin, s->seconds_light, s->seconds_eye);
+    printf("    of %.3f s: read voxels %.3f, polygons %.3f, shadow rays %.3f, sort %.3f, light sheets %.3f, eye sheets "
+           "and shading %.3f\n",
+           s->seconds_total, s->seconds_gather, s->seconds_polygons, s->seconds_shadow_rays, s->seconds_bin,
+           s->seconds_light, s->seconds_eye);
     printf("    light: %.1f M fragments; eye: %.1f M fragments, %.1f M pixels of slabs shaded\n",
            1e-6 * (double)s->light_fragments, 1e-6 * (double)s->eye_fragments, 1e-6 * (double)s->pixels_shaded);
 }
@@ -1132,15 +1133,17 @@ static void bench_tables(const char *name, const frame *from) {
     race(c, TABLE_KINDS, REPEATS);
     printf("\nShadow tables: %s, %d x %d, 2 workers, voxels held\n", name, from->view.width, from->view.height);
     plain("unshadowed, one light", c[BARE].seconds, "s");
+    print_stages(&c[BARE].stats);
     plain("by sheets / unshadowed", c[SHEETS].seconds / c[BARE].seconds, "");
     at_most("table made in the frame / unshadowed", c[MADE].seconds / c[BARE].seconds, "", 1.6);
+    print_stages(&c[MADE].stats);
     at_most("table held, camera moved / unshadowed", c[HELD].seconds / c[BARE].seconds, "", 1.15);
+    print_stages(&c[HELD].stats);
     for (int i = TWO; i <= FOUR; ++i) {
         char what[80];
         snprintf(what, sizeof what, "the %s light adds, of a frame with one table held", ordinals[i - TWO]);
         at_most(what, 100 * (c[i].seconds - c[i - 1].seconds) / c[HELD].seconds, "%", 40);
     }
-    print_stages(&c[HELD].stats);
     for (int i = SHEETS; i <= HELD; i += HELD - SHEETS)
         render_seconds(&trials[i].session, &trials[i].frame, &trials[i].frame.view);
     for (int i = 0; i < from->view.width * from->view.height; ++i) mean += (double)trials[SHEETS].frame.rgba[4 * i + 1];

@@ -67,7 +67,7 @@ CONVENTIONS
     Row 0 of an image is its top row. Pixel (x,y) is the ray through its centre. Colors are linear RGB radiance.
     A directional light's `direction` is the direction in which the light travels; its color is the irradiance on a
     plane facing it.
-    A point light's color is its intensity: irradiance = intensity / distance^2.
+    A point light's color is its intensity: irradiance = intensity / distance^2, unless its falloff is none.
     Extinction is per unit length at value 1. Phase functions integrate to 1 over the sphere (isotropic: 1 / 4 pi).
     A surface of reflectance r reflects a radiance of r / pi * irradiance * cosine towards the eye.
     Voxel (i,j,k) sits at the centre of its cell; x runs fastest. Outside its box a volume's value is 0; since kernels
@@ -110,7 +110,8 @@ THREADS   A context serves one call at a time; any number of contexts can run at
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers.
-LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinates and matrices must lie within 1e15.
+LIMITS   Images and shadow buffers up to 16384 on a side, images that lights throw up to 4096; 2^28 entries of a shadow
+    table; 2^20 slabs. Coordinates and matrices must lie within 1e15.
     Voxels are resolved from 1e-14 to 1e10 world units, polygons from 1e-20 up, and shadows of polygons in gas for
     point lights up to 1e7 times as far away as the gas is wide. A polygon shades only what lies farther behind it than
     the round-off of its corners, which are floats: 1.2e-7 of their distance from the mesh's origin.
@@ -122,7 +123,7 @@ LIMITS   Images and shadow buffers up to 16384 on a side; 2^20 slabs. Coordinate
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
     D. Ebert, R. Parent, "Rendering and Animation of Gaseous Phenomena by Combining Fast Volume and Scanline
-      A-buffer Techniques", SIGGRAPH 1990 >>transfer
+      A-buffer Techniques", SIGGRAPH 1990 >>transfer >>tmaps
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
@@ -174,7 +175,7 @@ typedef enum sps_object {
     SPS_OBJECT_IMAGE,
     SPS_OBJECT_VOLUME,    /* volume number `index` of the scene */
     SPS_OBJECT_MESH,      /* mesh number `index` */
-    SPS_OBJECT_LIGHT,     /* light number `index`; its shadow_map's fields are "shadow_map.components" and so on */
+    SPS_OBJECT_LIGHT,     /* light number `index`; others' fields are "shadow_map.components", "projector.width" */
     SPS_OBJECT_PARTICLES, /* set number `index` */
     SPS_OBJECT_TMAP,      /* a transmittance map itself, not what it was made from */
     SPS_OBJECT_TMAP_LIGHT,
@@ -481,8 +482,8 @@ typedef enum sps_tmap_technique {
     /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark. By
        default its entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
-       side; n 8..1024, default as many as make an entry as long as wide, up to 256. 4 bytes per texel and plane, twice
-       that while it is made; cheapest of all maps to look up. */
+       side; n 8..1024, default as many as make an entry as long as wide, up to 256; at most 2^28 entries. 4 bytes per
+       texel and plane, twice that while it is made; cheapest of all maps to look up. */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
@@ -552,7 +553,8 @@ typedef struct sps_projector {
     double up[3]; /* towards the image's top row; zero or along the direction: an axis across it is chosen */
     /* Disc, rectangle: the distance, along the direction, at which all points of the extent throw the image to the same
        place; it must be beyond the extent. 0: infinity. At distance d the image is blurred by the extent, |1 - d /
-       focus| times. A directional light with an angular_diameter is in focus at sps_light.position. */
+       focus| times. A directional light with an angular_diameter is in focus at sps_light.position. Where shadows of
+       gas fall into the blur, each is averaged over the extent by itself, which is several percent off. */
     double focus;
     uint32_t end_canary; /* leave 0 */
 } sps_projector;
@@ -625,7 +627,8 @@ typedef struct sps_scene {
        non-zero on failure. */
     int (*background_fn)(void *user, size_t count, const float *directions, float *out_rgb);
     void *background_user;
-    int replace_invalid; /* 1: values that would be SPS_ERROR_DATA become 0 and are counted */
+    /* 1: values of volumes, particles and projectors that would be SPS_ERROR_DATA become 0 and are counted. */
+    int replace_invalid;
     const sps_particles *particles;
     int particle_set_count; /* sets of particles, up to 64 that are not empty */
     uint32_t end_canary;    /* leave 0 */
@@ -3737,9 +3740,9 @@ typedef struct spsi_projection {
     int exists;
     int width, height; /* of the image */
     double across[2][3], add[2], forward[3];
-    double texel; /* smaller edge of a texel at distance 1, or in the world */
-    double focus; /* 1 / distance of the plane in focus; 0: infinity */
-    int image;    /* in the content's list */
+    double edge[2]; /* of a texel at distance 1, or in the world */
+    double focus;   /* 1 / distance of the plane in focus; 0: infinity */
+    int image;      /* in the content's list */
     int (*sample_fn)(void *user, size_t count, const float *uv, float *out_rgb);
     void *user; /* of sample_fn */
 } spsi_projection;
@@ -3824,6 +3827,12 @@ typedef struct spsi_gradients {
     int splatted; /* 1: gradients have sheets of their own, as neighbouring pixels are too far apart */
 } spsi_gradients;
 
+/* Light from everywhere. */
+typedef struct spsi_ambient {
+    float radiance[3];
+    int exists; /* 1: it is not black */
+} spsi_ambient;
+
 /* Radiance behind everything. */
 typedef struct spsi_background {
     float color[3];                                                                     /* without a callback */
@@ -3831,13 +3840,14 @@ typedef struct spsi_background {
     void *user;                                                                         /* of color_fn */
 } spsi_background;
 
-#define SPSI_IMAGE_LEVELS 13 /* of an image of 4096 texels on a side */
+#define SPSI_IMAGE_LEVELS 25 /* of an image of 4096 texels on a side, if one side is halved before the other */
 
 /* An image and its halves, down to a texel. Each level is three planes, of red, green and blue, within a border of one
    black texel. */
 typedef struct spsi_image {
     int level_count;
     int width[SPSI_IMAGE_LEVELS], height[SPSI_IMAGE_LEVELS]; /* with the border */
+    float edge[SPSI_IMAGE_LEVELS];                           /* of the texels, the shorter one; 1 at level 0 */
     float *texels[SPSI_IMAGE_LEVELS];
 } spsi_image;
 
@@ -3870,8 +3880,7 @@ typedef struct spsi_frame {
     spsi_matter matter;
     spsi_meshes meshes;
     spsi_lamps lamps;
-    float ambient[3]; /* the scene's ambient radiance */
-    int has_ambient;  /* 1: ambient is not black */
+    spsi_ambient ambient;
     spsi_background background;
     int replace_invalid; /* 1: invalid values become 0 instead of an error */
     spsi_gradients gradients;
@@ -4262,10 +4271,7 @@ static sps_result spsi_fail_projector(sps_context *context, int i, const char *n
 static sps_result spsi_check_projector(sps_context *context, const sps_light *light, int i) {
     const sps_projector *projector = light->projector;
     const double *bad;
-    double direction[3], reach = 0;
-    if ((int)light->falloff < 0 || light->falloff > SPS_FALLOFF_NONE)
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "falloff", (double)(int)light->falloff,
-                               "it must be an sps_falloff");
+    double direction[3], along[2] = {0, 0}, reach;
     if (!projector) return SPS_OK;
     if (spsi_check_canaries(context, SPS_OBJECT_LIGHT, i, "projector.", projector->start_canary, projector->end_canary))
         return context->result;
@@ -4275,21 +4281,23 @@ static sps_result spsi_check_projector(sps_context *context, const sps_light *li
         return spsi_fail_projector(context, i, "width", projector->width, "it must be 1..4096");
     if (projector->height < 1 || projector->height > SPSI_IMAGE_SIZE_MAX)
         return spsi_fail_projector(context, i, "height", projector->height, "it must be 1..4096");
-    if (!(projector->left >= -1e15 && projector->left < projector->right))
-        return spsi_fail_projector(context, i, "left", projector->left, "it must be within 1e15, and less than right");
-    if (!(projector->right <= 1e15))
+    if (spsi_bad_coordinate(&projector->right, 1))
         return spsi_fail_projector(context, i, "right", projector->right, "it must be within 1e15");
-    if (!(projector->bottom >= -1e15 && projector->bottom < projector->top))
-        return spsi_fail_projector(context, i, "bottom", projector->bottom,
-                                   "it must be within 1e15, and less than top");
-    if (!(projector->top <= 1e15))
+    if (!(projector->left >= -1e15 && projector->right - projector->left >= 1e-15))
+        return spsi_fail_projector(context, i, "left", projector->left,
+                                   "it must be within 1e15, and less than right by 1e-15 or more");
+    if (spsi_bad_coordinate(&projector->top, 1))
         return spsi_fail_projector(context, i, "top", projector->top, "it must be within 1e15");
+    if (!(projector->bottom >= -1e15 && projector->top - projector->bottom >= 1e-15))
+        return spsi_fail_projector(context, i, "bottom", projector->bottom,
+                                   "it must be within 1e15, and less than top by 1e-15 or more");
     bad = spsi_bad_coordinate(projector->up, 3);
     if (bad) return spsi_fail_projector(context, i, "up", *bad, "it must be within 1e15");
     memcpy(direction, light->direction, sizeof direction);
     spsi_normalise(direction);
     for (int axis = 0; axis < 2 && light->kind >= SPS_LIGHT_DISC; ++axis)
-        reach += fabs(spsi_dot(light->axes[axis], direction));
+        along[axis] = fabs(spsi_dot(light->axes[axis], direction));
+    reach = light->kind == SPS_LIGHT_RECTANGLE ? along[0] + along[1] : sqrt(along[0] * along[0] + along[1] * along[1]);
     if (!(fabs(projector->focus) <= 0) && !(projector->focus > reach && projector->focus <= 1e15))
         return spsi_fail_projector(context, i, "focus", projector->focus,
                                    "it must be 0, or within 1e15 and beyond the extent");
@@ -4321,6 +4329,9 @@ static sps_result spsi_check_light(sps_context *context, const sps_light *light,
     if ((int)light->kind < 0 || light->kind > SPS_LIGHT_RECTANGLE)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "kind", (double)(int)light->kind,
                                "it must be an sps_light_kind");
+    if ((int)light->falloff < 0 || light->falloff > SPS_FALLOFF_NONE)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "falloff", (double)(int)light->falloff,
+                               "it must be an sps_falloff");
     if (spsi_bad_color(light->color, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "color",
                                (double)*spsi_bad_color(light->color, SPSI_VALUE_MAX),
@@ -4753,7 +4764,8 @@ static void spsi_projection_build(const sps_light *light, const double direction
     for (int i = 0; i < 3; ++i) projection->across[0][i] *= across, projection->across[1][i] *= down;
     projection->add[0] = -projector->left * across - 0.5; /* texel centres have whole coordinates */
     projection->add[1] = projector->top * down - 0.5;
-    projection->texel = 1 / fmax(across, down);
+    projection->edge[0] = 1 / across;
+    projection->edge[1] = 1 / down;
     projection->focus = projector->focus > 0 ? 1 / projector->focus : 0;
 }
 
@@ -4961,7 +4973,7 @@ static void spsi_resolve_gradients(spsi_frame *frame) {
 
 /* 1 if every color in the frame is grey, so that one channel of radiance stands for three; 3 otherwise. */
 static int spsi_count_channels(const spsi_frame *frame) {
-    int grey = spsi_grey(frame->ambient) && spsi_grey(frame->background.color) && !frame->background.color_fn;
+    int grey = spsi_grey(frame->ambient.radiance) && spsi_grey(frame->background.color) && !frame->background.color_fn;
     for (int i = 0; i < frame->lamps.count; ++i)
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
@@ -4977,8 +4989,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
 
 /* Resolves the scene's own fields, after its objects. */
 static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
-    memcpy(frame->ambient, scene->ambient, sizeof frame->ambient);
-    frame->has_ambient = !spsi_black(scene->ambient);
+    memcpy(frame->ambient.radiance, scene->ambient, sizeof frame->ambient.radiance);
+    frame->ambient.exists = !spsi_black(scene->ambient);
     memcpy(frame->background.color, scene->background, sizeof frame->background.color);
     frame->background.color_fn = scene->background_fn;
     frame->background.user = scene->background_user;
@@ -6881,32 +6893,41 @@ static size_t spsi_image_level_floats(const spsi_image *image, int level) {
     return 3 * (size_t)image->width[level] * (size_t)image->height[level];
 }
 
-/* Sets the sizes of an image's levels. Returns the number of floats of all. */
+/* Sets the sizes of an image's levels. From one to the next, the sides whose texels are the shorter ones are halved, or
+   both if texels are about square. Returns the number of floats of all. */
 static size_t spsi_image_size(const spsi_projection *projection, spsi_image *image) {
-    int width = projection->width, height = projection->height, level = 0;
+    int size[2] = {projection->width, projection->height}, level = 0;
+    double edge[2] = {projection->edge[0], projection->edge[1]}, shortest = fmin(edge[0], edge[1]);
+    const double unit = shortest;
     size_t floats = 0;
-    for (;; width = (width + 1) / 2, height = (height + 1) / 2) {
-        image->width[level] = width + 2;
-        image->height[level] = height + 2;
+    for (;;) {
+        image->width[level] = size[0] + 2;
+        image->height[level] = size[1] + 2;
+        image->edge[level] = (float)(shortest / unit);
         floats += spsi_image_level_floats(image, level++);
-        if (width == 1 && height == 1) break;
+        if (size[0] == 1 && size[1] == 1) break;
+        shortest = fmin(size[0] > 1 ? edge[0] : HUGE_VAL, size[1] > 1 ? edge[1] : HUGE_VAL);
+        for (int k = 0; k < 2; ++k)
+            if (size[k] > 1 && edge[k] < 1.5 * shortest) size[k] = (size[k] + 1) / 2, edge[k] *= 2;
+        shortest *= 2;
     }
     image->level_count = level;
     return floats;
 }
 
-/* Bytes of all lights' images, and of the row that is being read. */
+/* Bytes of all lights' images, and of the row that is being read. If they exceed a size_t: SIZE_MAX, which cannot be
+   reserved. */
 static size_t spsi_images_bytes(const spsi_frame *frame) {
-    size_t bytes = (size_t)frame->lamps.image_count * sizeof(spsi_image), row = 0;
+    uint64_t bytes = (uint64_t)frame->lamps.image_count * sizeof(spsi_image), row = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_projection *projection = &frame->lamps.list[i].projection;
         const size_t width = (size_t)projection->width;
         spsi_image image;
         if (!projection->exists) continue;
-        bytes += spsi_image_size(projection, &image) * sizeof(float);
+        bytes += (uint64_t)spsi_image_size(projection, &image) * sizeof(float);
         if (width * SPSI_IMAGE_ROW_FLOATS * sizeof(float) > row) row = width * SPSI_IMAGE_ROW_FLOATS * sizeof(float);
     }
-    return bytes + row;
+    return bytes + row < SIZE_MAX ? (size_t)(bytes + row) : SIZE_MAX;
 }
 
 /* Fails on an invalid color of a texel, or makes it black. */
@@ -7037,11 +7058,13 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
         const int width = image->width[level], height = image->height[level];
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
         const float scale_y = (float)(height - 2) / (float)(image->height[0] - 2);
-        const spsi_v grown = spsi_mul(size, spsi_set(1.0f / (float)(1 << level))); /* this level's own size: 1 */
-        const spsi_v before = level ? spsi_sub(spsi_add(grown, grown), one) : one;
-        const spsi_v after = level + 1 < image->level_count ? spsi_sub(spsi_set(2), grown) : one;
-        const spsi_v share = spsi_clamp(spsi_min(before, after), zero, one);
-        spsi_v u, v;
+        const float *edge = &image->edge[level];
+        spsi_v before = one, after = one, share, u,
+               v; /* shares of levels: linear in size from one's edge to the next */
+        if (level > 0) before = spsi_mul(spsi_sub(size, spsi_set(edge[-1])), spsi_set(1 / (edge[0] - edge[-1])));
+        if (level + 1 < image->level_count)
+            after = spsi_mul(spsi_sub(spsi_set(edge[1]), size), spsi_set(1 / (edge[1] - edge[0])));
+        share = spsi_clamp(spsi_min(before, after), zero, one);
         if (!spsi_bits(spsi_less(zero, share))) continue;
         u = spsi_fma(spsi_add(x, half), spsi_set(scale_x), half); /* texel centres, counted from the border's */
         v = spsi_fma(spsi_add(y, half), spsi_set(scale_y), half);
@@ -7057,7 +7080,8 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
 static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_v offset[3], spsi_v pixel,
                                    spsi_v rgb[3]) {
     const spsi_projection *projection = &lamp->projection;
-    spsi_v row[3], at[2], way = spsi_set(1), size = spsi_mul(pixel, spsi_set((float)(1 / projection->texel)));
+    spsi_v row[3], at[2], way = spsi_set(1),
+                          size = spsi_mul(pixel, spsi_set((float)(1 / fmin(projection->edge[0], projection->edge[1]))));
     spsi_m ahead = spsi_less(spsi_set(0), way);
     if (lamp->is_point) {
         spsi_set3(projection->forward, row);
@@ -9669,10 +9693,11 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
     return spsi_load(us);
 }
 
-#define SPSI_TABLE_SIDE   4 /* texels on a side of a block: a plane of it is 64 bytes, which are fetched together */
-#define SPSI_TABLE_TEXELS (SPSI_TABLE_SIDE * SPSI_TABLE_SIDE)
-#define SPSI_TABLE_MOST   65535.0f /* stands for an optical depth of SPSI_TABLE_DEPTH */
-#define SPSI_TABLE_DEPTH  16.0f    /* e^-16 = 1.1e-7 */
+#define SPSI_TABLE_SIDE        4 /* texels on a side of a block: a plane of it is 64 bytes, which are fetched together */
+#define SPSI_TABLE_TEXELS      (SPSI_TABLE_SIDE * SPSI_TABLE_SIDE)
+#define SPSI_TABLE_MOST        65535.0f   /* stands for an optical depth of SPSI_TABLE_DEPTH */
+#define SPSI_TABLE_DEPTH       16.0f      /* e^-16 = 1.1e-7 */
+#define SPSI_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, which floats count */
 
 /* Blocks along a row of a table, and along its columns, faces one below the other. */
 static int spsi_table_columns(const sps_tmap *map) {
@@ -9682,6 +9707,8 @@ static int spsi_table_columns(const sps_tmap *map) {
 static int spsi_table_rows(const sps_tmap *map) {
     return (map->rays[0].height * map->face_count + SPSI_TABLE_SIDE - 1) / SPSI_TABLE_SIDE;
 }
+
+static double spsi_table_blocks(const sps_tmap *map) { return (double)spsi_table_columns(map) * spsi_table_rows(map); }
 
 /* Along one axis: the block that a texel is in, and its place there, `size` apart. */
 typedef struct spsi_table_place {
@@ -10844,6 +10871,8 @@ static size_t spsi_tmap_bytes(const sps_tmap *map) {
     if (map->finished)
         return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
     if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
+    if (map->settings.technique == SPS_TMAP_TABLE)
+        return fixed + (size_t)(spsi_table_blocks(map) * SPSI_TABLE_TEXELS * map->settings.components) * sizeof(float);
     return fixed + texels * (size_t)map->settings.components * sizeof(float);
 }
 
@@ -10946,13 +10975,15 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *li
     return spsi_check_tmap_camera(context, light);
 }
 
-/* Number of planes that make a table's entries as long as they are wide, in the middle of its depths. */
+/* Number of planes that make a table's entries as long as they are wide, in the middle of its depths, unless these are
+   too many. */
 static int spsi_table_planes(const sps_tmap *map) {
     const spsi_rays *rays = &map->rays[0];
     const double low = map->settings.near_depth, high = map->settings.far_depth;
     const double pitch = spsi_pixel_size_at(rays, 0.5 * (low + high));
     const spsi_technique *technique = map->technique;
-    return (int)fmin(fmax(ceil((high - low) / pitch), technique->least), technique->usual);
+    const double most = fmin(technique->usual, floor(SPSI_TABLE_BLOCKS_MOST / spsi_table_blocks(map)));
+    return (int)fmax(fmin(ceil((high - low) / pitch), most), technique->least);
 }
 
 /* Fills in the number of components; if it is left to the technique, the largest that fits into the budget, up to the
@@ -10960,7 +10991,8 @@ static int spsi_table_planes(const sps_tmap *map) {
 static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const spsi_technique *technique = map->technique;
     sps_tmap_settings *settings = &map->settings;
-    const size_t budget = settings->byte_budget, surfaces = spsi_tmap_texel_count(map) * sizeof(float);
+    const size_t budget = settings->byte_budget; /* a light's map has no surfaces */
+    const size_t surfaces = map->light < 0 ? spsi_tmap_texel_count(map) * sizeof(float) : 0;
     const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
@@ -11256,11 +11288,11 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-/* The same of all that a table is made from. */
-static uint64_t spsi_table_key(const spsi_frame *frame, const sps_tmap *map) {
+/* A hash of all that a table is made from, given that of the gas. */
+static uint64_t spsi_table_key(const spsi_frame *frame, const sps_tmap *map, uint64_t gas) {
     const double knobs[] = {frame->view.slab, frame->accuracy.cut, map->settings.near_depth, map->settings.far_depth};
-    uint64_t hash = spsi_gas_fingerprint(frame);
-    if (!hash) return 0;
+    uint64_t hash = gas;
+    if (!gas) return 0;
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
     hash = spsi_fingerprint(hash, &map->settings.components, sizeof map->settings.components);
     for (int face = 0; face < map->face_count; ++face) {
@@ -11273,18 +11305,17 @@ static uint64_t spsi_table_key(const spsi_frame *frame, const sps_tmap *map) {
     return hash | 1;
 }
 
-/* Moves the table with this key, if it is held, into a map. */
-static int spsi_table_take(sps_context *context, uint64_t key, sps_tmap *map) {
+/* Moves the table with a map's key, if it is held, into the map. */
+static void spsi_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
-    for (int i = 0; i < context->table_count && key; ++i)
-        if (held[i].key == key) {
-            *map = held[i];
-            memset(&held[i], 0, sizeof held[i]);
-            held[i].context = context;
-            context->stats.tables_held += 1;
-            return 1;
-        }
-    return 0;
+    for (int i = 0; i < context->table_count && map->key && !map->finished; ++i) {
+        if (held[i].key != map->key) continue;
+        map->data.table = held[i].data.table;
+        map->finished = 1;
+        memset(&held[i], 0, sizeof held[i]);
+        held[i].context = context;
+        context->stats.tables_held += 1;
+    }
 }
 
 /* Releases all tables that are held. */
@@ -11304,9 +11335,10 @@ static void spsi_table_hold(sps_context *context, sps_tmap *map) {
         spsi_tmap_release(map);
 }
 
-/* Aims the map by which gas casts a light's shadow, and takes its table, if that is held. */
+/* Aims the map by which gas casts a light's shadow, and takes its table, if that is held. `gas` is the fingerprint of
+   the gas. */
 static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                       sps_tmap *map) {
+                                       uint64_t gas, sps_tmap *map) {
     memset(map, 0, sizeof *map);
     map->context = context;
     map->light = lamp->index;
@@ -11316,15 +11348,15 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
     if (map->face_count == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
-    if (spsi_is_table(lamp)) spsi_tmap_fit_range(map, &frame->content->bounds);
-    if (spsi_tmap_resolve(map)) return context->result;
+    map->has_range = spsi_settings_have_range(&map->settings);
     spsi_tmap_fit_range(map, &frame->content->bounds);
+    if (spsi_tmap_resolve(map)) return context->result;
     if (!spsi_is_table(lamp)) return SPS_OK;
-    if ((double)spsi_table_columns(map) * spsi_table_rows(map) * map->settings.components > 1 << 24)
-        return spsi_fail_that(context, SPS_ERROR_MEMORY, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
-                              "would have more than 2^28 entries"); /* floats count blocks' planes */
-    map->key = spsi_table_key(frame, map);
-    spsi_table_take(context, map->key, map);
+    if (spsi_table_blocks(map) * map->settings.components > SPSI_TABLE_BLOCKS_MOST)
+        return spsi_fail_setting(context, SPS_ERROR_MEMORY, map->light, "components", map->settings.components,
+                                 "a table of this size would have more than 2^28 entries");
+    map->key = spsi_table_key(frame, map, gas);
+    spsi_table_take(context, map);
     return SPS_OK;
 }
 
@@ -11335,7 +11367,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = frame;
     occluders.part = *part;
-    if (map->data.table.data) return SPS_OK;
+    if (map->finished) return SPS_OK;
     if (spsi_tmap_fill(map, &occluders)) return context->result;
     return spsi_is_table(lamp) ? spsi_table_build(map) : SPS_OK;
 }
@@ -12417,6 +12449,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
+    const uint64_t gas = spsi_has_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
     int mapped = 0;
     sps_tmap *maps, *next;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
@@ -12431,7 +12464,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
         if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = next;
         shadows[i].kind = SPSI_SHADOW_MAP;
-        if (spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, next++)) return context->result;
+        if (spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, gas, next++)) return context->result;
     }
     spsi_tables_drop(context); /* what no light has taken */
     if (!spsi_reserve(context, SPSI_BUFFER_TABLES_HELD, (size_t)mapped, sizeof *maps)) return context->result;
@@ -13086,8 +13119,9 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
         const spsi_sample *sample = &part->samples[m];
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
-            if (material->scatters && shader->frame->has_ambient)
-                sent = spsi_mul(spsi_mul(sample->depth, sample->color[c]), spsi_set(shader->frame->ambient[c]));
+            if (material->scatters && shader->frame->ambient.exists)
+                sent =
+                    spsi_mul(spsi_mul(sample->depth, sample->color[c]), spsi_set(shader->frame->ambient.radiance[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
             radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
         }
@@ -13279,7 +13313,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     spsi_surface_at(&frame->content->eye, shader->faces, &shader->hits[at], x, y, &surface);
     spsi_appearance_at(shader->faces, &shader->hits[at], spsi_surface_set(frame, shader->set, x, y), &look);
     for (int c = 0; c < 3; ++c)
-        radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient[c] + look.emission[c] : 0;
+        radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient.radiance[c] + look.emission[c] : 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
@@ -13712,8 +13746,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->faces = faces;
     shader->shadows = run->shadows;
     shader->hits = faces->count > 0 ? hits : NULL;
-    shader->unshadowed =
-        sweep->first && (frame->has_ambient || frame->matter.emits || frame->lamps.count > frame->lamps.shadow_count);
+    shader->unshadowed = sweep->first && (frame->ambient.exists || frame->matter.emits ||
+                                          frame->lamps.count > frame->lamps.shadow_count);
     shader->end_depth = (float)-log(frame->accuracy.threshold);
     if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
         spsi_run_slice(context, run))
@@ -14253,8 +14287,8 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    "volumes or particles scatter light",
                    frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
-    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->has_ambient && (frame->matter.scatters || polygons),
-                   "there is ambient light", frame->has_ambient ? "nothing to light" : "ambient is black");
+    spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
+                   "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");
     spsi_plan_pass(report, SPS_PASS_SURFACE_LIGHT, polygons && lit ? sweeps : 0, "lights shine on polygons",
                    polygons ? "no light" : "no triangles");
 }
@@ -14811,7 +14845,7 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
         float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, point->samples[m].color[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient[c];
+            source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient.radiance[c];
             source[c] += point->value[m] * (double)material->emission[c];
         }
     }
@@ -14847,7 +14881,8 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     spsi_surface surface;
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->set, x, y), &look);
-    for (int c = 0; c < 3; ++c) radiance[c] = look.color[c] * (double)frame->ambient[c] + (double)look.emission[c];
+    for (int c = 0; c < 3; ++c)
+        radiance[c] = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         double arrives[3];

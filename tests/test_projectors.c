@@ -21,7 +21,7 @@ typedef struct slide {
     int pattern;
 } slide;
 
-enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED, ROWS, COLUMNS };
+enum { WHITE, NOISE, CHECKER, HALVES, GREY, HOLED, ROWS, COLUMNS, LINES };
 
 /* A color of the texel at (x, y): a hash. */
 static void noise(int x, int y, float rgb[3]) {
@@ -40,6 +40,7 @@ static int sample_slide(void *user, size_t count, const float *uv, float *out) {
         out[0] = out[1] = out[2] = 1;
         if (s->pattern == NOISE || s->pattern == HOLED) noise(x, y, out);
         if (s->pattern == HOLED && y == s->size - 1 && x == 1) out[0] = out[1] = out[2] = 0;
+        if (s->pattern == LINES) out[0] = out[1] = out[2] = (float)(y & 1);
         if (s->pattern == ROWS) out[0] = out[1] = out[2] = (float)((y + 2) >> 2 & 1);
         if (s->pattern == COLUMNS) out[0] = out[1] = out[2] = (float)((x + 2) >> 2 & 1);
         if (s->pattern == GREY) out[0] = out[1] = out[2] = 0.5f;
@@ -176,6 +177,28 @@ static void test_oblong_texels(void) {
         for (int y = 3; y < SIDE - 3; ++y)
             for (int x = 3; x < SIDE - 3; ++x) worst = fmax(worst, fabs((double)pixel(image_a, x, y)[0] - 0.5));
         CHECK(worst < 1e-6);
+    }
+}
+
+/* Eight rows of black and white, each four pixels high, however many columns there are: halving the short side of
+   texels must leave the long one. Rows' middles lie two pixels from where rows meet, so pixels there are an eighth off.
+ */
+static void test_long_texels(void) {
+    for (int width = 8; width <= 2048; width *= 4) {
+        slide image = {8, 0, 0, 0, LINES};
+        sps_projector projector = projector_of(&image, 2);
+        check_scene s;
+        double low = 1, high = 0;
+        projector.width = width;
+        start_wall(&s);
+        add_projector(&s, SPS_LIGHT_DIRECTIONAL, &projector);
+        check_render(context, &s, image_a);
+        for (int y = 3; y < SIDE - 3; ++y) {
+            low = fmin(low, (double)pixel(image_a, SIDE / 2, y)[0]);
+            high = fmax(high, (double)pixel(image_a, SIDE / 2, y)[0]);
+        }
+        CHECK_NEAR(low, 0.125, 1e-5);
+        CHECK_NEAR(high, 0.875, 1e-5);
     }
 }
 
@@ -510,6 +533,15 @@ static void test_refused(void) {
     wrong = right, wrong.focus = 0.4;
     check_refused(&s, SPS_ERROR_ARGUMENT,
                   "light[0].projector.focus is 0.4; it must be 0, or within 1e15 and beyond the extent");
+    wrong = right, wrong.focus = 2.5; /* a disc of radius 2, tilted by 45 degrees, is sqrt(2) deep */
+    check_set3(s.light[0].axes[0], 0, 0, 2);
+    check_set3(s.light[0].axes[1], 0, 2, 0);
+    check_set3(s.light[0].direction, 0, -1, -1);
+    s.light[0].samples = 2;
+    check_render(context, &s, image_a);
+    s.light[0].kind = SPS_LIGHT_RECTANGLE;
+    check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].projector.focus is 2.5");
+    s.light[0].kind = SPS_LIGHT_DISC;
     wrong = right, wrong.end_canary = 3;
     check_refused(&s, SPS_ERROR_ARGUMENT, "light[0].projector.end_canary is 3");
     wrong = right;
@@ -552,6 +584,7 @@ int main(void) {
     RUN(test_any_frustum);
     RUN(test_large_pixels);
     RUN(test_oblong_texels);
+    RUN(test_long_texels);
     RUN(test_halving);
     RUN(test_focus);
     RUN(test_tilted_lens);

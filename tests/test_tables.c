@@ -351,6 +351,21 @@ static void test_default_size(void) {
     CHECK(plan.pass[SPS_PASS_LIGHT_MAPS].bytes > bytes + bytes / 4);
 }
 
+/* However large a table is made, by default it has no more entries than can be looked up. */
+static void test_large(void) {
+    sps_context *fresh = check_context(NULL);
+    check_scene s;
+    start(&s, GAS, SPS_LIGHT_DIRECTIONAL);
+    s.light[0].shadow_map = &table;
+    s.light[0].shadow_map_size = 2048;
+    s.view.quality = SPS_QUALITY_DRAFT;
+    check_render(fresh, &s, image_a);
+    s.light[0].shadow_map_size = 64;
+    check_render(fresh, &s, image_b);
+    CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * mean_of(image_b));
+    sps_destroy(fresh);
+}
+
 static void test_workers(void) {
     check_hooks hooks;
     sps_context *many;
@@ -421,6 +436,14 @@ static void test_settings(void) {
     s.light[0].shadow_map = &settings;
     stats = render_stats(&s, image_b);
     CHECK(stats.tables_held == 1 && memcmp(image_a, image_b, sizeof image_a) == 0);
+    for (int size = 17; size < 30; size += 4) { /* which are not multiples of a block's 4 texels */
+        settings.byte_budget = (size_t)(60 * size * size) + 4000;
+        s.light[0].shadow_map_size = size;
+        stats = render_stats(&s, image_b);
+        CHECK(context->table_count == 1);
+        CHECK(((const sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data)->data.table.size <
+              settings.byte_budget);
+    }
     settings.byte_budget = 60000;
     s.light[0].shadow_map_size = 20;
     stats = render_stats(&s, image_b);
@@ -445,7 +468,8 @@ static void test_refused(void) {
     s.light[0].angular_diameter = 0;
     settings.components = 1024;
     s.light[0].shadow_map_size = 2048;
-    check_refused(&s, SPS_ERROR_MEMORY, "light[0].shadow_map would have more than 2^28 entries");
+    check_refused(&s, SPS_ERROR_MEMORY,
+                  "light[0].shadow_map.components is 1024; a table of this size would have more than 2^28 entries");
     light = check_light_of(&s.view);
     settings.far_depth = 10;
     CHECK(sps_tmap_create(context, &light, &settings, &map) == SPS_ERROR_ARGUMENT && !map);
@@ -466,6 +490,7 @@ int main(void) {
     RUN(test_several);
     RUN(test_plan);
     RUN(test_default_size);
+    RUN(test_large);
     RUN(test_workers);
     RUN(test_allocations);
     RUN(test_settings);

@@ -608,7 +608,7 @@ static int untouched(const float *image) {
 
 /* The call fails as `expected` with a sentence that begins so, names mesh 1 and its shade_fn, leaves the image as it
    was, and the next call succeeds. */
-static void check_fails(check_scene *s, int reference, sps_result expected, const char *sentence) {
+static void check_call_fails(check_scene *s, int reference, sps_result expected, const char *sentence) {
     sps_image image;
     sps_error_info info;
     sps_result result;
@@ -643,7 +643,7 @@ static void test_failing(void) {
         check_render(context, &s, image_b);
         record_clear(&seen);
         seen.fail_call = 1;
-        check_fails(&s, reference, SPS_ERROR_CALLBACK, "mesh[1].shade_fn failed: it returned 12");
+        check_call_fails(&s, reference, SPS_ERROR_CALLBACK, "mesh[1].shade_fn failed: it returned 12");
     }
 }
 
@@ -669,7 +669,7 @@ static void test_bad_values(void) {
         seen.value = cases[n % 6].value;
         seen.spoil_point = n % 2 ? 1 : count;
         s.scene.replace_invalid = n % 4 == 0; /* is about volumes and particles */
-        check_fails(&s, n / 6, SPS_ERROR_DATA, cases[n % 6].sentence);
+        check_call_fails(&s, n / 6, SPS_ERROR_DATA, cases[n % 6].sentence);
     }
 }
 

@@ -481,9 +481,9 @@ typedef enum sps_tmap_technique {
     SPS_TMAP_BEER,
     /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark. By
-       default its entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
-       side; n 8..1024, default as many as make an entry as long as wide, up to 256; at most 2^28 entries. 4 bytes per
-       texel and plane, twice that while it is made; cheapest of all maps to look up. */
+       default entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
+       side. n 8..1024; the default makes entries as long as they are wide, but at most 256 planes. At most 2^28
+       entries. 4 bytes per texel and plane, twice that while it is made; cheapest of all maps to look up. */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
@@ -495,7 +495,7 @@ typedef enum sps_tmap_window {
 } sps_tmap_window;
 
 /* Zero is valid for all but far_depth: deep opacity, cubic, with 8 components. For sps_light.shadow_map all of it may
-   be zero. */
+   be zero: a table. */
 typedef struct sps_tmap_settings {
     uint32_t start_canary; /* leave 0 */
     sps_tmap_technique technique;
@@ -600,13 +600,13 @@ typedef struct sps_light {
     /* NULL: shadows of gas come from slabs. Otherwise from a transmittance map made with these settings, which has no
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0. By
-       default it is a table, which is held from call to call as long as it would be the same: while all volumes have a
-       revision, and nothing has changed that it depends on, which is not the camera. Volumes that are shaded as
-       surfaces, or dense, show the errors of maps of few components as blotches near the terminator. A light with an
-       extent cannot have one. Borrowed for the call. */
+       default it is a table. If all volumes have a revision, a table is held for the next call, and used there if
+       nothing that it was made from has changed; the camera is not part of that. Volumes that are shaded as surfaces,
+       or dense, show the errors of maps of few components as blotches near the terminator. A light with an extent
+       cannot have one. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
-    int shadow_map_size; /* texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality
-                          */
+    /* Texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality. */
+    int shadow_map_size;
     /* Point: 1: six faces wherever the light is; 0: only if it is amid what it lights. */
     int shadow_map_omnidirectional;
     uint32_t end_canary; /* leave 0 */
@@ -702,7 +702,8 @@ typedef enum sps_pass {
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep */
     SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a shadow_map */
-    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map */
+    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map; counts tables that
+                                turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
@@ -1010,24 +1011,23 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 #define SPSI_PI       3.14159265358979323846
 #define SPSI_INFINITY ((float)HUGE_VAL)
 
-#define SPSI_SIZE_MAX          16384     /* pixels or texels on a side; 2^28 of them fit an int */
-#define SPSI_SLABS_MAX         (1 << 20) /* with this many, lookups along the eye's rays resolve a sixteenth of a slab */
-#define SPSI_VOLUMES_MAX       64
-#define SPSI_SETS_MAX          64 /* of particles */
-#define SPSI_MATERIALS_MAX     (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
-#define SPSI_LOBES_MAX         8
-#define SPSI_WORKERS_MAX       1024
-#define SPSI_FACES_MAX         (1 << 29) /* four numbers of each still fit an int */
-#define SPSI_PARTICLES_MAX     (1 << 29)
-#define SPSI_VALUE_MAX         1e18f  /* larger values could overflow when multiplied by extinction and length */
-#define SPSI_COORDINATE_MAX    1e15   /* products of squares of it do not overflow a double */
-#define SPSI_VALUE_MIN         1e-30f /* smaller values would only make denormal numbers */
-#define SPSI_RADIANCE_MAX      1e30f  /* cap of a sheet's emission, so that sums stay finite */
-#define SPSI_DEPTH_MAX         1e15f /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
-#define SPSI_LIGHT_END         16.0f /* optical depth at which a light is no longer followed: 1e-7 of it is left */
-#define SPSI_POINTS_MAX        256   /* that stand for an extended light */
-#define SPSI_IMAGE_SIZE_MAX    4096  /* of an image that a light throws */
-#define SPSI_TABLE_TEXELS_MOST 256   /* on a side of a shadow table whose size is not set */
+#define SPSI_SIZE_MAX       16384     /* pixels or texels on a side; 2^28 of them fit an int */
+#define SPSI_SLABS_MAX      (1 << 20) /* with this many, lookups along the eye's rays resolve a sixteenth of a slab */
+#define SPSI_VOLUMES_MAX    64
+#define SPSI_SETS_MAX       64 /* of particles */
+#define SPSI_MATERIALS_MAX  (SPSI_VOLUMES_MAX + SPSI_SETS_MAX)
+#define SPSI_LOBES_MAX      8
+#define SPSI_WORKERS_MAX    1024
+#define SPSI_FACES_MAX      (1 << 29) /* four numbers of each still fit an int */
+#define SPSI_PARTICLES_MAX  (1 << 29)
+#define SPSI_VALUE_MAX      1e18f  /* larger values could overflow when multiplied by extinction and length */
+#define SPSI_COORDINATE_MAX 1e15   /* products of squares of it do not overflow a double */
+#define SPSI_VALUE_MIN      1e-30f /* smaller values would only make denormal numbers */
+#define SPSI_RADIANCE_MAX   1e30f  /* cap of a sheet's emission, so that sums stay finite */
+#define SPSI_DEPTH_MAX      1e15f  /* cap of optical depth, and a polygon's optical depth; exp(-86) is already 0 here */
+#define SPSI_LIGHT_END      16.0f  /* optical depth at which a light is no longer followed: 1e-7 of it is left */
+#define SPSI_POINTS_MAX     256    /* that stand for an extended light */
+#define SPSI_IMAGE_SIZE_MAX 4096   /* of an image that a light throws */
 
 #define SPSI_TILE_WIDTH  64 /* pixels; a tile's sheets stay in the level-2 cache, measured best on 512 KiB */
 #define SPSI_TILE_HEIGHT 64
@@ -1530,7 +1530,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
     SPSI_BUFFER_TMAP_VOLUMES,      /* data for splatting volumes into a map, >>tmaps */
     SPSI_BUFFER_LIGHT_TMAPS,       /* lights' transmittance maps */
-    SPSI_BUFFER_TABLES_HELD,       /* shadow tables of the last call */
+    SPSI_BUFFER_SHADOW_TABLES,     /* shadow tables of the last call */
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
@@ -1571,8 +1571,8 @@ struct sps_context {
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
-    int tree_held;   /* 1: the tree of these triangles is held too */
-    int table_count; /* shadow tables held, >>tmaps */
+    int tree_held;          /* 1: the tree of these triangles is held too */
+    int shadow_table_count; /* held from the last call, >>tmaps */
     double mesh_low[3], mesh_high[3];
 };
 
@@ -6806,16 +6806,20 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
-static int spsi_is_table(const spsi_lamp *lamp) { return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE; }
+static int spsi_has_shadow_table(const spsi_lamp *lamp) {
+    return lamp->has_map && lamp->map.technique == SPS_TMAP_TABLE;
+}
+
+#define SPSI_SHADOW_TABLE_TEXELS_MOST 256 /* on a side of a shadow table whose size is not set */
 
 /* The same of a light's map. */
 static int spsi_map_texels_most(const spsi_frame *frame, const spsi_lamp *lamp) {
-    return spsi_is_table(lamp) ? SPSI_TABLE_TEXELS_MOST : spsi_light_texels_most(frame);
+    return spsi_has_shadow_table(lamp) ? SPSI_SHADOW_TABLE_TEXELS_MOST : spsi_light_texels_most(frame);
 }
 
-static int spsi_has_tables(const spsi_frame *frame) {
+static int spsi_has_shadow_tables(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (spsi_is_table(&frame->lamps.list[i])) return 1;
+        if (spsi_has_shadow_table(&frame->lamps.list[i])) return 1;
     return 0;
 }
 
@@ -6952,6 +6956,7 @@ static sps_result spsi_image_read(sps_context *context, const spsi_frame *frame,
     float *rgb = row + 2 * width;
     for (int y = 0; y < projection->height; ++y) {
         int returned;
+        if (spsi_progress(context, 0)) return context->result;
         for (size_t x = 0; x < width; ++x) {
             row[2 * x] = (float)(((double)x + 0.5) / projection->width);
             row[2 * x + 1] = (float)((y + 0.5) / projection->height);
@@ -6982,8 +6987,8 @@ static int spsi_halving(int fine, int coarse, int i, float shares[3]) {
 /* Fills one texel of a level from the level before, three planes of it. */
 static void spsi_image_halve_texel(const spsi_image *image, int level, int x, int y) {
     const size_t from_pitch = (size_t)image->width[level - 1], pitch = (size_t)image->width[level];
-    const size_t from_plane = from_pitch * (size_t)image->height[level - 1],
-                 plane = pitch * (size_t)image->height[level];
+    const size_t from_plane = from_pitch * (size_t)image->height[level - 1];
+    const size_t plane = pitch * (size_t)image->height[level];
     float across[3], down[3];
     const int x0 = spsi_halving(image->width[level - 1] - 2, image->width[level] - 2, x, across);
     const int y0 = spsi_halving(image->height[level - 1] - 2, image->height[level] - 2, y, down);
@@ -7039,10 +7044,10 @@ static sps_result spsi_gather_images(sps_context *context, const spsi_frame *fra
     return SPS_OK;
 }
 
-/* Whether any of a vector of lookups may find something: an image of pixels of `size` texels ends half as far beyond
-   its edges. */
+/* Whether any of a vector of lookups may find something: where pixels have `size` texels, the image ends less than
+   twice that beyond its edges. */
 static int spsi_image_meets(const spsi_image *image, spsi_v x, spsi_v y, spsi_v size) {
-    const spsi_v margin = spsi_max(size, spsi_set(1)), before = spsi_sub(spsi_set(0), margin);
+    const spsi_v margin = spsi_add(spsi_max(size, spsi_set(1)), size), before = spsi_sub(spsi_set(0), margin);
     const spsi_v after_x = spsi_add(margin, spsi_set((float)image->width[0]));
     const spsi_v after_y = spsi_add(margin, spsi_set((float)image->height[0]));
     return spsi_bits(spsi_and(spsi_and(spsi_less(before, x), spsi_less(x, after_x)),
@@ -7059,8 +7064,8 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
         const float scale_x = (float)(width - 2) / (float)(image->width[0] - 2);
         const float scale_y = (float)(height - 2) / (float)(image->height[0] - 2);
         const float *edge = &image->edge[level];
-        spsi_v before = one, after = one, share, u,
-               v; /* shares of levels: linear in size from one's edge to the next */
+        /* shares of levels: linear in size from one's edge to the next */
+        spsi_v before = one, after = one, share, u, v;
         if (level > 0) before = spsi_mul(spsi_sub(size, spsi_set(edge[-1])), spsi_set(1 / (edge[0] - edge[-1])));
         if (level + 1 < image->level_count)
             after = spsi_mul(spsi_sub(spsi_set(edge[1]), size), spsi_set(1 / (edge[1] - edge[0])));
@@ -7080,8 +7085,8 @@ static void spsi_image_lookup(const spsi_image *image, spsi_v x, spsi_v y, spsi_
 static void spsi_projection_lookup(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_v offset[3], spsi_v pixel,
                                    spsi_v rgb[3]) {
     const spsi_projection *projection = &lamp->projection;
-    spsi_v row[3], at[2], way = spsi_set(1),
-                          size = spsi_mul(pixel, spsi_set((float)(1 / fmin(projection->edge[0], projection->edge[1]))));
+    const float per_edge = (float)(1 / fmin(projection->edge[0], projection->edge[1]));
+    spsi_v row[3], at[2], way = spsi_set(1), size = spsi_mul(pixel, spsi_set(per_edge));
     spsi_m ahead = spsi_less(spsi_set(0), way);
     if (lamp->is_point) {
         spsi_set3(projection->forward, row);
@@ -9499,7 +9504,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    technique that accepts intervals in any order; before that the texel's range, where the technique needs it; or a list
    that is first counted, then filled, sorted, and made into a curve to which the technique is fitted. Volumes are
    splatted into slabs perpendicular to the light's axis, which takes one visit of all voxels for plain sums and two for
-   the rest. Cost: occluders times texels under them times components; 4 bytes per texel and component in a band of 64
+   the rest. A light's shadow table is an opacity map whose planes are packed into pairs of 16 bits, and held for the
+   next call. Cost: occluders times texels under them times components; 4 bytes per texel and component in a band of 64
    rows, or 16 per interval in it. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none: no point is so far behind far_depth */
@@ -9693,74 +9699,79 @@ static spsi_v spsi_tmap_each_optical_depth(const sps_tmap *map, spsi_v column, s
     return spsi_load(us);
 }
 
-#define SPSI_TABLE_SIDE        4 /* texels on a side of a block: a plane of it is 64 bytes, which are fetched together */
-#define SPSI_TABLE_TEXELS      (SPSI_TABLE_SIDE * SPSI_TABLE_SIDE)
-#define SPSI_TABLE_MOST        65535.0f   /* stands for an optical depth of SPSI_TABLE_DEPTH */
-#define SPSI_TABLE_DEPTH       16.0f      /* e^-16 = 1.1e-7 */
-#define SPSI_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, which floats count */
+#define SPSI_SHADOW_TABLE_SIDE                                                                                         \
+    4 /* texels on a side of a block: a plane of it is 64 bytes, which are fetched together */
+#define SPSI_SHADOW_TABLE_TEXELS      (SPSI_SHADOW_TABLE_SIDE * SPSI_SHADOW_TABLE_SIDE)
+#define SPSI_SHADOW_TABLE_MOST        65535.0f   /* stands for an optical depth of SPSI_SHADOW_TABLE_DEPTH */
+#define SPSI_SHADOW_TABLE_DEPTH       16.0f      /* e^-16 = 1.1e-7 */
+#define SPSI_SHADOW_TABLE_BLOCKS_MOST 16777216.0 /* planes of blocks, which floats count */
 
 /* Blocks along a row of a table, and along its columns, faces one below the other. */
-static int spsi_table_columns(const sps_tmap *map) {
-    return (map->rays[0].width + SPSI_TABLE_SIDE - 1) / SPSI_TABLE_SIDE;
+static int spsi_shadow_table_columns(const sps_tmap *map) {
+    return (map->rays[0].width + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
 
-static int spsi_table_rows(const sps_tmap *map) {
-    return (map->rays[0].height * map->face_count + SPSI_TABLE_SIDE - 1) / SPSI_TABLE_SIDE;
+static int spsi_shadow_table_rows(const sps_tmap *map) {
+    return (map->rays[0].height * map->face_count + SPSI_SHADOW_TABLE_SIDE - 1) / SPSI_SHADOW_TABLE_SIDE;
 }
 
-static double spsi_table_blocks(const sps_tmap *map) { return (double)spsi_table_columns(map) * spsi_table_rows(map); }
+static double spsi_shadow_table_blocks(const sps_tmap *map) {
+    return (double)spsi_shadow_table_columns(map) * spsi_shadow_table_rows(map);
+}
 
 /* Along one axis: the block that a texel is in, and its place there, `size` apart. */
-typedef struct spsi_table_place {
+typedef struct spsi_shadow_table_place {
     spsi_v block, within;
-} spsi_table_place;
+} spsi_shadow_table_place;
 
-static inline spsi_table_place spsi_table_place_of(spsi_v texel, float size) {
-    spsi_table_place place;
-    place.block = spsi_floor(spsi_mul(texel, spsi_set(1.0f / SPSI_TABLE_SIDE)));
-    place.within = spsi_mul(spsi_fma(place.block, spsi_set(-SPSI_TABLE_SIDE), texel), spsi_set(size));
+static inline spsi_shadow_table_place spsi_shadow_table_place_of(spsi_v texel, float size) {
+    spsi_shadow_table_place place;
+    place.block = spsi_floor(spsi_mul(texel, spsi_set(1.0f / SPSI_SHADOW_TABLE_SIDE)));
+    place.within = spsi_mul(spsi_fma(place.block, spsi_set(-SPSI_SHADOW_TABLE_SIDE), texel), spsi_set(size));
     return place;
 }
 
 /* Optical depth in texels of a table, `share` of the way from plane k - 1 to plane k of u = (k + 1) / n; plane -1, at
    u = 0, is 0. Item k of a texel holds both. */
-static inline spsi_v spsi_table_at(const sps_tmap *map, const spsi_table_place *column, const spsi_table_place *row,
-                                   spsi_v k, spsi_v share) {
-    const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_table_columns(map)), column->block);
+static inline spsi_v spsi_shadow_table_at(const sps_tmap *map, const spsi_shadow_table_place *column,
+                                          const spsi_shadow_table_place *row, spsi_v k, spsi_v share) {
+    const spsi_v block = spsi_fma(row->block, spsi_set((float)spsi_shadow_table_columns(map)), column->block);
     spsi_v pair[2];
-    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_TABLE_TEXELS, spsi_add(row->within, column->within),
+    spsi_lookup_pair((const uint32_t *)map->data.table.data, SPSI_SHADOW_TABLE_TEXELS,
+                     spsi_add(row->within, column->within),
                      spsi_fma(block, spsi_set((float)map->settings.components), k), pair);
     return spsi_mix(pair[0], pair[1], share);
 }
 
-#define SPSI_TABLE_STEP (SPSI_TABLE_DEPTH / SPSI_TABLE_MOST)
+#define SPSI_SHADOW_TABLE_STEP (SPSI_SHADOW_TABLE_DEPTH / SPSI_SHADOW_TABLE_MOST)
 
 /* The same as spsi_tmap_all_optical_depths, from a shadow table. */
-static spsi_v spsi_table_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
+static spsi_v spsi_shadow_table_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1)));
-    const spsi_table_place x = spsi_table_place_of(column, 1), y = spsi_table_place_of(row, SPSI_TABLE_SIDE);
-    return spsi_mul(spsi_table_at(map, &x, &y, k, spsi_sub(at, k)), spsi_set(SPSI_TABLE_STEP));
+    const spsi_shadow_table_place x = spsi_shadow_table_place_of(column, 1),
+                                  y = spsi_shadow_table_place_of(row, SPSI_SHADOW_TABLE_SIDE);
+    return spsi_mul(spsi_shadow_table_at(map, &x, &y, k, spsi_sub(at, k)), spsi_set(SPSI_SHADOW_TABLE_STEP));
 }
 
 /* The same as spsi_tmap_optical_depths. */
-static spsi_v spsi_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
+static spsi_v spsi_shadow_table_lookup(const sps_tmap *map, const spsi_tmap_quads *quads) {
     const spsi_v planes = spsi_set((float)map->settings.components), at = spsi_mul(quads->u, planes);
     const spsi_v k = spsi_min(spsi_floor(at), spsi_sub(planes, spsi_set(1))), share = spsi_sub(at, k);
-    spsi_table_place x[2], y[2];
+    spsi_shadow_table_place x[2], y[2];
     spsi_v sum = spsi_set(0);
     for (int i = 0; i < 2; ++i) {
-        x[i] = spsi_table_place_of(quads->column[i], 1);
-        y[i] = spsi_table_place_of(quads->row[i], SPSI_TABLE_SIDE);
+        x[i] = spsi_shadow_table_place_of(quads->column[i], 1);
+        y[i] = spsi_shadow_table_place_of(quads->row[i], SPSI_SHADOW_TABLE_SIDE);
     }
     for (int i = 0; i < 4; ++i)
-        sum = spsi_fma(quads->weight[i], spsi_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
-    return spsi_mul(sum, spsi_set(SPSI_TABLE_STEP));
+        sum = spsi_fma(quads->weight[i], spsi_shadow_table_at(map, &x[i & 1], &y[i >> 1], k, share), sum);
+    return spsi_mul(sum, spsi_set(SPSI_SHADOW_TABLE_STEP));
 }
 
 /* The same, by whichever of these the map supports. */
 static spsi_v spsi_tmap_texel_optical_depths(const sps_tmap *map, spsi_v column, spsi_v row, spsi_v u, spsi_v weight) {
-    if (map->data.table.data) return spsi_table_optical_depths(map, column, row, u);
+    if (map->data.table.data) return spsi_shadow_table_optical_depths(map, column, row, u);
     return map->has_vectors ? spsi_tmap_all_optical_depths(map, column, row, u)
                             : spsi_tmap_each_optical_depth(map, column, row, u, weight);
 }
@@ -9872,7 +9883,7 @@ static spsi_v spsi_tmap_lookup(const sps_tmap *map, const spsi_v q[3]) {
         spsi_tmap_see(map, q, &seen);
     spsi_quads_build(map, &seen, &quads);
     quads.u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)map->per_depth)), spsi_set(0), spsi_set(1));
-    return map->data.table.data ? spsi_table_lookup(map, &quads) : spsi_tmap_optical_depths(map, &quads);
+    return map->data.table.data ? spsi_shadow_table_lookup(map, &quads) : spsi_tmap_optical_depths(map, &quads);
 }
 
 /* Optical depth, surfaces included, from that of gas and the share that surfaces let through. */
@@ -10872,7 +10883,8 @@ static size_t spsi_tmap_bytes(const sps_tmap *map) {
         return fixed + map->data.texels.size + map->data.starts.size + map->data.table.size + map->data.surfaces.size;
     if (map->technique->lists) return fixed + (texels + 1) * sizeof(uint32_t);
     if (map->settings.technique == SPS_TMAP_TABLE)
-        return fixed + (size_t)(spsi_table_blocks(map) * SPSI_TABLE_TEXELS * map->settings.components) * sizeof(float);
+        return fixed + (size_t)(spsi_shadow_table_blocks(map) * SPSI_SHADOW_TABLE_TEXELS * map->settings.components) *
+                           sizeof(float);
     return fixed + texels * (size_t)map->settings.components * sizeof(float);
 }
 
@@ -10977,12 +10989,12 @@ static sps_result spsi_tmap_check(sps_context *context, const sps_tmap_light *li
 
 /* Number of planes that make a table's entries as long as they are wide, in the middle of its depths, unless these are
    too many. */
-static int spsi_table_planes(const sps_tmap *map) {
+static int spsi_shadow_table_planes(const sps_tmap *map) {
     const spsi_rays *rays = &map->rays[0];
     const double low = map->settings.near_depth, high = map->settings.far_depth;
     const double pitch = spsi_pixel_size_at(rays, 0.5 * (low + high));
     const spsi_technique *technique = map->technique;
-    const double most = fmin(technique->usual, floor(SPSI_TABLE_BLOCKS_MOST / spsi_table_blocks(map)));
+    const double most = fmin(technique->usual, floor(SPSI_SHADOW_TABLE_BLOCKS_MOST / spsi_shadow_table_blocks(map)));
     return (int)fmax(fmin(ceil((high - low) / pitch), most), technique->least);
 }
 
@@ -10996,7 +11008,7 @@ static sps_result spsi_tmap_resolve(sps_tmap *map) {
     const int is_set = settings->components > 0;
     map->has_range = spsi_settings_have_range(settings);
     settings->components = spsi_components_of(settings);
-    if (!is_set && settings->technique == SPS_TMAP_TABLE) settings->components = spsi_table_planes(map);
+    if (!is_set && settings->technique == SPS_TMAP_TABLE) settings->components = spsi_shadow_table_planes(map);
     while (!is_set && budget && spsi_tmap_bytes(map) + surfaces > budget && technique->step > 0 &&
            settings->components - technique->step >= spsi_components_least(settings))
         settings->components -= technique->step;
@@ -11225,43 +11237,44 @@ static void spsi_tmap_fit_range(sps_tmap *map, const spsi_bounds *bounds) {
     for (int face = 0; face < map->face_count; ++face) map->rays[face].depth_reference = settings->near_depth;
 }
 
-/* The steps of a table that stand for an optical depth. */
-static uint32_t spsi_table_steps(float depth) {
-    return (uint32_t)(spsi_higher(0, depth < SPSI_TABLE_DEPTH ? depth : SPSI_TABLE_DEPTH) *
-                          (SPSI_TABLE_MOST / SPSI_TABLE_DEPTH) +
+/* The steps of a shadow table that stand for an optical depth. */
+static uint32_t spsi_shadow_table_steps(float depth) {
+    return (uint32_t)(spsi_higher(0, depth < SPSI_SHADOW_TABLE_DEPTH ? depth : SPSI_SHADOW_TABLE_DEPTH) *
+                          (SPSI_SHADOW_TABLE_MOST / SPSI_SHADOW_TABLE_DEPTH) +
                       0.5f);
 }
 
 /* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
-static void spsi_table_task(void *data, int row, int worker) {
+static void spsi_shadow_table_task(void *data, int row, int worker) {
     const sps_tmap *map = (const sps_tmap *)data;
     const int planes = map->settings.components, width = map->rays[0].width;
-    const int height = map->rays[0].height * map->face_count, columns = spsi_table_columns(map);
+    const int height = map->rays[0].height * map->face_count, columns = spsi_shadow_table_columns(map);
     uint32_t *to =
-        (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_TABLE_TEXELS;
+        (uint32_t *)map->data.table.data + (size_t)row * (size_t)columns * (size_t)planes * SPSI_SHADOW_TABLE_TEXELS;
     (void)worker;
-    for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_TABLE_TEXELS)
-        for (int i = 0; i < SPSI_TABLE_TEXELS; ++i) {
-            const int x = spsi_least(column * SPSI_TABLE_SIDE + i % SPSI_TABLE_SIDE, width - 1);
-            const int y = spsi_least(row * SPSI_TABLE_SIDE + i / SPSI_TABLE_SIDE, height - 1);
+    for (int column = 0; column < columns; ++column, to += (size_t)planes * SPSI_SHADOW_TABLE_TEXELS)
+        for (int i = 0; i < SPSI_SHADOW_TABLE_TEXELS; ++i) {
+            const int x = spsi_least(column * SPSI_SHADOW_TABLE_SIDE + i % SPSI_SHADOW_TABLE_SIDE, width - 1);
+            const int y = spsi_least(row * SPSI_SHADOW_TABLE_SIDE + i / SPSI_SHADOW_TABLE_SIDE, height - 1);
             const size_t texel = (size_t)y * (size_t)width + (size_t)x;
             const float *from = (const float *)map->data.texels.data + texel * (size_t)planes;
             uint32_t before = 0;
             for (int k = 0; k < planes; ++k) {
-                const uint32_t next = spsi_table_steps(from[k]);
-                to[k * SPSI_TABLE_TEXELS + i] = before | next << 16;
+                const uint32_t next = spsi_shadow_table_steps(from[k]);
+                to[k * SPSI_SHADOW_TABLE_TEXELS + i] = before | next << 16;
                 before = next;
             }
         }
 }
 
 /* Turns an opacity map's texels into a table, and releases them. */
-static sps_result spsi_table_build(sps_tmap *map) {
-    const size_t blocks = (size_t)spsi_table_columns(map) * (size_t)spsi_table_rows(map);
+static sps_result spsi_shadow_table_build(sps_tmap *map) {
+    const size_t blocks = (size_t)spsi_shadow_table_columns(map) * (size_t)spsi_shadow_table_rows(map);
     const size_t planes = (size_t)map->settings.components;
-    if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes, SPSI_TABLE_TEXELS * sizeof(uint32_t)))
+    if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes,
+                             SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t)))
         return map->context->result;
-    spsi_parallel(map->context, spsi_table_rows(map), spsi_table_task, map);
+    spsi_parallel(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
     spsi_buffer_release(map->context, &map->data.texels);
     map->context->stats.tables_made += 1;
     return SPS_OK;
@@ -11289,7 +11302,7 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
 }
 
 /* A hash of all that a table is made from, given that of the gas. */
-static uint64_t spsi_table_key(const spsi_frame *frame, const sps_tmap *map, uint64_t gas) {
+static uint64_t spsi_shadow_table_key(const spsi_frame *frame, const sps_tmap *map, uint64_t gas) {
     const double knobs[] = {frame->view.slab, frame->accuracy.cut, map->settings.near_depth, map->settings.far_depth};
     uint64_t hash = gas;
     if (!gas) return 0;
@@ -11306,9 +11319,9 @@ static uint64_t spsi_table_key(const spsi_frame *frame, const sps_tmap *map, uin
 }
 
 /* Moves the table with a map's key, if it is held, into the map. */
-static void spsi_table_take(sps_context *context, sps_tmap *map) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
-    for (int i = 0; i < context->table_count && map->key && !map->finished; ++i) {
+static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    for (int i = 0; i < context->shadow_table_count && map->key && !map->finished; ++i) {
         if (held[i].key != map->key) continue;
         map->data.table = held[i].data.table;
         map->finished = 1;
@@ -11318,19 +11331,19 @@ static void spsi_table_take(sps_context *context, sps_tmap *map) {
     }
 }
 
-/* Releases all tables that are held. */
-static void spsi_tables_drop(sps_context *context) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
-    for (int i = 0; i < context->table_count; ++i) spsi_tmap_release(&held[i]);
-    context->table_count = 0;
+/* Releases all shadow tables that are held. */
+static void spsi_shadow_tables_drop(sps_context *context) {
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    for (int i = 0; i < context->shadow_table_count; ++i) spsi_tmap_release(&held[i]);
+    context->shadow_table_count = 0;
 }
 
 /* Releases a map, or, unless the call has failed, holds its table for the next one: there is room for as many as there
    are maps. */
-static void spsi_table_hold(sps_context *context, sps_tmap *map) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_TABLES_HELD].data;
+static void spsi_shadow_table_hold(sps_context *context, sps_tmap *map) {
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     if (!context->result && map->key && map->data.table.data)
-        held[context->table_count++] = *map;
+        held[context->shadow_table_count++] = *map;
     else
         spsi_tmap_release(map);
 }
@@ -11351,12 +11364,12 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
     map->has_range = spsi_settings_have_range(&map->settings);
     spsi_tmap_fit_range(map, &frame->content->bounds);
     if (spsi_tmap_resolve(map)) return context->result;
-    if (!spsi_is_table(lamp)) return SPS_OK;
-    if (spsi_table_blocks(map) * map->settings.components > SPSI_TABLE_BLOCKS_MOST)
+    if (!spsi_has_shadow_table(lamp)) return SPS_OK;
+    if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_setting(context, SPS_ERROR_MEMORY, map->light, "components", map->settings.components,
                                  "a table of this size would have more than 2^28 entries");
-    map->key = spsi_table_key(frame, map, gas);
-    spsi_table_take(context, map);
+    map->key = spsi_shadow_table_key(frame, map, gas);
+    spsi_shadow_table_take(context, map);
     return SPS_OK;
 }
 
@@ -11369,7 +11382,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     occluders.part = *part;
     if (map->finished) return SPS_OK;
     if (spsi_tmap_fill(map, &occluders)) return context->result;
-    return spsi_is_table(lamp) ? spsi_table_build(map) : SPS_OK;
+    return spsi_has_shadow_table(lamp) ? spsi_shadow_table_build(map) : SPS_OK;
 }
 
 /* ============================================================================================ >>penumbrae
@@ -12449,8 +12462,8 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
                                          spsi_part_of_call *sweep) {
     spsi_part_of_call part = {sweep->progress, SPSI_PROGRESS_TMAP * sweep->share};
-    const uint64_t gas = spsi_has_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
     int mapped = 0;
+    uint64_t gas;
     sps_tmap *maps, *next;
     for (int i = 0; i < count; ++i) mapped += shadows[i].lamp->has_map;
     if (mapped == 0 || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
@@ -12459,6 +12472,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_LIGHT_TMAPS, (size_t)mapped, sizeof *maps);
     if (!maps) return context->result;
     part.share /= mapped;
+    gas = spsi_has_shadow_tables(frame) ? spsi_gas_fingerprint(frame) : 0;
     next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].lamp->has_map) continue;
@@ -12466,8 +12480,8 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
         shadows[i].kind = SPSI_SHADOW_MAP;
         if (spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, gas, next++)) return context->result;
     }
-    spsi_tables_drop(context); /* what no light has taken */
-    if (!spsi_reserve(context, SPSI_BUFFER_TABLES_HELD, (size_t)mapped, sizeof *maps)) return context->result;
+    spsi_shadow_tables_drop(context); /* what no light has taken */
+    if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *maps)) return context->result;
     next = maps;
     for (int i = 0; i < count; ++i) {
         if (!shadows[i].tmap) continue;
@@ -12480,7 +12494,7 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
 static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *shadows, int count) {
     sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_LIGHT_TMAPS].data;
     for (int i = 0; i < count; ++i)
-        if (shadows[i].tmap) spsi_table_hold(context, maps++);
+        if (shadows[i].tmap) spsi_shadow_table_hold(context, maps++);
 }
 
 /* ============================================================================================== >>shading
@@ -13002,8 +13016,10 @@ static void spsi_lamp_point_at(const spsi_shader *shader, const spsi_lamp *lamp,
     spsi_v axis[3], irradiance = spsi_set(1);
     spsi_reach reach;
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = irradiance;
-    spsi_set3(lamp->direction, incident->travel);
-    if (!lamp->is_point && !lamp->projection.exists) return; /* the same everywhere */
+    if (!lamp->is_point && !lamp->projection.exists) { /* the same everywhere */
+        spsi_set3(lamp->direction, incident->travel);
+        return;
+    }
     spsi_reach_build(shader, lamp, p, part, &reach);
     if (lamp->falls_off) irradiance = spsi_lamp_falloff(p, &reach);
     spsi_lamp_travel(lamp, p, &reach, incident->travel);
@@ -14024,7 +14040,7 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     spsi_picture picture;
     spsi_run *run;
     picture.frame = frame;
-    if (!spsi_has_tables(frame)) spsi_tables_drop(context);
+    if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame) || spsi_gather_images(context, frame) ||
         spsi_gather_faces(context, frame, &picture.faces))
         return context->result;
@@ -14352,7 +14368,7 @@ static size_t spsi_plan_tmap_texels(const spsi_frame *frame, const spsi_lamp *la
 static size_t spsi_plan_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
     const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
     double across[3], planes;
-    if (!spsi_is_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
+    if (!spsi_has_shadow_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
     if (frame->particles.set_count > 0) return (size_t)most;
     spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
     planes = ceil(2 * spsi_length(across) / spsi_lamp_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
@@ -14370,13 +14386,15 @@ static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
         *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
     else
         *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
-    if (spsi_is_table(lamp)) *held += sizeof(sps_tmap) + 6 * (side + 16) * 4 * components * sizeof(float);
+    if (spsi_has_shadow_table(lamp)) /* also the map that holds it for the next call, and blocks beyond two edges */
+        *held += sizeof(sps_tmap) + SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
     if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
     *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
-    if (spsi_is_table(lamp)) *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
+    if (spsi_has_shadow_table(lamp))
+        *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
 }
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
@@ -15231,7 +15249,7 @@ SPS_API sps_context *sps_create(const sps_config *config, sps_error_info *why) {
 SPS_API void sps_destroy(sps_context *context) {
     if (!context) return;
     SPS_ASSERT(context->tmap_count == 0); /* maps must be destroyed before their context */
-    spsi_tables_drop(context);
+    spsi_shadow_tables_drop(context);
     for (int i = 0; i < context->segment_count; ++i)
         spsi_release(context, spsi_segment_at(context, i), sizeof(spsi_segment));
     for (int i = 0; i < SPSI_BUFFER_COUNT; ++i)

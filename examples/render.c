@@ -326,7 +326,6 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     PLAN_COUNTS(PRINT_COUNT)
 #undef PRINT_COUNT
     printf("%-16s %d\n", "tables_made", shadow_is(all, "table") ? plan.pass[SPS_PASS_LIGHT_MAPS].runs : 0);
-    printf("%-16s %d\n", "tables_held", 0); /* a single frame is rendered */
     return 0;
 }
 

@@ -484,9 +484,10 @@ static void test_workers(void) {
     many = check_context(&hooks);
     for (int kind = 0; kind < 4; ++kind) {
         slide image = {9, 0, 0, 0, NOISE};
-        const sps_projector projector = projector_of(&image, kind ? 0.3 : 1.5);
+        sps_projector projector = projector_of(&image, kind ? 0.3 : 1.5);
         check_scene s;
         int different = 0;
+        projector.left *= 1.4, projector.right *= 1.4; /* texels that are halved along both sides, but not square */
         start_fog(&s, (sps_light_kind)kind, &projector);
         check_render(context, &s, image_a);
         check_render(many, &s, image_b);

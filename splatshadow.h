@@ -90,7 +90,7 @@ BUILD OPTIONS (define before the implementation is included; none changes a publ
                                  compiler is told to use (-march=native, /arch:AVX2, ...)
 
 MEMORY   Everything comes from the config's allocator and stays in the context for the next frame. Rendering needs
-    about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 168 per triangle
+    about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
@@ -370,7 +370,10 @@ typedef struct sps_mesh {
        out of the ranges of sps_surface are SPS_ERROR_DATA. Maps do not call it. Returns non-zero on failure. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
-    float transparency; /* fraction of light that passes, 0..1; for transmittance maps: sps_render refuses all but 0 */
+    /* Share of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest of what
+       arrives is reflected, by `color`, or absorbed; for energy to be conserved, the two add up to at most 1.
+       Transmittance maps use the mean of the three. */
+    float transmittance[3];
     /* Non-zero: the triangles of all meshes, and the tree through which their shadows are traced, are kept for the next
        call, provided that every mesh has a revision and nothing about any of them has changed; otherwise all are read
        again. */
@@ -3710,7 +3713,7 @@ typedef struct spsi_mesh {
     size_t triangle_count;   /* triangles to be read */
     sps_placement placement; /* with the identity in place of all-zero axes */
     float color[3];          /* reflectance, unless has_colors */
-    float optical_depth;     /* of each triangle; SPSI_DEPTH_MAX: opaque */
+    float transmittance[3];  /* all 0: opaque */
     int has_normals;         /* 1: corners have normals */
     int has_colors;          /* 1: corners have colors */
     int (*read_fn)(void *user, size_t first, size_t count, sps_triangle *out);                    /* as in sps_mesh */
@@ -4119,9 +4122,9 @@ static sps_result spsi_check_mesh(sps_context *context, const sps_mesh *mesh, in
     if (spsi_bad_color(mesh->color, 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "color",
                                (double)*spsi_bad_color(mesh->color, 1), "red, green and blue must be 0..1");
-    if (!(mesh->transparency >= 0 && mesh->transparency <= 1))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transparency",
-                               (double)mesh->transparency, "it must be 0..1");
+    if (spsi_bad_color(mesh->transmittance, 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i, "transmittance",
+                               (double)*spsi_bad_color(mesh->transmittance, 1), "red, green and blue must be 0..1");
     return SPS_OK;
 }
 
@@ -4390,10 +4393,11 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
 /* Images support opaque meshes only. */
 static sps_result spsi_check_opaque(sps_context *context, const sps_scene *scene) {
     for (int i = 0; i < scene->mesh_count; ++i)
-        if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transparency > 0)
-            return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transparency",
-                                   (double)scene->meshes[i].transparency,
-                                   "it must be 0: only transmittance maps support transparency");
+        for (int c = 0; c < 3; ++c)
+            if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transmittance[c] > 0)
+                return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transmittance",
+                                       (double)scene->meshes[i].transmittance[c],
+                                       "it must be 0: only transmittance maps support translucent meshes");
     return SPS_OK;
 }
 
@@ -4700,7 +4704,7 @@ static void spsi_mesh_build(const sps_mesh *from, int index, spsi_mesh *mesh) {
     mesh->triangle_count = from->triangle_count;
     spsi_placement_resolve(&from->placement, &mesh->placement);
     memcpy(mesh->color, from->color, sizeof mesh->color);
-    mesh->optical_depth = from->transparency > 0 ? -logf(from->transparency) : SPSI_DEPTH_MAX;
+    memcpy(mesh->transmittance, from->transmittance, sizeof mesh->transmittance);
     mesh->has_normals = from->has_normals != 0;
     mesh->has_colors = from->has_colors != 0;
     mesh->read_fn = from->read_fn;
@@ -5786,9 +5790,15 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
     float normal[3][3], color[3][3];
-    float optical_depth; /* for maps; SPSI_DEPTH_MAX: opaque */
-    float rounding;      /* maximum error of its corners, which are floats in their mesh */
+    float transmittance[3]; /* all 0: opaque */
+    float rounding;         /* maximum error of its corners, which are floats in their mesh */
 } spsi_face;
+
+/* Optical depth of a face to light of all colors, for transmittance maps. */
+static float spsi_face_optical_depth(const spsi_face *face) {
+    const float mean = (face->transmittance[0] + face->transmittance[1] + face->transmittance[2]) / 3;
+    return mean > 0 ? -logf(mean) : SPSI_DEPTH_MAX;
+}
 
 typedef struct spsi_hit {
     float depth; /* t - depth_reference; infinity: nothing */
@@ -5881,7 +5891,7 @@ static int spsi_face_from_triangle(const spsi_mesh *mesh, const sps_triangle *tr
             reach = fmax(reach, fabs(world[corner][i] - mesh->placement.origin[i]));
         }
     }
-    face->optical_depth = mesh->optical_depth;
+    memcpy(face->transmittance, mesh->transmittance, sizeof face->transmittance);
     face->rounding = (float)(reach * (double)FLT_EPSILON);
     spsi_face_normals(mesh, triangle, own, face);
     return 1;
@@ -5957,7 +5967,7 @@ static uint64_t spsi_meshes_fingerprint(const spsi_frame *frame) {
         hash = spsi_fingerprint(hash, mesh->color, sizeof mesh->color);
         hash = spsi_fingerprint(hash, &mesh->has_normals, sizeof mesh->has_normals);
         hash = spsi_fingerprint(hash, &mesh->has_colors, sizeof mesh->has_colors);
-        hash = spsi_fingerprint(hash, &mesh->optical_depth, sizeof mesh->optical_depth);
+        hash = spsi_fingerprint(hash, mesh->transmittance, sizeof mesh->transmittance);
         hash = spsi_fingerprint(hash, &textured, sizeof textured);
         hash = spsi_fingerprint(hash, &mesh->revision, sizeof mesh->revision);
     }
@@ -10220,7 +10230,7 @@ static void spsi_insert_triangle(const spsi_map_tile *into, int number) {
     const sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->band.face];
     const int *box = filling->occluders->boxes + 4 * number;
-    const float depth = filling->occluders->faces.list[number].optical_depth;
+    const float depth = spsi_face_optical_depth(&filling->occluders->faces.list[number]);
     float *surfaces = (float *)map->data.surfaces.data;
     const int opaque = depth >= SPSI_DEPTH_MAX;
     spsi_edges edges;
@@ -10928,7 +10938,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         if (!occluders->volumes) return context->result;
     }
     for (int i = 0; i < occluders->faces.count; ++i)
-        has_surfaces |= occluders->faces.list[i].optical_depth >= SPSI_DEPTH_MAX;
+        has_surfaces |= spsi_face_optical_depth(&occluders->faces.list[i]) >= SPSI_DEPTH_MAX;
     if (has_surfaces && map->settings.byte_budget &&
         spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float) > map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map,

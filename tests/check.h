@@ -449,6 +449,11 @@ static inline sps_light *check_add_point(check_scene *s, double x, double y, dou
     return light;
 }
 
+/* Makes a mesh let the same share of each color pass. */
+static inline void check_translucent(sps_mesh *mesh, double transmittance) {
+    for (int c = 0; c < 3; ++c) mesh->transmittance[c] = (float)transmittance;
+}
+
 /* Call when the triangles are complete: their number is copied. */
 static inline sps_mesh *check_add_mesh(check_scene *s, check_triangles *triangles, double reflectance) {
     sps_mesh *mesh = &s->mesh[s->scene.mesh_count++];

@@ -89,7 +89,7 @@ static void fixture_fill(fixture *f) {
     f->sets[0].user = f->even, f->sets[0].count = EVEN;
     f->sets[1].user = f->soft, f->sets[1].count = SOFT, f->sets[1].soft = 1;
     f->meshes[0].user = f->opaque, f->meshes[0].triangle_count = OPAQUE;
-    f->meshes[1].user = f->glass, f->meshes[1].triangle_count = GLASS, f->meshes[1].transparency = 0.6f;
+    f->meshes[1].user = f->glass, f->meshes[1].triangle_count = GLASS, check_translucent(&f->meshes[1], 0.6);
     f->scene.particles = f->sets, f->scene.particle_set_count = 2;
     f->scene.meshes = f->meshes, f->scene.mesh_count = 2;
 }

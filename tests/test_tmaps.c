@@ -156,9 +156,9 @@ static void add_square(fixture *f, int mesh, double x0, double x1, double y, dou
     check_add_quad(&f->triangles[mesh], corner, u, v);
 }
 
-static sps_mesh *add_mesh(fixture *f, int mesh, double transparency) {
+static sps_mesh *add_mesh(fixture *f, int mesh, double transmittance) {
     sps_mesh *m = check_add_mesh(&f->s, &f->triangles[mesh], 0.5);
-    m->transparency = (float)transparency;
+    check_translucent(m, transmittance);
     return m;
 }
 
@@ -860,13 +860,13 @@ static void test_surfaces_at_the_ends(void) {
     sps_destroy(context);
 }
 
-/* A sheet of transparency 1/2 has T = 1/2, two of 1/4 a sixteenth, one of 1 no shadow: exactly at any point for lists,
+/* A sheet of transmittance 1/2 has T = 1/2, two of 1/4 a sixteenth, one of 1 no shadow: exactly at any point for lists,
    at planes for opacity maps, and behind everything for all techniques that are exact there. -log T is a float. */
 static void test_translucent(void) {
     sps_context *context = sps_create(NULL, NULL);
     for (int technique = SPS_TMAP_DEEP; technique <= TECHNIQUES; ++technique)
         for (int n = 0; n < 3; ++n) {
-            static const double transparency[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
+            static const double transmittance[3] = {0.5, 0.25, 1}, passes[3] = {0.5, 0.0625, 1};
             const int keeps_ends = technique != SPS_TMAP_DEPTH && technique != SPS_TMAP_COSINE;
             const double t = passes[n];
             fixture f;
@@ -876,7 +876,7 @@ static void test_translucent(void) {
             f.settings.epsilon = 1e-6f;
             add_square(&f, 0, -30, 30, 30, 0);
             if (n == 1) add_square(&f, 0, -30, 30, 30, 0);
-            add_mesh(&f, 0, transparency[n]);
+            add_mesh(&f, 0, transmittance[n]);
             map = must_build(&f, context);
             CHECK(sps_tmap_surfaces(map) == NULL);
             CHECK_NEAR(query(map, 0, 0, 9), 0, n == 2 ? 1e-15 : 0.1); /* series ring by 9 % of it */
@@ -1468,7 +1468,7 @@ static void test_bytes(void) {
         context = check_context(&hooks);
         begin_little(&f, technique);
         if (round) see(&f, ROUND, SIDE);
-        if (!opaque) f.s.mesh[1].transparency = 0.3f;
+        if (!opaque) check_translucent(&f.s.mesh[1], 0.3);
         complete(&f);
         CHECK_OK(context, sps_tmap_create(context, &f.light, &f.settings, &map));
         before = check_bytes_of(map);
@@ -1866,9 +1866,9 @@ static void test_scenes(void) {
                                         "optical_depth is inf",
                                         "particles[0].end_canary",
                                         "particles[0].read_fn is NULL",
-                                        "mesh[0].transparency is 1.5",
-                                        "mesh[0].transparency is -0.5",
-                                        "mesh[0].transparency is nan",
+                                        "mesh[0].transmittance is 1.5",
+                                        "mesh[0].transmittance is -0.5",
+                                        "mesh[0].transmittance is nan",
                                         "mesh[1].read_fn is NULL",
                                         "volume[0].extinction is -1",
                                         "volume[0].size is -1",
@@ -1902,7 +1902,7 @@ static void test_scenes(void) {
         if (i == 12) f.crowds[1].list[0].optical_depth = (float)HUGE_VAL;
         if (i == 13) f.sets[0].end_canary = 1;
         if (i == 14) f.sets[0].read_fn = NULL;
-        if (i >= 15 && i <= 17) f.s.mesh[0].transparency = i == 15 ? 1.5f : i == 16 ? -0.5f : nan;
+        if (i >= 15 && i <= 17) f.s.mesh[0].transmittance[i - 15] = i == 15 ? 1.5f : i == 16 ? -0.5f : nan;
         if (i == 18) f.s.mesh[1].read_fn = NULL;
         if (i == 19) f.s.volume[0].extinction = -1;
         if (i == 20) f.s.volume[0].size[1] = -1;
@@ -3520,8 +3520,8 @@ static void test_picture_refusals(void) {
                                         "light[0].shadow_map.byte_budget is 99",
                                         "light[0].shadow_map.planes[0] is 0",
                                         "light[0].shadow_map.end_canary",
-                                        "mesh[0].transparency is 0.5",
-                                        "mesh[0].transparency is -1"};
+                                        "mesh[0].transmittance is 0.5",
+                                        "mesh[0].transmittance is -1"};
     for (int i = 0; i < (int)(sizeof texts / sizeof *texts); ++i) {
         const sps_result expected = i == 7 ? SPS_ERROR_MEMORY : i == 10 ? SPS_ERROR_UNSUPPORTED : SPS_ERROR_ARGUMENT;
         static const float planes[9] = {0};
@@ -3541,7 +3541,7 @@ static void test_picture_refusals(void) {
         if (i == 7) p.settings.byte_budget = 99;
         if (i == 8) p.settings.planes = planes, p.settings.components = 9;
         if (i == 9) p.settings.end_canary = 1;
-        if (i >= 10) p.s.mesh[0].transparency = i == 10 ? 0.5f : -1;
+        if (i >= 10) p.s.mesh[0].transmittance[1] = i == 10 ? 0.5f : -1;
         memset(&image, 0, sizeof image);
         image.rgba = image_c;
         image_c[0] = -5;

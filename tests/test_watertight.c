@@ -312,7 +312,7 @@ static void test_pictures_and_maps(void) {
             memset(&settings, 0, sizeof settings);
             settings.technique = SPS_TMAP_DEEP;
             settings.far_depth = 60;
-            s.mesh[0].transparency = 0.5f;
+            check_translucent(&s.mesh[0], 0.5);
             if (!CHECK_OK(context, sps_tmap_create(context, &light, &settings, &map))) return;
             if (!CHECK_OK(context, sps_tmap_add(map, &s.scene)) || !CHECK_OK(context, sps_tmap_finish(map))) return;
             for (int i = 0; i < SIDE * SIDE; ++i) wrong += sps_tmap_starts(map)[i + 1] - sps_tmap_starts(map)[i] != 1;

@@ -703,6 +703,7 @@ typedef enum sps_pass {
     SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
     SPS_PASS_PROJECTORS,     /* reads the images that lights throw */
     SPS_PASS_EYE_POLYGONS,   /* rasterises triangles for the eye */
+    SPS_PASS_LAYERS,         /* lists translucent polygons, and what edges show, pixel by pixel */
     SPS_PASS_TEXTURES,       /* calls shade_fn for the points of polygons that pixels show */
     SPS_PASS_LIGHT_POLYGONS, /* rasterises triangles into depth maps, for gas that scatters, per shadowing light without
                                 penumbrae */
@@ -758,6 +759,7 @@ typedef struct sps_stats_report {
     uint64_t voxels_read, voxels_relevant, bricks, values_replaced;
     uint64_t triangles, triangles_degenerate, pixels_of_polygons;
     uint64_t surface_points; /* passed to shade_fn */
+    uint64_t layers;         /* of pixels: translucent polygons, and those at edges if coverage_samples is set */
     uint64_t shadow_rays;    /* from pixels' polygons towards lights */
     uint64_t particles;      /* that have a radius and an optical depth */
     /* Transmittance maps: particles that reach beyond near_depth or far_depth. message_fn is told of these, and of such
@@ -1515,12 +1517,19 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FACE_TEXTURES, /* texture coordinates of triangles that need them */
     SPSI_BUFFER_MESH_FACES,    /* which triangles belong to each mesh */
     SPSI_BUFFER_EYE_FACES,     /* the triangle visible at each pixel */
-    SPSI_BUFFER_SURFACES,      /* what shade_fn has set at each pixel of the region */
+    SPSI_BUFFER_LAYER_SAMPLES, /* a band of samples per worker, >>layers */
+    SPSI_BUFFER_LAYER_STARTS,  /* where each pixel's layers begin */
+    SPSI_BUFFER_FRAGMENTS,     /* of all pixels */
+    SPSI_BUFFER_LAYERS,        /* of all pixels */
+    SPSI_BUFFER_SURFACES,      /* what shade_fn has set at each pixel of the region, and at each layer */
     SPSI_BUFFER_SURFACE_BATCH, /* points for one call of shade_fn */
     SPSI_BUFFER_SHADOWS,       /* of a sweep's lights, >>shading */
     SPSI_BUFFER_ARRIVALS,      /* light that arrives at a vector of pixels, per worker */
     SPSI_BUFFER_SURFACE_LIGHT, /* per light of a sweep: the pixels whose polygons see it */
     SPSI_BUFFER_DEPTH_MAPS,
+    SPSI_BUFFER_PANE_MAPS,         /* of translucent polygons, >>depthmaps */
+    SPSI_BUFFER_PANE_TEXELS,       /* where each texel's panes begin */
+    SPSI_BUFFER_PANES,             /* of all texels */
     SPSI_BUFFER_PIXELS,            /* optical depth and radiance, >>shading */
     SPSI_BUFFER_PLANES,            /* a light's optical depth at the slabs of a chunk, >>lightsheets */
     SPSI_BUFFER_BEAMS,             /* light from the points of an extended light, >>penumbrae */
@@ -2035,6 +2044,21 @@ static int spsi_rays_from_camera(spsi_rays *rays, const sps_camera *camera) {
 static double spsi_pixel_size_at(const spsi_rays *rays, double t) {
     const double size = sqrt(spsi_length(rays->a) * spsi_length(rays->b));
     return rays->perspective ? fmax(t, 0) * size : size;
+}
+
+/* The rays of n x n points of each pixel, in even steps. Depths stay the same. */
+static int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
+    const double first = 0.5 / n - 0.5;
+    double *corner = rays->perspective ? fine->c : fine->origin;
+    *fine = *rays;
+    fine->width *= n;
+    fine->height *= n;
+    for (int i = 0; i < 3 && n > 1; ++i) {
+        corner[i] += first * (rays->a[i] + rays->b[i]);
+        fine->a[i] = rays->a[i] / n;
+        fine->b[i] = rays->b[i] / n;
+    }
+    return n == 1 || spsi_rays_complete(fine);
 }
 
 /* The row-major matrix from world points to texels: (X, Y, t, W), where the texel is (X / W, Y / W). */
@@ -3807,6 +3831,7 @@ typedef struct spsi_meshes {
     int count;
     size_t triangle_count; /* of all meshes, known before any is read */
     size_t textured_count; /* of those that have a shade_fn */
+    int translucent;       /* 1: some let light pass */
 } spsi_meshes;
 
 /* The appearance of volumes and particles. */
@@ -4395,17 +4420,6 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     return SPS_OK;
 }
 
-/* Images support opaque meshes only. */
-static sps_result spsi_check_opaque(sps_context *context, const sps_scene *scene) {
-    for (int i = 0; i < scene->mesh_count; ++i)
-        for (int c = 0; c < 3; ++c)
-            if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transmittance[c] > 0)
-                return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transmittance",
-                                       (double)scene->meshes[i].transmittance[c],
-                                       "it must be 0: only transmittance maps support translucent meshes");
-    return SPS_OK;
-}
-
 /* Checks that a camera has exactly one kind of projection. */
 static sps_result spsi_check_projection(sps_context *context, sps_object object, const sps_camera *camera) {
     static const char *const names[3] = {"field_of_view", "ortho_height", "world_to_clip"};
@@ -4735,6 +4749,7 @@ static sps_result spsi_resolve_meshes(sps_context *context, spsi_frame *frame, c
         /* both are at most SPSI_FACES_MAX, so that the sum fits a size_t of 32 bits */
         meshes->triangle_count += mesh->triangle_count;
         meshes->textured_count += mesh->shade_fn ? mesh->triangle_count : 0;
+        for (int c = 0; c < 3 && mesh->triangle_count > 0; ++c) meshes->translucent |= mesh->transmittance[c] > 0;
         if (meshes->triangle_count > SPSI_FACES_MAX)
             return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_MESH, i,
                                    "triangle_count, with those before it,", (double)meshes->triangle_count,
@@ -4992,7 +5007,7 @@ static int spsi_count_channels(const spsi_frame *frame) {
         grey &= spsi_grey(frame->lamps.list[i].color) && !frame->lamps.list[i].projection.exists;
     for (int i = 0; i < frame->meshes.count; ++i)
         grey &= !frame->meshes.list[i].has_colors && !frame->meshes.list[i].shade_fn &&
-                spsi_grey(frame->meshes.list[i].color);
+                spsi_grey(frame->meshes.list[i].color) && spsi_grey(frame->meshes.list[i].transmittance);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
         grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
@@ -5032,7 +5047,6 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     if (view) spsi_resolve_gradients(frame);
-    if (view && spsi_check_opaque(context, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = frame->volume_bounds;
@@ -5810,6 +5824,10 @@ static float spsi_face_optical_depth(const spsi_face *face) {
     return mean > 0 ? -logf(mean) : SPSI_DEPTH_MAX;
 }
 
+static int spsi_face_is_translucent(const spsi_face *face) {
+    return face->transmittance[0] > 0 || face->transmittance[1] > 0 || face->transmittance[2] > 0;
+}
+
 typedef struct spsi_hit {
     float depth; /* t - depth_reference; infinity: nothing */
     int face;
@@ -5863,7 +5881,7 @@ static sps_result spsi_triangle_check(sps_context *context, const sps_triangle *
 }
 
 /* World position of a local one; equal corners get equal bits. */
-static void spsi_place(const sps_placement *placement, const float local[3], double world[3]) {
+static void spsi_to_world(const sps_placement *placement, const float local[3], double world[3]) {
     memcpy(world, placement->origin, sizeof placement->origin);
     for (int i = 0; i < 9; ++i)
         world[i % 3] = spsi_multiply_add(placement->axis[i / 3][i % 3], (double)local[i / 3], world[i % 3]);
@@ -5955,7 +5973,7 @@ static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame
                                    NULL);
         for (size_t i = 0; i < count; ++i) {
             double world[3][3];
-            for (int k = 0; k < 3; ++k) spsi_place(&mesh->placement, triangles[i].position[k], world[k]);
+            for (int k = 0; k < 3; ++k) spsi_to_world(&mesh->placement, triangles[i].position[k], world[k]);
             if (spsi_triangle_check(context, &triangles[i], mesh, first + i, world)) return context->result;
             spsi_face_add(frame, mesh, &triangles[i], first + i, world, lists);
         }
@@ -6179,6 +6197,7 @@ typedef struct spsi_raster {
     float *depths;  /* per texel of a light: depth of the nearest triangle; NULL for the eye */
     int *numbers;   /* per texel of a light: number of the nearest triangle, -1: none */
     int pitch;      /* pixels from one row to the next */
+    int first_row;  /* that the lists above begin with */
 } spsi_raster;
 
 static void spsi_raster_box_task(void *data, int index, int worker) {
@@ -6188,21 +6207,31 @@ static void spsi_raster_box_task(void *data, int index, int worker) {
     for (int i = index * SPSI_BATCH; i < end; ++i) spsi_face_box(raster->faces, i, raster->rays, raster->boxes + 4 * i);
 }
 
+/* Depth and barycentric weights of the point where a pixel's ray hits a face; returns 0 if it misses, or before the
+   near plane. */
+static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, int x, int y, double w[3], float *depth) {
+    double t;
+    if (!spsi_face_hit(e, x, y, w)) return 0;
+    t = w[0] * e->depth[0] + w[1] * e->depth[1] + w[2] * e->depth[2];
+    if (!(t + rays->depth_reference > rays->near_depth)) return 0;
+    *depth = (float)t;
+    return 1;
+}
+
+/* Rasterises an opaque face. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
     spsi_edges e;
+    if (spsi_face_is_translucent(&raster->faces->list[face])) return;
     spsi_face_edges(raster->faces, face, raster->rays, &e);
     for (int y = spsi_most(y0, box[1]); y <= spsi_least(y1, box[3]); ++y) {
         int x0 = box[0], x1 = box[2];
         spsi_face_span(&e, y, &x0, &x1);
         for (int x = x0; x <= x1; ++x) {
-            const size_t at = (size_t)y * (size_t)raster->pitch + (size_t)x;
-            double w[3], t;
+            const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
+            double w[3];
             float depth;
-            if (!spsi_face_hit(&e, x, y, w)) continue;
-            t = w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2];
-            if (!(t + raster->rays->depth_reference > raster->rays->near_depth)) continue;
-            depth = (float)t;
+            if (!spsi_face_depth(&e, raster->rays, x, y, w, &depth)) continue;
             if (raster->depths) {
                 if (!(depth < raster->depths[at])) continue;
                 raster->depths[at] = depth;
@@ -6213,6 +6242,12 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
             }
         }
     }
+}
+
+/* Whether a face may reach into rows y0 to y1. */
+static inline int spsi_raster_reaches(const spsi_raster *raster, int face, int y0, int y1) {
+    const int *box = raster->boxes + 4 * face;
+    return box[2] >= box[0] && box[1] <= y1 && box[3] >= y0;
 }
 
 /* Clears one band of rows, then rasterises every face that reaches into it, in order. */
@@ -6227,24 +6262,29 @@ static void spsi_raster_band_task(void *data, int index, int worker) {
         raster->depths[i] = SPSI_INFINITY;
         raster->numbers[i] = -1;
     }
-    for (int face = 0; face < raster->faces->count; ++face) {
-        const int *box = raster->boxes + 4 * face;
-        if (box[2] >= box[0] && box[1] <= y1 && box[3] >= y0) spsi_raster_face(raster, face, y0, y1);
-    }
+    for (int face = 0; face < raster->faces->count; ++face)
+        if (spsi_raster_reaches(raster, face, y0, y1)) spsi_raster_face(raster, face, y0, y1);
 }
 
-/* Rasterises all faces: for the eye into `hits`, for a light into `depths` and `numbers`. */
+/* Prepares to rasterise faces. */
+static void spsi_raster_begin(sps_context *context, const spsi_faces *faces, const spsi_rays *rays,
+                              spsi_raster *raster) {
+    memset(raster, 0, sizeof *raster);
+    raster->faces = faces;
+    raster->rays = rays;
+    raster->boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
+    raster->pitch = rays->width;
+    spsi_parallel_batches(context, faces->count, spsi_raster_box_task, raster);
+}
+
+/* Rasterises all opaque faces: for the eye into `hits`, for a light into `depths` and `numbers`. */
 static void spsi_rasterise(sps_context *context, const spsi_faces *faces, const spsi_rays *rays, spsi_hit *hits,
                            float *depths, int *numbers) {
     spsi_raster raster;
-    raster.faces = faces;
-    raster.rays = rays;
-    raster.boxes = (int *)context->buffers[SPSI_BUFFER_FACE_ROWS].data;
+    spsi_raster_begin(context, faces, rays, &raster);
     raster.hits = hits;
     raster.depths = depths;
     raster.numbers = numbers;
-    raster.pitch = rays->width;
-    spsi_parallel_batches(context, faces->count, spsi_raster_box_task, &raster);
     spsi_parallel(context, spsi_tile_rows(rays), spsi_raster_band_task, &raster);
 }
 
@@ -6304,7 +6344,7 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
-static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const spsi_hit *hit, int x, int y,
+static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const spsi_hit *hit, double x, double y,
                             spsi_surface *surface) {
     const spsi_face *face = &faces->list[hit->face];
     double w[3], u[3], v[3], plane[3], ray[3], rasterised[3];
@@ -6331,37 +6371,12 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
         for (int i = 0; i < 3; ++i) surface->normal[i] = -surface->normal[i];
 }
 
-/* --- appearance of surfaces: what shade_fn sets --- */
-
-/* Color and emission of a face where a pixel meets it. */
-typedef struct spsi_appearance {
-    double color[3];
-    float emission[3];
-} spsi_appearance;
-
 /* Reflectance of a face by itself. Where corners have the same color, so has the face, to the bit. */
 static void spsi_face_color(const spsi_face *face, const spsi_hit *hit, double color[3]) {
     for (int c = 0; c < 3; ++c) {
         const double first = (double)face->color[0][c];
         color[c] = first + (double)hit->weights[0] * ((double)face->color[1][c] - first) +
                    (double)hit->weights[1] * ((double)face->color[2][c] - first);
-    }
-}
-
-/* What shade_fn has set at a pixel; NULL: nothing, or the pixel is outside the region. */
-static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, int x, int y) {
-    const int *region = frame->view.region, column = x - region[0], row = y - region[1];
-    if (!set || column < 0 || row < 0 || column >= region[2] || row >= region[3]) return NULL;
-    set += (size_t)row * (size_t)region[2] + (size_t)column;
-    return set->color[0] >= 0 ? set : NULL;
-}
-
-static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
-                               spsi_appearance *look) {
-    if (!set) spsi_face_color(&faces->list[hit->face], hit, look->color);
-    for (int c = 0; c < 3; ++c) {
-        if (set) look->color[c] = (double)set->color[c];
-        look->emission[c] = set ? set->emission[c] : 0;
     }
 }
 
@@ -6378,19 +6393,552 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
     return low;
 }
 
+/* ============================================================================================== >>layers
+   13 What a pixel shows besides one opaque polygon: translucent ones in front of it, and where edges are sampled, the
+   polygons on both sides of an edge. Each is a fragment with a mask of the samples that see it [Carpenter 1984].
+   Fragments become layers by following every sample's light past them, from the eye on:
+       seen   = mean over samples of (mask) * (transmittance before),   what of its radiance the pixel shows
+       behind = mean over samples of (transmittance behind),            what of anything behind it
+   so that shading, which knows nothing of samples, composites gas and layers in order of depth. Gas is not sampled: it
+   lies before or behind a layer as a whole. Cost: translucent faces, or all at N x N times the pixels where edges are
+   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 56 per layer. */
+
+typedef struct spsi_fragment {
+    uint64_t mask; /* bits: samples, in rows */
+    float depth;   /* at one sample of them, t - depth_reference */
+    int face;      /* there */
+    int sample;    /* its bit */
+} spsi_fragment;
+
+typedef struct spsi_layer {
+    spsi_hit hit;
+    float at[2];     /* where it was hit, from the pixel's centre, in pixels */
+    float seen[3];   /* share of its radiance that the pixel shows, where there is no gas */
+    float behind[3]; /* the same of anything behind it, and behind all layers in front of it */
+    uint32_t pixel;
+} spsi_layer;
+
+/* Layers of all pixels, in order of depth. */
+typedef struct spsi_layers {
+    const uint32_t *first; /* of a pixel's; those of the next pixel follow them. NULL: there are none */
+    const spsi_layer *list;
+    size_t count;
+} spsi_layers;
+
+#define SPSI_LAYER_ROWS 8 /* rows of pixels of a task */
+
+/* A worker's scratch memory: the samples of a band. */
+typedef struct spsi_layer_scratch {
+    float *depths;   /* of the nearest opaque face */
+    int *numbers;    /* its number */
+    uint64_t *masks; /* per pixel of a row: samples that see one face */
+} spsi_layer_scratch;
+
+typedef struct spsi_layers_job {
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    const spsi_rays *rays; /* of pixels */
+    spsi_rays fine;        /* of their samples */
+    spsi_raster raster;    /* of the fine rays */
+    int samples;           /* along a side of a pixel */
+    spsi_hit *hits;        /* opaque faces at pixels' centres, which hide what is behind; NULL: nothing does */
+    char *scratch;         /* of all workers */
+    uint32_t *first;       /* number of fragments, then where they begin; see spsi_layers_sum */
+    spsi_fragment *fragments;
+    spsi_layer *layers;
+    int listing; /* 0: counts fragments, 1: lists them */
+} spsi_layers_job;
+
+static size_t spsi_layer_scratch_bytes(const spsi_rays *eye, int samples) {
+    const size_t row = (size_t)eye->width, fine = row * SPSI_LAYER_ROWS * (size_t)(samples * samples);
+    return row * sizeof(uint64_t) + (samples > 1 ? fine * (sizeof(float) + sizeof(int)) : 0);
+}
+
+static void spsi_layer_scratch_of(const spsi_layers_job *job, int worker, spsi_layer_scratch *scratch) {
+    const spsi_rays *eye = job->rays;
+    const size_t fine = (size_t)eye->width * SPSI_LAYER_ROWS * (size_t)(job->samples * job->samples);
+    char *memory = job->scratch + (size_t)worker * spsi_layer_scratch_bytes(eye, job->samples);
+    scratch->masks = (uint64_t *)(void *)memory;
+    scratch->depths = (float *)(void *)(scratch->masks + eye->width);
+    scratch->numbers = (int *)(void *)(scratch->depths + fine);
+}
+
+/* Counts a fragment of a pixel, or lists it. Entry p + 2 counts the fragments of pixel p; summed up, entry p + 1 is
+   where they begin, and where they end once they are listed. */
+static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const spsi_fragment *fragment) {
+    if (job->listing)
+        job->fragments[job->first[pixel + 1]++] = *fragment;
+    else
+        job->first[pixel + 2] += 1;
+}
+
+/* The sample among those of a mask that is nearest to their mean. */
+static int spsi_mask_middle(uint64_t mask, int samples) {
+    int sum[2] = {0, 0}, count = 0, least = 0x7fffffff, best = 0;
+    for (int i = 0; i < samples * samples; ++i)
+        if (mask >> i & 1) sum[0] += i % samples, sum[1] += i / samples, count += 1;
+    for (int i = 0; i < samples * samples; ++i) {
+        const int x = i % samples * count - sum[0], y = i / samples * count - sum[1];
+        if (!(mask >> i & 1) || x * x + y * y >= least) continue;
+        least = x * x + y * y;
+        best = i;
+    }
+    return best;
+}
+
+/* --- fragments of translucent faces --- */
+
+/* Adds the samples of one row that see a face to the masks. `seen` receives the range of its pixels. */
+static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e, int face,
+                          int y, int seen[2]) {
+    const int n = job->samples, *box = job->raster.boxes + 4 * face, width = job->fine.width;
+    const int row = y % (n * SPSI_LAYER_ROWS);
+    int x0 = box[0], x1 = box[2];
+    spsi_face_span(e, y, &x0, &x1);
+    for (int x = x0; x <= x1; ++x) {
+        double w[3];
+        float depth, ends = SPSI_INFINITY;
+        if (n > 1) ends = scratch->depths[(size_t)row * (size_t)width + (size_t)x];
+        if (n == 1 && job->hits) ends = job->hits[(size_t)y * (size_t)width + (size_t)x].depth;
+        if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !(depth < ends)) continue;
+        scratch->masks[x / n] |= UINT64_C(1) << (y % n * n + x % n);
+        seen[0] = spsi_least(seen[0], x / n);
+        seen[1] = spsi_most(seen[1], x / n);
+    }
+}
+
+/* Adds a face's fragments in one row of pixels. */
+static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_edges *e,
+                                int face, int y) {
+    const int n = job->samples, *box = job->raster.boxes + 4 * face;
+    int seen[2] = {0x7fffffff, -1};
+    for (int row = spsi_most(y * n, box[1]); row <= spsi_least(y * n + n - 1, box[3]); ++row)
+        spsi_pane_row(job, scratch, e, face, row, seen);
+    for (int x = seen[0]; x <= seen[1]; ++x) {
+        spsi_fragment fragment = {scratch->masks[x], 0, face, 0};
+        double w[3];
+        scratch->masks[x] = 0;
+        if (!fragment.mask) continue;
+        if (job->listing) {
+            fragment.sample = spsi_mask_middle(fragment.mask, n);
+            spsi_face_depth(e, &job->fine, x * n + fragment.sample % n, y * n + fragment.sample / n, w,
+                            &fragment.depth);
+        }
+        spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
+    }
+}
+
+/* --- fragments of opaque faces, where edges are sampled --- */
+
+/* One of the opaque surfaces that a pixel's samples see: faces that look alike there. */
+typedef struct spsi_group {
+    uint64_t mask;
+    int face, sample; /* the first that was found */
+    float depth;      /* there */
+    spsi_surface surface;
+    double color[3];
+} spsi_group;
+
+#define SPSI_GROUP_COSINE 0.97       /* of the angle between normals: 14 degrees */
+#define SPSI_GROUP_COLOR  (1 / 64.0) /* difference of colors */
+#define SPSI_GROUP_DEPTH  0.5        /* of a pixel's size: distance from the plane, along the ray */
+
+/* Describes what one sample sees. */
+static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
+    spsi_edges e;
+    spsi_hit hit;
+    double w[3];
+    spsi_face_edges(job->faces, face, &job->fine, &e);
+    spsi_face_hit(&e, x, y, w);
+    hit.depth = depth;
+    hit.face = face;
+    hit.weights[0] = (float)w[1];
+    hit.weights[1] = (float)w[2];
+    spsi_surface_at(&job->fine, job->faces, &hit, x, y, &group->surface);
+    spsi_normalise(group->surface.normal);
+    spsi_face_color(&job->faces->list[face], &hit, group->color);
+    group->face = face;
+    group->depth = depth;
+    group->mask = 0;
+}
+
+/* Whether shading one of two samples stands for both: they lie on one surface, and look alike. */
+static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, const spsi_group *b) {
+    const spsi_face *face = &job->faces->list[a->face];
+    double u[3], v[3], plane[3], offset[3], size;
+    if (a->face == b->face) return 1;
+    for (int c = 0; c < 3; ++c)
+        if (fabs(a->color[c] - b->color[c]) > SPSI_GROUP_COLOR) return 0;
+    if (spsi_dot(a->surface.normal, b->surface.normal) < SPSI_GROUP_COSINE) return 0;
+    if (job->faces->meshes &&
+        spsi_mesh_of(job->frame, job->faces, a->face) != spsi_mesh_of(job->frame, job->faces, b->face))
+        return 0;
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, plane);
+    spsi_along(b->surface.point, a->surface.point, -1, offset);
+    size = SPSI_GROUP_DEPTH * job->samples * fmax(a->surface.pixel, b->surface.pixel);
+    return fabs(spsi_dot(plane, offset)) <= size * spsi_length(plane);
+}
+
+/* Sorts the samples of a pixel into groups. Returns their number. */
+static int spsi_groups_of(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y,
+                          spsi_group *groups) {
+    const int n = job->samples;
+    int count = 0, last = -1, group = 0;
+    for (int i = 0; i < n * n; ++i) {
+        const int sx = x * n + i % n, sy = y * n + i / n;
+        const size_t at = (size_t)(sy % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)sx;
+        const int face = scratch->numbers[at];
+        if (face < 0) continue;
+        if (face != last) {
+            spsi_group *next = &groups[count];
+            spsi_group_begin(job, face, scratch->depths[at], sx, sy, next);
+            next->sample = i;
+            for (group = 0; group < count && !spsi_groups_agree(job, &groups[group], next);) group += 1;
+            count += group == count;
+            last = face;
+        }
+        groups[group].mask |= UINT64_C(1) << i;
+    }
+    return count;
+}
+
+/* Whether one group is all of a pixel and looks like what its centre sees: then that alone is shaded. */
+static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group, int x, int y) {
+    const int n = job->samples;
+    const spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
+    const uint64_t all = n < 8 ? (UINT64_C(1) << n * n) - 1 : ~UINT64_C(0);
+    spsi_group centre;
+    if (group->mask != all || hit->face < 0) return 0;
+    if (hit->face == group->face) return 1;
+    spsi_surface_at(job->rays, job->faces, hit, x, y, &centre.surface);
+    spsi_normalise(centre.surface.normal);
+    spsi_face_color(&job->faces->list[hit->face], hit, centre.color);
+    centre.face = hit->face;
+    return spsi_groups_agree(job, group, &centre);
+}
+
+/* Adds a group's fragment. Its place is the sample in the middle of it. */
+static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_group *group,
+                           int x, int y, float *deepest) {
+    const int n = job->samples, sample = spsi_mask_middle(group->mask, n);
+    const int sx = x * n + sample % n, sy = y * n + sample / n;
+    const size_t at = (size_t)(sy % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)sx;
+    const spsi_fragment fragment = {group->mask, scratch->depths[at], scratch->numbers[at], sample};
+    *deepest = fragment.depth > *deepest ? fragment.depth : *deepest;
+    spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
+}
+
+/* Whether all samples of a pixel see the face that its centre sees, or all of them nothing. */
+static int spsi_pixel_is_even(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int face, int x, int y) {
+    const int n = job->samples;
+    for (int row = y * n; row < y * n + n; ++row)
+        for (int i = 0; i < n; ++i)
+            if (scratch->numbers[(size_t)(row % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width +
+                                 (size_t)(x * n + i)] != face)
+                return 0;
+    return 1;
+}
+
+/* Adds the opaque fragments of a pixel, unless it shows one surface. Once they are listed, the pixel's hit is no
+   surface, but ends gas where no sample sees past the deepest of them. */
+static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int x, int y) {
+    const int n = job->samples;
+    spsi_hit *hit = &job->hits[(size_t)y * (size_t)job->rays->width + (size_t)x];
+    spsi_group groups[SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
+    float deepest = -SPSI_INFINITY;
+    int open = n * n, count;
+    if (spsi_pixel_is_even(job, scratch, hit->face, x, y)) return;
+    count = spsi_groups_of(job, scratch, x, y, groups);
+    if (count == 1 && spsi_group_is_all(job, &groups[0], x, y)) return;
+    for (int i = 0; i < count; ++i) {
+        spsi_group_add(job, scratch, &groups[i], x, y, &deepest);
+        for (uint64_t bits = groups[i].mask; bits; bits &= bits - 1) open -= 1;
+    }
+    if (!job->listing) return;
+    hit->face = -1;
+    hit->depth = open ? SPSI_INFINITY : deepest;
+}
+
+/* --- from fragments to layers --- */
+
+/* Finds what each sample of a band sees of opaque faces. */
+static void spsi_layers_opaque(const spsi_layers_job *job, const spsi_layer_scratch *scratch, int y0, int y1) {
+    const size_t samples = (size_t)(y1 - y0 + 1) * (size_t)job->fine.width;
+    spsi_raster raster = job->raster;
+    raster.depths = scratch->depths;
+    raster.numbers = scratch->numbers;
+    raster.first_row = y0;
+    for (size_t i = 0; i < samples; ++i) {
+        scratch->depths[i] = SPSI_INFINITY;
+        scratch->numbers[i] = -1;
+    }
+    for (int face = 0; face < job->faces->count; ++face)
+        if (spsi_raster_reaches(&raster, face, y0, y1)) spsi_raster_face(&raster, face, y0, y1);
+}
+
+/* Counts or lists the fragments of a band of pixels. */
+static void spsi_layers_task(void *data, int index, int worker) {
+    const spsi_layers_job *job = (const spsi_layers_job *)data;
+    const spsi_rays *eye = job->rays;
+    const int n = job->samples, top = index * SPSI_LAYER_ROWS;
+    const int bottom = spsi_least(eye->height, top + SPSI_LAYER_ROWS) - 1;
+    spsi_layer_scratch scratch;
+    spsi_layer_scratch_of(job, worker, &scratch);
+    memset(scratch.masks, 0, (size_t)eye->width * sizeof *scratch.masks);
+    if (n > 1) spsi_layers_opaque(job, &scratch, top * n, bottom * n + n - 1);
+    for (int face = 0; face < job->faces->count && job->frame->meshes.translucent; ++face) {
+        spsi_edges e;
+        if (!spsi_face_is_translucent(&job->faces->list[face])) continue;
+        if (!spsi_raster_reaches(&job->raster, face, top * n, bottom * n + n - 1)) continue;
+        spsi_face_edges(job->faces, face, &job->fine, &e);
+        for (int y = top; y <= bottom; ++y) spsi_pane_fragments(job, &scratch, &e, face, y);
+    }
+    for (int y = top; y <= bottom && n > 1; ++y)
+        for (int x = 0; x < eye->width; ++x) spsi_edge_fragments(job, &scratch, x, y);
+}
+
+/* Replaces counts of fragments by where they begin. Returns their sum. */
+static size_t spsi_layers_sum(uint32_t *first, size_t pixels) {
+    uint64_t sum = 0;
+    for (size_t i = 2; i < pixels + 2; ++i) {
+        sum += first[i];
+        first[i] = (uint32_t)sum;
+    }
+    return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
+}
+
+/* Sorts a pixel's fragments by depth. They are few. */
+static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
+    for (uint32_t i = 1; i < count; ++i) {
+        const spsi_fragment moved = list[i];
+        uint32_t at = i;
+        for (; at > 0 && list[at - 1].depth > moved.depth; --at) list[at] = list[at - 1];
+        list[at] = moved;
+    }
+}
+
+/* Describes a layer at its sample. */
+static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fragment, uint32_t pixel,
+                             spsi_layer *layer) {
+    const int n = job->samples, width = job->rays->width;
+    const int column = fragment->sample % n, row = fragment->sample / n;
+    spsi_edges e;
+    double w[3] = {0, 0, 0};
+    spsi_face_edges(job->faces, fragment->face, &job->fine, &e);
+    spsi_face_hit(&e, (int)(pixel % (uint32_t)width) * n + column, (int)(pixel / (uint32_t)width) * n + row, w);
+    layer->hit.depth = fragment->depth;
+    layer->hit.face = fragment->face;
+    layer->hit.weights[0] = (float)w[1];
+    layer->hit.weights[1] = (float)w[2];
+    layer->at[0] = (float)((column + 0.5) / n - 0.5);
+    layer->at[1] = (float)((row + 0.5) / n - 0.5);
+    layer->pixel = pixel;
+}
+
+/* Follows the light of every sample of a pixel past its fragments. */
+static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
+    const uint32_t first = job->first[pixel], count = job->first[pixel + 1] - first;
+    const int samples = job->samples * job->samples;
+    float through[3][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
+    if (count == 0) return;
+    spsi_fragments_sort(job->fragments + first, count);
+    for (int c = 0; c < 3; ++c)
+        for (int k = 0; k < samples; ++k) through[c][k] = 1;
+    for (uint32_t i = first; i < first + count; ++i) {
+        const spsi_fragment *fragment = &job->fragments[i];
+        spsi_layer *layer = &job->layers[i];
+        spsi_layer_place(job, fragment, pixel, layer);
+        for (int c = 0; c < 3; ++c) {
+            const float passes = job->faces->list[fragment->face].transmittance[c];
+            float seen = 0, behind = 0;
+            for (int k = 0; k < samples; ++k) {
+                const int hit = (int)(fragment->mask >> k & 1);
+                seen += hit ? through[c][k] : 0;
+                through[c][k] *= hit ? passes : 1;
+                behind += through[c][k];
+            }
+            layer->seen[c] = seen / (float)samples;
+            layer->behind[c] = behind / (float)samples;
+        }
+    }
+}
+
+static void spsi_layers_resolve_task(void *data, int index, int worker) {
+    const spsi_layers_job *job = (const spsi_layers_job *)data;
+    const int end = spsi_batch_end(index, (int)spsi_ray_count(job->rays));
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) spsi_layers_of_pixel(job, (uint32_t)i);
+}
+
+/* Whether pixels may show more than one polygon. */
+static int spsi_has_layers(const spsi_frame *frame) {
+    return frame->meshes.triangle_count > 0 && (frame->meshes.translucent || frame->view.coverage_samples > 1);
+}
+
+/* Bytes of all that is known before fragments are counted. */
+static size_t spsi_layers_bytes(const sps_context *context, const spsi_frame *frame) {
+    const spsi_rays *eye = &frame->content->eye;
+    if (!spsi_has_layers(frame)) return 0;
+    return (spsi_ray_count(eye) + 2) * sizeof(uint32_t) +
+           (size_t)spsi_worker_count(context) *
+               spsi_layer_scratch_bytes(eye, spsi_most(1, frame->view.coverage_samples));
+}
+
+static int spsi_layer_bands(const spsi_layers_job *job) {
+    return (job->rays->height + SPSI_LAYER_ROWS - 1) / SPSI_LAYER_ROWS;
+}
+
+/* Counts the fragments of all pixels. Their number may be SIZE_MAX, which cannot be reserved. */
+static size_t spsi_fragments_count(sps_context *context, spsi_layers_job *job) {
+    const size_t pixels = spsi_ray_count(job->rays);
+    memset(job->first, 0, (pixels + 2) * sizeof *job->first);
+    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
+    job->listing = 0;
+    spsi_parallel(context, spsi_layer_bands(job), spsi_layers_task, job);
+    return spsi_layers_sum(job->first, pixels);
+}
+
+/* Lists the fragments, which have been counted. Boxes of faces may be others' by now. */
+static void spsi_fragments_list(sps_context *context, spsi_layers_job *job) {
+    spsi_raster_begin(context, job->faces, &job->fine, &job->raster);
+    job->listing = 1;
+    spsi_parallel(context, spsi_layer_bands(job), spsi_layers_task, job);
+}
+
+/* Finds the layers of all pixels. Where edges are sampled, hits of pixels that show several polygons become ends of
+   gas. */
+static sps_result spsi_layers_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                    spsi_hit *hits, spsi_layers *layers) {
+    const spsi_rays *eye = &frame->content->eye;
+    spsi_layers_job job;
+    memset(layers, 0, sizeof *layers);
+    if (!hits || !spsi_has_layers(frame)) return SPS_OK;
+    memset(&job, 0, sizeof job);
+    job.frame = frame;
+    job.faces = faces;
+    job.rays = eye;
+    job.hits = hits;
+    job.samples = spsi_most(1, frame->view.coverage_samples);
+    if (!spsi_rays_split(eye, job.samples, &job.fine))
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "coverage_samples", job.samples,
+                               "the camera cannot tell samples apart");
+    job.scratch = (char *)spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
+                                       spsi_layer_scratch_bytes(eye, job.samples));
+    job.first = (uint32_t *)spsi_reserve(context, SPSI_BUFFER_LAYER_STARTS, spsi_ray_count(eye) + 2, sizeof *job.first);
+    if (!job.scratch || !job.first) return context->result;
+    layers->count = spsi_fragments_count(context, &job);
+    job.fragments = (spsi_fragment *)spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, layers->count, sizeof *job.fragments);
+    job.layers = (spsi_layer *)spsi_reserve(context, SPSI_BUFFER_LAYERS, layers->count, sizeof *job.layers);
+    if (!job.fragments || !job.layers) return context->result;
+    spsi_fragments_list(context, &job);
+    spsi_parallel_batches(context, (int)spsi_ray_count(eye), spsi_layers_resolve_task, &job);
+    layers->first = job.first;
+    layers->list = job.layers;
+    context->stats.layers = (uint64_t)layers->count;
+    return SPS_OK;
+}
+
+/* ============================================================================================ >>surfaces
+   14 Where the eye sees surfaces, what they look like, and how rays towards lights find what shades them. Their shadows
+   on each other are exact: one ray per place through a tree of triangles, with neither texels nor a bias. Translucent
+   triangles filter the ray, by color. Gas is shaded by depth maps, which are rasterised like the eye's image,
+   >>depthmaps. Cost: the tree's height per place and light. */
+
+/* --- appearance of surfaces: what shade_fn sets --- */
+
+/* Color and emission of a face where a pixel meets it. */
+typedef struct spsi_appearance {
+    double color[3];
+    float emission[3];
+} spsi_appearance;
+
+/* A place where a pixel shows a polygon: what its ray hits, or one of its layers. */
+typedef struct spsi_place {
+    const spsi_hit *hit;
+    int x, y;     /* the pixel */
+    double at[2]; /* x and y of the ray */
+    size_t index; /* the pixel's, or the number of pixels plus the layer's */
+} spsi_place;
+
+/* The polygons that the eye sees. */
+typedef struct spsi_visible {
+    const spsi_hit *hits; /* of the whole image; NULL: no polygons */
+    spsi_layers layers;
+    const sps_surface *set; /* what shade_fn has set at the region's pixels and all layers; NULL: no mesh has one */
+} spsi_visible;
+
+static void spsi_place_of_pixel(const spsi_frame *frame, const spsi_visible *visible, int x, int y, spsi_place *place) {
+    place->index = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
+    place->hit = &visible->hits[place->index];
+    place->x = x;
+    place->y = y;
+    place->at[0] = x;
+    place->at[1] = y;
+}
+
+static void spsi_place_of_layer(const spsi_frame *frame, const spsi_visible *visible, size_t number,
+                                spsi_place *place) {
+    const spsi_layer *layer = &visible->layers.list[number];
+    place->index = spsi_ray_count(&frame->content->eye) + number;
+    place->hit = &layer->hit;
+    place->x = (int)(layer->pixel % (uint32_t)frame->content->eye.width);
+    place->y = (int)(layer->pixel / (uint32_t)frame->content->eye.width);
+    place->at[0] = place->x + (double)layer->at[0];
+    place->at[1] = place->y + (double)layer->at[1];
+}
+
+/* Number of places that a frame may have. */
+static size_t spsi_place_count(const spsi_frame *frame, const spsi_visible *visible) {
+    return spsi_ray_count(&frame->content->eye) + visible->layers.count;
+}
+
+static int spsi_in_region(const spsi_frame *frame, int x, int y) {
+    const int *region = frame->view.region, column = x - region[0], row = y - region[1];
+    return column >= 0 && row >= 0 && column < region[2] && row < region[3];
+}
+
+/* Where what shade_fn sets at a place is stored; SIZE_MAX: nowhere, since the pixel is outside the region. */
+static size_t spsi_surface_index(const spsi_frame *frame, const spsi_place *place) {
+    const int *region = frame->view.region, column = place->x - region[0], row = place->y - region[1];
+    const size_t pixels = spsi_ray_count(&frame->content->eye);
+    if (!spsi_in_region(frame, place->x, place->y)) return SIZE_MAX;
+    return place->index < pixels ? (size_t)row * (size_t)region[2] + (size_t)column
+                                 : (size_t)region[2] * (size_t)region[3] + place->index - pixels;
+}
+
+/* What shade_fn has set at a place; NULL: nothing. */
+static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, const spsi_place *place) {
+    const size_t at = spsi_surface_index(frame, place);
+    return set && at != SIZE_MAX && set[at].color[0] >= 0 ? &set[at] : NULL;
+}
+
+static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
+                               spsi_appearance *look) {
+    if (!set) spsi_face_color(&faces->list[hit->face], hit, look->color);
+    for (int c = 0; c < 3; ++c) {
+        if (set) look->color[c] = (double)set->color[c];
+        look->emission[c] = set ? set->emission[c] : 0;
+    }
+}
+
 #define SPSI_SURFACE_BATCH 4096 /* points for a call of shade_fn, at most */
 
-/* A pixel whose mesh has a shade_fn. */
+/* A place on a mesh that has a shade_fn. */
 typedef struct spsi_shown {
-    int x, y, mesh; /* mesh: in the frame's list */
+    spsi_place place;
+    int mesh; /* in the frame's list */
 } spsi_shown;
 
-/* The next pixels, in rows from the top, whose meshes have a shade_fn; and those of one mesh among them. */
+/* The next places, in rows of pixels from the top, whose meshes have a shade_fn; and those of one mesh among them. A
+   pixel's layers come after what its ray hits. */
 typedef struct spsi_surface_batch {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    const spsi_hit *hits;
-    int x, y; /* the next pixel to look at */
+    const spsi_visible *visible;
+    int x, y;   /* the next pixel to look at */
+    int number; /* 0: its hit, then its layers from 1 */
     int shown_count, count;
     spsi_shown shown[SPSI_SURFACE_BATCH];
     spsi_shown same[SPSI_SURFACE_BATCH]; /* of one mesh */
@@ -6422,7 +6970,7 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
                          const spsi_shown *at, double depth, const double axis[3], float change[2]) {
     double ray[3], step[3], u[3], v[3], w[3];
     const double scale = eye->perspective ? depth : 1;
-    spsi_ray_direction(eye, at->x, at->y, ray);
+    spsi_ray_direction(eye, at->place.at[0], at->place.at[1], ray);
     for (int i = 0; i < 3; ++i) step[i] = scale * axis[i];
     spsi_along(face->position[1], face->position[0], -1, u);
     spsi_along(face->position[2], face->position[0], -1, v);
@@ -6430,17 +6978,17 @@ static void spsi_uv_step(const spsi_rays *eye, const spsi_face *face, const spsi
     for (int i = 0; i < 2; ++i) change[i] = (float)fmax(-1e30, fmin(1e30, spsi_uv_mean(texture, w, i)));
 }
 
-/* Describes the point that a pixel shows. Without shade_fn it would have the mesh's own color. */
+/* Describes the point that a place shows. Without shade_fn it would have the mesh's own color. */
 static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown *at, sps_surface_point *point,
                                sps_surface *out) {
     const spsi_rays *eye = &batch->frame->content->eye;
-    const spsi_hit *hit = &batch->hits[(size_t)at->y * (size_t)eye->width + (size_t)at->x];
+    const spsi_hit *hit = at->place.hit;
     const spsi_face *face = &batch->faces->list[hit->face];
     const spsi_face_texture *texture = &batch->faces->textures[batch->faces->meshes[at->mesh].textures + hit->face];
     const double depth = (double)hit->depth + eye->depth_reference;
     double w[3], color[3];
     spsi_surface surface;
-    spsi_surface_at(eye, batch->faces, hit, at->x, at->y, &surface);
+    spsi_surface_at(eye, batch->faces, hit, at->place.at[0], at->place.at[1], &surface);
     spsi_normalise(surface.normal);
     spsi_hit_weights(hit, w);
     spsi_face_color(face, hit, color);
@@ -6456,8 +7004,8 @@ static void spsi_surface_point(const spsi_surface_batch *batch, const spsi_shown
     }
     point->triangle = texture->number;
     point->mesh = batch->frame->meshes.list[at->mesh].index;
-    point->x = at->x;
-    point->y = at->y;
+    point->x = at->place.x;
+    point->y = at->place.y;
 }
 
 static void spsi_surface_point_task(void *data, int index, int worker) {
@@ -6468,27 +7016,38 @@ static void spsi_surface_point_task(void *data, int index, int worker) {
         spsi_surface_point(batch, &batch->same[i], &batch->points[i], &batch->out[i]);
 }
 
-/* Collects the next pixels. Returns 0 if there are none. */
+/* The next place of the current pixel; returns 0 if there are no more. */
+static int spsi_surface_batch_place(spsi_surface_batch *batch, spsi_place *place) {
+    const spsi_layers *layers = &batch->visible->layers;
+    const size_t pixel = (size_t)batch->y * (size_t)batch->frame->content->eye.width + (size_t)batch->x;
+    const int count = layers->first ? (int)(layers->first[pixel + 1] - layers->first[pixel]) : 0;
+    if (batch->number == 0 && batch->visible->hits[pixel].face < 0) batch->number = 1;
+    if (batch->number > count) return 0;
+    if (batch->number == 0)
+        spsi_place_of_pixel(batch->frame, batch->visible, batch->x, batch->y, place);
+    else
+        spsi_place_of_layer(batch->frame, batch->visible, layers->first[pixel] + (size_t)batch->number - 1, place);
+    return 1;
+}
+
+/* Collects the next places. Returns 0 if there are none. */
 static int spsi_surface_batch_fill(spsi_surface_batch *batch) {
     const int *region = batch->frame->view.region, right = region[0] + region[2], bottom = region[1] + region[3];
+    spsi_place place;
     batch->shown_count = 0;
-    for (; batch->y < bottom; ++batch->y, batch->x = region[0]) {
-        const spsi_hit *row = batch->hits + (size_t)batch->y * (size_t)batch->frame->content->eye.width;
-        for (; batch->x < right; ++batch->x) {
-            const int face = row[batch->x].face;
-            spsi_shown *shown = &batch->shown[batch->shown_count];
-            if (face < 0) continue;
-            if (batch->shown_count == SPSI_SURFACE_BATCH) return 1;
-            shown->x = batch->x;
-            shown->y = batch->y;
-            shown->mesh = spsi_mesh_of(batch->frame, batch->faces, face);
-            batch->shown_count += batch->frame->meshes.list[shown->mesh].shade_fn != NULL;
-        }
-    }
+    for (; batch->y < bottom; ++batch->y, batch->x = region[0])
+        for (; batch->x < right; ++batch->x, batch->number = 0)
+            for (; spsi_surface_batch_place(batch, &place); ++batch->number) {
+                spsi_shown *shown = &batch->shown[batch->shown_count];
+                if (batch->shown_count == SPSI_SURFACE_BATCH) return 1;
+                shown->place = place;
+                shown->mesh = spsi_mesh_of(batch->frame, batch->faces, place.hit->face);
+                batch->shown_count += batch->frame->meshes.list[shown->mesh].shade_fn != NULL;
+            }
     return batch->shown_count > 0;
 }
 
-/* Picks the pixels of one mesh. Returns the next mesh that has any, or -1. */
+/* Picks the places of one mesh. Returns the next mesh that has any, or -1. */
 static int spsi_surface_batch_pick(spsi_surface_batch *batch, int mesh) {
     int next = -1;
     batch->count = 0;
@@ -6522,41 +7081,39 @@ static sps_result spsi_surface_batch_shade(sps_context *context, spsi_surface_ba
     return SPS_OK;
 }
 
-/* Shades the pixels that were collected, mesh by mesh, into the region's. */
+/* Shades the places that were collected, mesh by mesh. */
 static sps_result spsi_surface_batch_run(sps_context *context, spsi_surface_batch *batch, sps_surface *set) {
-    const int *region = batch->frame->view.region;
     int next;
     for (int mesh = spsi_surface_batch_pick(batch, -1); mesh >= 0; mesh = next) {
         next = spsi_surface_batch_pick(batch, mesh);
         if (spsi_surface_batch_shade(context, batch, &batch->frame->meshes.list[mesh])) return context->result;
         for (int i = 0; i < batch->count; ++i)
-            set[(size_t)(batch->same[i].y - region[1]) * (size_t)region[2] + (size_t)(batch->same[i].x - region[0])] =
-                batch->out[i];
+            set[spsi_surface_index(batch->frame, &batch->same[i].place)] = batch->out[i];
     }
     return spsi_progress(context, 0);
 }
 
-/* Calls shade_fn for the points that the region's pixels show, once each. *set receives what it has set, per pixel;
-   NULL if no mesh has one. */
+/* Calls shade_fn for the points that the region's pixels show, once each. Sets visible->set. */
 static sps_result spsi_textures(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                const spsi_hit *hits, const sps_surface **set) {
-    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+                                spsi_visible *visible) {
+    const size_t places = (size_t)frame->view.region[2] * (size_t)frame->view.region[3] + visible->layers.count;
     spsi_surface_batch *batch;
     sps_surface *out;
-    *set = NULL;
-    if (!faces->textures || !hits) return SPS_OK;
-    out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, pixels, sizeof *out);
+    visible->set = NULL;
+    if (!faces->textures || !visible->hits) return SPS_OK;
+    out = (sps_surface *)spsi_reserve(context, SPSI_BUFFER_SURFACES, places, sizeof *out);
     batch = (spsi_surface_batch *)spsi_reserve(context, SPSI_BUFFER_SURFACE_BATCH, 1, sizeof *batch);
     if (!out || !batch) return context->result;
-    for (size_t i = 0; i < pixels; ++i) out[i].color[0] = -1; /* nothing is set there */
+    for (size_t i = 0; i < places; ++i) out[i].color[0] = -1; /* nothing is set there */
     batch->frame = frame;
     batch->faces = faces;
-    batch->hits = hits;
+    batch->visible = visible;
     batch->x = frame->view.region[0];
     batch->y = frame->view.region[1];
+    batch->number = 0;
     while (spsi_surface_batch_fill(batch))
         if (spsi_surface_batch_run(context, batch, out)) return context->result;
-    *set = out;
+    visible->set = out;
     return SPS_OK;
 }
 
@@ -6576,12 +7133,16 @@ static size_t spsi_textures_bytes(const spsi_frame *frame) {
 /* Rays from points towards one light. */
 typedef struct spsi_packet {
     double origin[3][SPSI_PACKET], toward[3][SPSI_PACKET];
-    double reach;                  /* the light is at origin + reach * toward; infinity for a directional light */
-    double rounding;               /* round-off of world coordinates */
-    int on_faces;                  /* 0: rays begin in gas, where no face is near enough for round-off to matter */
-    int own[SPSI_PACKET];          /* face that each ray begins on and ignores; -1: none */
-    int count;                     /* vectors that hold any rays */
-    int open;                      /* bit mask of rays that nothing has occluded yet */
+    double reach;         /* the light is at origin + reach * toward; infinity for a directional light */
+    double rounding;      /* round-off of world coordinates */
+    int on_faces;         /* 0: rays begin in gas, where no face is near enough for round-off to matter */
+    int own[SPSI_PACKET]; /* face that each ray begins on and ignores; -1: none */
+    int count;            /* vectors that hold any rays */
+    int open;             /* bit mask of rays that nothing has occluded yet */
+    int filtered;         /* bit mask of rays that translucent faces have filtered */
+    /* Optical depth of translucent faces on each ray, by color, in units of 2^-32: sums of integers do not depend on
+       the order in which faces are met. */
+    uint64_t filter[3][SPSI_PACKET];
     float above[3][SPSI_PACKET];   /* origins relative to the tree's centre, plus room for round-off */
     float below[3][SPSI_PACKET];   /* the same, minus that room */
     float inverse[3][SPSI_PACKET]; /* toward; 1 / toward once the packet is traced */
@@ -6682,8 +7243,74 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* Closes the rays among `bits` that a face occludes. */
+/* The side of an edge on which a ray passes, 0 or 1. A ray through the edge is on one side of it, and only one,
+   whichever face the edge belongs to: corners are taken in the same order, and every step rounds in the same way. */
+static int spsi_edge_passes(const double p[3], const double q[3], const double origin[3], const double direction[3]) {
+    int swap = 0;
+    double a[3], b[3], value = 0;
+    for (int i = 0; i < 3 && !swap; ++i) {
+        if (p[i] < q[i]) break;
+        swap = p[i] > q[i];
+    }
+    for (int i = 0; i < 3; ++i) {
+        a[i] = (swap ? q : p)[i] - origin[i];
+        b[i] = (swap ? p : q)[i] - origin[i];
+    }
+    for (int i = 0; i < 3; ++i) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        const double across = spsi_multiply_add(a[j], b[k], -spsi_multiply_add(a[k], b[j], 0));
+        value = spsi_multiply_add(direction[i], across, value);
+    }
+    return (value >= 0) != swap;
+}
+
+/* Whether a ray passes through a translucent face. Of the faces that share an edge, one lets it pass. */
+static int spsi_face_crossed(const spsi_face *face, const spsi_packet *packet, int at) {
+    const double o[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
+    const double d[3] = {packet->toward[0][at], packet->toward[1][at], packet->toward[2][at]};
+    const int side = spsi_edge_passes(face->position[0], face->position[1], o, d);
+    double u[3], v[3], n[3], offset[3], facing, ahead, room;
+    if (spsi_edge_passes(face->position[1], face->position[2], o, d) != side) return 0;
+    if (spsi_edge_passes(face->position[2], face->position[0], o, d) != side) return 0;
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, n);
+    spsi_along(face->position[0], o, -1, offset);
+    room = packet->on_faces ? (double)face->rounding + packet->rounding : 0;
+    facing = spsi_dot(n, d);
+    ahead = spsi_dot(n, offset) * (facing < 0 ? -1 : 1);
+    return ahead > room * spsi_reach_of(n) && ahead < packet->reach * fabs(facing);
+}
+
+/* Optical depth of a face in units of 2^-32, 86 at most: 4e7 of them do not overflow. */
+static uint64_t spsi_filter_of(float transmittance) {
+    const double depth = transmittance > 0 ? -log((double)transmittance) : (double)SPSI_DEPTH_MAX;
+    return (uint64_t)(fmin(depth, 86) * 4294967296.0);
+}
+
+/* Filters the open rays that pass through a translucent face. */
+static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *packet) {
+    for (int at = 0; packet->open >> at; ++at) {
+        if (!(packet->open >> at & 1) || packet->own[at] == number || !spsi_face_crossed(face, packet, at)) continue;
+        for (int c = 0; c < 3; ++c) packet->filter[c][at] += spsi_filter_of(face->transmittance[c]);
+        packet->filtered |= 1 << at;
+    }
+}
+
+/* What translucent faces let pass along a ray, by color. */
+static void spsi_packet_through(const spsi_packet *packet, int at, double through[3]) {
+    for (int c = 0; c < 3; ++c) {
+        const double depth = (double)packet->filter[c][at] / 4294967296.0;
+        through[c] = depth < 86 ? exp(-depth) : 0;
+    }
+}
+
+/* Closes the rays among `bits` that a face occludes, or filters them. */
 static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits, spsi_packet *packet) {
+    if (spsi_face_is_translucent(&faces->list[number])) {
+        spsi_packet_filter(&faces->list[number], number, packet);
+        return;
+    }
     for (int first = 0; first < SPSI_PACKET; first += SPSI_LANES) {
         int stopped;
         if (!(bits >> first & ((1 << SPSI_LANES) - 1))) continue;
@@ -6693,7 +7320,7 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
     }
 }
 
-/* Traces a packet: afterwards, its open rays are those that reach the light. */
+/* Traces a packet: afterwards, its open rays are those that reach the light, through translucent faces or not. */
 static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     const spsi_tree *tree = &faces->tree;
     const spsi_v reach = spsi_set(packet->reach <= 1 ? 1.0f : FLT_MAX);
@@ -7161,7 +7788,7 @@ typedef struct spsi_depth_map {
 /* Texels on a side of a light's depth map: finer than the light's sheets where the quality says so, since it is
    cheap. */
 static int spsi_depth_map_size(const spsi_frame *frame) {
-    return spsi_most(frame->view.shadow_size, frame->accuracy.depth_map_texels);
+    return spsi_most(8, spsi_most(frame->view.shadow_size, frame->accuracy.depth_map_texels));
 }
 
 /* Number of cells on a side of a map of `size` texels. */
@@ -7200,8 +7827,7 @@ static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
 
 /* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, or six where a point light
    does not see all gas within a cone. */
-static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, spsi_depth_map *map) {
-    const int size = spsi_most(8, spsi_depth_map_size(frame));
+static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, int size, spsi_depth_map *map) {
     map->face_count = 1;
     if (spsi_rays_fit(lamp, &frame->content->bounds, 1, size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
@@ -7310,55 +7936,90 @@ static void spsi_depth_map_fill(sps_context *context, const spsi_faces *faces, s
 
 /* --- looking up a depth map --- */
 
-/* The share of the way from d0 to d1 that one face of a depth map leaves lit; 1 outside of its grid. How far a point is
-   in front of a texel's plane is linear along the way: `ahead` in its middle, and `per` more or less at either end. In
-   perspective a plane of slope g reaches g / (1 - g / t) beyond the texel's own depth t. */
-static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                          spsi_v d1) {
+/* Prepares lookups along the eye's rays. */
+static void spsi_depth_map_follow(const spsi_rays *eye, spsi_depth_map *map) {
+    for (int face = 0; face < map->face_count; ++face)
+        for (int i = 0; i < 3; ++i)
+            spsi_linear_build(eye, map->rays[face].inverse[i], map->rays[face].origin,
+                              i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
+}
+
+/* Ways from d0 to d1 along the eye's rays, on a face of a depth map. */
+typedef struct spsi_map_way {
+    spsi_v middle[3], rise[3]; /* texel and depth of its middle, relative to the texel (ix, iy), and half its extent */
+    spsi_v ix, iy;             /* the first of the four texels around it */
+    spsi_m inside;             /* of the grid */
+} spsi_map_way;
+
+static inline void spsi_map_way_build(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1,
+                                      spsi_map_way *way) {
     const spsi_rays *rays = &map->rays[face];
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
-                 origin = spsi_set((float)rays->depth_reference);
-    spsi_v q[2][3], middle[3], rise[3], ix, iy, share[4], depth[4], slope[2][4];
-    spsi_m inside;
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), origin = spsi_set((float)rays->depth_reference);
+    spsi_v q[2][3];
     for (int i = 0; i < 3; ++i) {
         const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
         const spsi_v change = spsi_linear_slope(&map->along[face][i], at, y);
         q[0][i] = spsi_fma(d0, change, base);
         q[1][i] = spsi_fma(d1, change, base);
     }
-    inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX),
-                       rays->perspective ? spsi_add(spsi_min(q[0][2], q[1][2]), origin) : zero);
+    way->inside = spsi_less(spsi_set(rays->perspective ? FLT_MIN * 16 : -FLT_MAX),
+                            rays->perspective ? spsi_add(spsi_min(q[0][2], q[1][2]), origin) : zero);
     for (int end = 0; end < 2 && rays->perspective; ++end) {
         const spsi_v t = spsi_max(spsi_add(q[end][2], origin), spsi_set(FLT_MIN * 16));
         for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], t);
     }
     for (int i = 0; i < 3; ++i) {
         const float size = (float)(i == 0 ? rays->width - 1 : rays->height - 1);
-        middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
-        rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
+        way->middle[i] = spsi_mul(half, spsi_add(q[0][i], q[1][i]));
+        way->rise[i] = spsi_mul(half, spsi_sub(q[1][i], q[0][i]));
         if (i == 2) break;
-        inside = spsi_and(inside, spsi_and(spsi_less(zero, middle[i]), spsi_less(middle[i], spsi_set(size))));
-        middle[i] = spsi_clamp(middle[i], zero, spsi_set(size));
+        way->inside =
+            spsi_and(way->inside, spsi_and(spsi_less(zero, way->middle[i]), spsi_less(way->middle[i], spsi_set(size))));
+        way->middle[i] = spsi_clamp(way->middle[i], zero, spsi_set(size));
     }
-    ix = spsi_min(spsi_floor(middle[0]), spsi_set((float)(rays->width - 2)));
-    iy = spsi_min(spsi_floor(middle[1]), spsi_set((float)(rays->height - 2)));
-    spsi_lookup_quad(map->depths[face], rays->width, ix, iy, depth);
-    for (int i = 0; i < 2; ++i) spsi_lookup_quad(map->slopes[face][i], rays->width, ix, iy, slope[i]);
-    middle[0] = spsi_sub(middle[0], ix);
-    middle[1] = spsi_sub(middle[1], iy);
+    way->ix = spsi_min(spsi_floor(way->middle[0]), spsi_set((float)(rays->width - 2)));
+    way->iy = spsi_min(spsi_floor(way->middle[1]), spsi_set((float)(rays->height - 2)));
+    way->middle[0] = spsi_sub(way->middle[0], way->ix);
+    way->middle[1] = spsi_sub(way->middle[1], way->iy);
+}
+
+/* The share of a way that lies before a plane: that of the i-th of the four texels. How far a point is in front of it
+   is linear along the way: `ahead` in its middle, and `per` more or less at either end. In perspective a plane of slope
+   g reaches g / (1 - g / t) beyond the texel's own depth t. */
+static inline spsi_v spsi_map_way_share(const spsi_map_way *way, const spsi_rays *rays, int i, spsi_v depth,
+                                        const spsi_v slope[2]) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), half = spsi_set(0.5f),
+                 origin = spsi_set((float)rays->depth_reference);
+    const spsi_v dx = spsi_sub(way->middle[0], spsi_set((float)(i & 1))),
+                 dy = spsi_sub(way->middle[1], spsi_set((float)(i >> 1)));
+    const spsi_v bent = rays->perspective ? spsi_div(one, spsi_add(depth, origin)) : zero;
+    spsi_v up = spsi_fma(slope[0], dx, spsi_mul(slope[1], dy)), ahead, per;
+    ahead = spsi_div(up, spsi_max(spsi_sub(one, spsi_mul(up, bent)), spsi_set(1e-6f)));
+    ahead = spsi_sub(spsi_add(depth, ahead), way->middle[2]);
+    per = spsi_abs(spsi_sub(spsi_fma(slope[0], way->rise[0], spsi_mul(slope[1], way->rise[1])), way->rise[2]));
+    return spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
+}
+
+/* The mean of four texels' values, by their distance. */
+static inline spsi_v spsi_map_way_mean(const spsi_map_way *way, const spsi_v texels[4]) {
+    return spsi_mix(spsi_mix(texels[0], texels[1], way->middle[0]), spsi_mix(texels[2], texels[3], way->middle[0]),
+                    way->middle[1]);
+}
+
+/* The share of the way from d0 to d1 that one face of a depth map leaves lit; 1 outside of its grid. */
+static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
+                                          spsi_v d1) {
+    const spsi_rays *rays = &map->rays[face];
+    spsi_v share[4], depth[4], slopes[2][4];
+    spsi_map_way way;
+    spsi_map_way_build(map, face, at, y, d0, d1, &way);
+    spsi_lookup_quad(map->depths[face], rays->width, way.ix, way.iy, depth);
+    for (int i = 0; i < 2; ++i) spsi_lookup_quad(map->slopes[face][i], rays->width, way.ix, way.iy, slopes[i]);
     for (int i = 0; i < 4; ++i) {
-        const spsi_v dx = spsi_sub(middle[0], spsi_set((float)(i & 1))),
-                     dy = spsi_sub(middle[1], spsi_set((float)(i >> 1)));
-        const spsi_v bent = rays->perspective ? spsi_div(one, spsi_add(depth[i], origin)) : zero;
-        spsi_v up = spsi_fma(slope[0][i], dx, spsi_mul(slope[1][i], dy)), ahead, per;
-        ahead = spsi_div(up, spsi_max(spsi_sub(one, spsi_mul(up, bent)), spsi_set(1e-6f)));
-        ahead = spsi_sub(spsi_add(depth[i], ahead), middle[2]);
-        per = spsi_abs(spsi_sub(spsi_fma(slope[0][i], rise[0], spsi_mul(slope[1][i], rise[1])), rise[2]));
-        share[i] = spsi_clamp(spsi_fma(half, spsi_div(ahead, spsi_max(per, spsi_set(FLT_MIN * 16))), half), zero, one);
+        const spsi_v slope[2] = {slopes[0][i], slopes[1][i]};
+        share[i] = spsi_map_way_share(&way, rays, i, depth[i], slope);
     }
-    return spsi_select(
-        inside, spsi_mix(spsi_mix(share[0], share[1], middle[0]), spsi_mix(share[2], share[3], middle[0]), middle[1]),
-        one);
+    return spsi_select(way.inside, spsi_map_way_mean(&way, share), spsi_set(1));
 }
 
 /* Whether a face of a depth map may shade any of the ways from d0 to d1: one lookup of a cell, which spares most slabs
@@ -7394,6 +8055,177 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
     }
     wide |= spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest));
     return (wide & ~clear) != 0;
+}
+
+/* --- translucent polygons --- */
+
+/* The plane of a translucent face at a texel. */
+typedef struct spsi_pane {
+    float depth, slope[2]; /* as those of a depth map */
+    int face;
+} spsi_pane;
+
+/* All translucent faces on each texel's ray, as gas sees them between itself and a point of a light. */
+typedef struct spsi_pane_map {
+    spsi_depth_map grid;              /* without depths and slopes; `nearest` is that of the panes */
+    uint32_t *first[SPSI_CUBE_FACES]; /* per texel: its first pane */
+    spsi_pane *list[SPSI_CUBE_FACES];
+    size_t counts[SPSI_CUBE_FACES];
+} spsi_pane_map;
+
+/* Bytes of what a pane map holds per texel and per cell. */
+static size_t spsi_pane_map_bytes(const spsi_pane_map *map) {
+    size_t bytes = 0;
+    for (int face = 0; face < map->grid.face_count; ++face) {
+        const spsi_rays *rays = &map->grid.rays[face];
+        bytes += (spsi_ray_count(rays) + 2) * sizeof(uint32_t);
+        bytes +=
+            2 * sizeof(float) * (size_t)spsi_depth_map_cells(rays->width) * (size_t)spsi_depth_map_cells(rays->height);
+    }
+    return bytes;
+}
+
+/* Lays out a pane map in memory, and returns the memory after it. */
+static char *spsi_pane_map_lay_out(spsi_pane_map *map, char *memory) {
+    for (int face = 0; face < map->grid.face_count; ++face) {
+        const spsi_rays *rays = &map->grid.rays[face];
+        const int columns = spsi_depth_map_cells(rays->width);
+        map->first[face] = (uint32_t *)(void *)memory;
+        map->grid.nearest[face] = (float *)(void *)(map->first[face] + spsi_ray_count(rays) + 2);
+        map->grid.cells[face] = columns;
+        memory = (char *)(map->grid.nearest[face] + 2 * (size_t)columns * (size_t)spsi_depth_map_cells(rays->height));
+    }
+    return memory;
+}
+
+typedef struct spsi_panes_job {
+    const spsi_faces *faces;
+    const spsi_fragment *fragments;
+    spsi_pane_map *map;
+    int face;
+    float *alone; /* as in spsi_planes_job */
+} spsi_panes_job;
+
+/* Turns the fragments of one row of texels into panes. */
+static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
+    spsi_pane_map *map = job->map;
+    const spsi_rays *rays = &map->grid.rays[job->face];
+    const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
+    const double texel = spsi_length(rays->a);
+    for (int x = 0; x < rays->width; ++x)
+        for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
+            const spsi_fragment *fragment = &job->fragments[i];
+            spsi_pane *pane = &map->list[job->face][i];
+            spsi_map_plane plane;
+            double ray[3], facing, t = 1;
+            spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
+            spsi_ray_direction(rays, x, y, ray);
+            facing = spsi_dot(plane.normal, ray);
+            if (rays->perspective) t = (double)fragment->depth + rays->depth_reference;
+            pane->depth = fragment->depth;
+            pane->face = fragment->face;
+            pane->slope[0] = spsi_map_slope(plane.a, facing, t, SPSI_STEEP * t * texel);
+            pane->slope[1] = spsi_map_slope(plane.b, facing, t, SPSI_STEEP * t * texel);
+            cells[x / SPSI_CELL] =
+                spsi_lower(cells[x / SPSI_CELL], pane->depth - fabsf(pane->slope[0]) - fabsf(pane->slope[1]));
+        }
+}
+
+/* Fills one row of cells. */
+static void spsi_panes_task(void *data, int index, int worker) {
+    const spsi_panes_job *job = (const spsi_panes_job *)data;
+    const int columns = job->map->grid.cells[job->face], height = job->map->grid.rays[job->face].height;
+    float *cells = job->alone + (size_t)index * (size_t)columns;
+    (void)worker;
+    for (int i = 0; i < columns; ++i) cells[i] = SPSI_INFINITY;
+    for (int y = index * SPSI_CELL; y < spsi_least(height, (index + 1) * SPSI_CELL); ++y) spsi_panes_row(job, y, cells);
+}
+
+/* The panes of one face of a map: counts them (listing 0) or lists them. */
+static void spsi_panes_raster(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                              spsi_pane_map *map, int face, int listing) {
+    spsi_layers_job job;
+    memset(&job, 0, sizeof job);
+    job.frame = frame;
+    job.faces = faces;
+    job.rays = &map->grid.rays[face];
+    job.fine = *job.rays;
+    job.samples = 1;
+    job.scratch = (char *)context->buffers[SPSI_BUFFER_LAYER_SAMPLES].data;
+    job.first = map->first[face];
+    job.fragments = (spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
+    if (!listing) {
+        map->counts[face] = spsi_fragments_count(context, &job);
+        return;
+    }
+    spsi_fragments_list(context, &job);
+}
+
+/* Lists the panes of a map, whose fragments have been counted. */
+static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                               spsi_pane_map *map) {
+    spsi_panes_job job;
+    job.faces = faces;
+    job.fragments = (const spsi_fragment *)context->buffers[SPSI_BUFFER_FRAGMENTS].data;
+    job.map = map;
+    for (job.face = 0; job.face < map->grid.face_count; ++job.face) {
+        const int rows = spsi_depth_map_cells(map->grid.rays[job.face].height);
+        spsi_panes_raster(context, frame, faces, map, job.face, 1);
+        job.alone = map->grid.nearest[job.face] + (size_t)map->grid.cells[job.face] * (size_t)rows;
+        spsi_parallel(context, rows, spsi_panes_task, &job);
+        spsi_depth_map_spread(&map->grid, job.face, job.alone);
+    }
+}
+
+/* What the panes of four texels let pass along a way, by color: each filters the share of the way behind it. */
+static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way,
+                               int lane, const float corner[2], float through[4][3]) {
+    const spsi_rays *rays = &map->grid.rays[face];
+    for (int i = 0; i < 4; ++i) {
+        const size_t texel =
+            (size_t)((int)corner[1] + (i >> 1)) * (size_t)rays->width + (size_t)((int)corner[0] + (i & 1));
+        for (int c = 0; c < 3; ++c) through[i][c] = 1;
+        for (uint32_t n = map->first[face][texel]; n < map->first[face][texel + 1]; ++n) {
+            const spsi_pane *pane = &map->list[face][n];
+            const spsi_v slope[2] = {spsi_set(pane->slope[0]), spsi_set(pane->slope[1])};
+            float lit[SPSI_LANES];
+            spsi_store(lit, spsi_map_way_share(way, rays, i, spsi_set(pane->depth), slope));
+            for (int c = 0; c < 3; ++c)
+                through[i][c] *= lit[lane] + (1 - lit[lane]) * faces->list[pane->face].transmittance[c];
+        }
+    }
+}
+
+/* Multiplies `filter` by what translucent faces let pass to the ways from d0 to d1, on one face of a map. */
+static void spsi_pane_map_face(const spsi_pane_map *map, int face, const spsi_faces *faces, spsi_v at, float y,
+                               spsi_v d0, spsi_v d1, spsi_v filter[3]) {
+    float columns[SPSI_LANES], rows[SPSI_LANES], lanes[4][3][SPSI_LANES];
+    spsi_map_way way;
+    int inside;
+    if (!spsi_depth_map_may_shade(&map->grid, face, at, y, d0, d1)) return;
+    spsi_map_way_build(&map->grid, face, at, y, d0, d1, &way);
+    inside = spsi_bits(way.inside);
+    spsi_store(columns, way.ix);
+    spsi_store(rows, way.iy);
+    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        const float corner[2] = {columns[lane], rows[lane]};
+        float through[4][3] = {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}};
+        if (inside >> lane & 1) spsi_panes_through(map, face, faces, &way, lane, corner, through);
+        for (int i = 0; i < 4; ++i)
+            for (int c = 0; c < 3; ++c) lanes[i][c][lane] = through[i][c];
+    }
+    for (int c = 0; c < 3; ++c) {
+        const spsi_v texels[4] = {spsi_load(lanes[0][c]), spsi_load(lanes[1][c]), spsi_load(lanes[2][c]),
+                                  spsi_load(lanes[3][c])};
+        filter[c] = spsi_mul(filter[c], spsi_map_way_mean(&way, texels));
+    }
+}
+
+/* What translucent polygons let pass from a point of a light to the ways from d0 to d1, by color. */
+static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y, spsi_v d0,
+                                 spsi_v d1, spsi_v filter[3]) {
+    for (int c = 0; c < 3; ++c) filter[c] = spsi_set(1);
+    for (int face = 0; face < map->grid.face_count; ++face) spsi_pane_map_face(map, face, faces, at, y, d0, d1, filter);
 }
 
 /* ================================================================================================ >>balls
@@ -12282,6 +13114,8 @@ typedef struct spsi_shadow {
     const float *lit;          /* per pixel of the image: spsi_sight */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
+    spsi_pane_map *pane_maps; /* of the light's points */
+    int pane_map_count;       /* 0: no translucent polygons */
 } spsi_shadow;
 
 /* --- sheets --- */
@@ -12395,7 +13229,8 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
 
 /* Prepares lookups along the eye's rays. */
 static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
-    spsi_depth_map *map = &shadow->depth_map;
+    spsi_depth_map_follow(eye, &shadow->depth_map);
+    for (int i = 0; i < shadow->pane_map_count; ++i) spsi_depth_map_follow(eye, &shadow->pane_maps[i].grid);
     for (int i = 0; i < 3; ++i) {
         const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
         if (shadow->kind == SPSI_SHADOW_MAP) {
@@ -12407,9 +13242,6 @@ static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
             const spsi_rays *rays = shadow->sliced->target.rays;
             spsi_linear_build(eye, rays->inverse[i], rays->origin, 0, &shadow->along[i]);
         }
-        for (int face = 0; face < map->face_count; ++face)
-            spsi_linear_build(eye, map->rays[face].inverse[i], map->rays[face].origin,
-                              i == 2 ? -map->rays[face].depth_reference : 0, &map->along[face][i]);
     }
 }
 
@@ -12465,7 +13297,7 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
-        spsi_depth_map_aim(frame, shadows[i].lamp, &shadows[i].depth_map);
+        spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), &shadows[i].depth_map);
         more = spsi_depth_map_floats(&shadows[i].depth_map);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
@@ -12475,6 +13307,72 @@ static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *
     for (int i = 0; i < count; ++i)
         if (!shadows[i].soft) spsi_depth_map_fill(context, faces, &shadows[i].depth_map);
     return SPS_OK;
+}
+
+/* Lays out the pane maps of a sweep's lights: one for each point of a light that is soft, which share the texels of
+   one. */
+static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
+                                         spsi_pane_map *maps) {
+    size_t bytes = 0;
+    spsi_pane_map *next = maps;
+    char *memory;
+    for (int i = 0; i < count; ++i) {
+        const spsi_lamp *lamp = shadows[i].lamp;
+        shadows[i].pane_maps = next;
+        shadows[i].pane_map_count = shadows[i].soft ? lamp->point_count : 1;
+        for (int k = 0; k < shadows[i].pane_map_count; ++k, ++next) {
+            const double share = 1 / sqrt((double)shadows[i].pane_map_count);
+            memset(next, 0, sizeof *next);
+            spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
+                               spsi_most(8, (int)(share * spsi_depth_map_size(frame))), &next->grid);
+            bytes += spsi_pane_map_bytes(next);
+        }
+    }
+    memory = (char *)spsi_reserve(context, SPSI_BUFFER_PANE_TEXELS, bytes, 1);
+    for (spsi_pane_map *map = maps; memory && map < next; ++map) memory = spsi_pane_map_lay_out(map, memory);
+    return context->result;
+}
+
+/* Counts the panes of all maps, and lists them. */
+static sps_result spsi_pane_maps_fill(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                      spsi_pane_map *maps, size_t map_count) {
+    size_t sum = 0, most = 0;
+    spsi_pane *panes;
+    for (size_t i = 0; i < map_count; ++i)
+        for (int face = 0; face < maps[i].grid.face_count; ++face) {
+            spsi_panes_raster(context, frame, faces, &maps[i], face, 0);
+            sum = maps[i].counts[face] > SIZE_MAX - sum ? SIZE_MAX : sum + maps[i].counts[face];
+            most = maps[i].counts[face] > most ? maps[i].counts[face] : most;
+        }
+    panes = (spsi_pane *)spsi_reserve(context, SPSI_BUFFER_PANES, sum, sizeof *panes);
+    if (!panes || !spsi_reserve(context, SPSI_BUFFER_FRAGMENTS, most, sizeof(spsi_fragment))) return context->result;
+    for (size_t i = 0; i < map_count; ++i) {
+        for (int face = 0; face < maps[i].grid.face_count; ++face) {
+            maps[i].list[face] = panes;
+            panes += maps[i].counts[face];
+        }
+        spsi_pane_map_fill(context, frame, faces, &maps[i]);
+    }
+    return SPS_OK;
+}
+
+/* Builds the maps by which translucent polygons filter the light of gas. */
+static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                       spsi_shadow *shadows, int count) {
+    size_t map_count = 0;
+    int widest = 0;
+    spsi_pane_map *maps;
+    if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
+    for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].lamp->point_count : 1);
+    maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
+    if (!maps || spsi_pane_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
+    for (size_t i = 0; i < map_count; ++i)
+        for (int face = 0; face < maps[i].grid.face_count; ++face)
+            widest = spsi_most(widest, maps[i].grid.rays[face].width);
+    if (!spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
+                      (size_t)widest * sizeof(uint64_t)))
+        return context->result;
+    return spsi_pane_maps_fill(context, frame, faces, maps, map_count);
 }
 
 /* Builds the transmittance maps of a sweep's lamps, and leaves the rest of the call's part to the sweep. Even after a
@@ -12540,8 +13438,8 @@ typedef struct spsi_shader {
     const spsi_faces *faces;
     const spsi_shadow *shadows; /* of the lights that the sweep carries */
     int shadow_count;
-    const spsi_hit *hits;      /* of the whole image; NULL: no polygons */
-    const sps_surface *set;    /* what shade_fn has set at the region's pixels; NULL: no mesh has one */
+    const spsi_visible *visible;
+    const spsi_hit *hits;      /* those of `visible`, unless there are no polygons: NULL */
     spsi_linear slab;          /* slab coordinate */
     spsi_linear position[3];   /* world position, relative to `position_origin` */
     double position_origin[3]; /* in the world */
@@ -12689,11 +13587,13 @@ typedef struct spsi_slab {
 /* One part of a slab. */
 typedef struct spsi_part {
     const spsi_sample *samples;
-    spsi_v middle;        /* depth of its middle along the ray */
-    spsi_v half;          /* half of its extent in depth */
-    spsi_v depth;         /* optical depth */
-    spsi_v first, last;   /* shares of the slab's optical depth at which it begins and ends */
-    int number;           /* in the light's order */
+    spsi_v middle;      /* depth of its middle along the ray */
+    spsi_v half;        /* half of its extent in depth */
+    spsi_v depth;       /* optical depth */
+    spsi_v first, last; /* shares of the slab's optical depth at which it begins and ends */
+    int number;         /* in the light's order */
+    int is_cut;         /* 1: a layer cuts it: it is only the shares from cut[0] to cut[1] of a part, in that order */
+    spsi_v cut[2];
     spsi_v before, after; /* optical depth from the eye to its beginning and end, in the light's order */
 } spsi_part;
 
@@ -13071,12 +13971,12 @@ static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const
 }
 
 /* Adds one light's contribution from all samples of a part to radiance. `carried`: mean transmittance between light and
-   eye, times the lit share. */
+   eye, times the lit share, by color. */
 static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
-                          spsi_v carried, spsi_v radiance[3]) {
+                          const spsi_v carried[3], spsi_v radiance[3]) {
     spsi_incident incident;
     spsi_lamp_at(shader, lamp, p, part, &incident);
-    for (int c = 0; c < 3; ++c) incident.irradiance[c] = spsi_mul(incident.irradiance[c], carried);
+    for (int c = 0; c < 3; ++c) incident.irradiance[c] = spsi_mul(incident.irradiance[c], carried[c]);
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         spsi_v response[3];
@@ -13134,22 +14034,48 @@ static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);
 }
 
-/* Adds one of the lights that the sweep carries, attenuated by its planes or its map and cut off by polygons. Within a
-   slab, optical depth towards the light and towards the eye grow in proportion: both come from the same matter. */
+/* The share of a part that opaque polygons leave lit. */
+static spsi_v spsi_part_lit(const spsi_arrival *arrival, const spsi_part *part) {
+    const spsi_v lit = arrival->lit[part->number], way = spsi_sub(part->cut[1], part->cut[0]);
+    if (!part->is_cut) return lit;
+    return spsi_clamp(spsi_div(spsi_sub(lit, part->cut[0]), spsi_max(way, spsi_set(FLT_MIN))), spsi_set(0),
+                      spsi_set(1));
+}
+
+/* What translucent polygons let pass from a light to a part, by color: the mean over the light's points. */
+static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                             const spsi_part *part, spsi_v filter[3]) {
+    const spsi_v d0 = spsi_sub(part->middle, part->half), d1 = spsi_add(part->middle, part->half);
+    spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    for (int i = 0; i < shadow->pane_map_count; ++i) {
+        spsi_pane_map_filter(&shadow->pane_maps[i], shader->faces, p->line.at, (float)p->line.y, d0, d1, filter);
+        for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], filter[c]);
+    }
+    for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)shadow->pane_map_count));
+}
+
+/* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
+   filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
+   both come from the same matter. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                               const spsi_pixels *p, const spsi_part *part, spsi_v radiance[3]) {
-    const spsi_v lit = arrival->lit[part->number], end_share = spsi_mix(part->first, part->last, lit);
-    spsi_v start, end;
+    const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
+    spsi_v start, end, carried[3], filter[3];
     if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
     start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
     end = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
-    spsi_add_lamp(shader, p, part, shadow->lamp, spsi_mul(lit, spsi_mean_transmittance(start, end)), radiance);
+    carried[0] = carried[1] = carried[2] = spsi_mul(lit, spsi_mean_transmittance(start, end));
+    if (shadow->pane_map_count > 0) {
+        spsi_part_filter(shader, shadow, p, part, filter);
+        for (int c = 0; c < 3; ++c) carried[c] = spsi_mul(carried[c], filter[c]);
+    }
+    spsi_add_lamp(shader, p, part, shadow->lamp, carried, radiance);
 }
 
 /* Adds ambient light, emission, and the lights that cast no shadows. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 spsi_v radiance[3]) {
-    const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
+    const spsi_v mean = spsi_mean_transmittance(part->before, part->after), carried[3] = {mean, mean, mean};
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         const spsi_sample *sample = &part->samples[m];
@@ -13164,7 +14090,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     }
     for (int i = 0; i < shader->frame->lamps.count; ++i)
         if (!shader->frame->lamps.list[i].shadows)
-            spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], mean, radiance);
+            spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], carried, radiance);
 }
 
 /* --- polygons: per pixel, in double precision --- */
@@ -13208,23 +14134,26 @@ static int spsi_surface_irradiance(const spsi_frame *frame, const spsi_lamp *lam
 typedef struct spsi_sight_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
-    const spsi_hit *hits;
+    const spsi_visible *visible;
     const spsi_lamp *lamp;
-    float *lit;     /* per pixel: spsi_lit_channels shares of a light's irradiance that no polygon keeps off */
+    float *lit;     /* per place: spsi_lit_channels shares of a light's irradiance that polygons let pass */
     uint64_t *rays; /* per worker: number of rays */
 } spsi_sight_job;
 
-/* The polygons at a block's pixels that face the light. Pixel (x, y) has bit (y * SPSI_SIGHT_BLOCK + x). */
+/* Places whose rays form a packet: those of a block of pixels, or of layers that follow each other. */
 typedef struct spsi_sight_surfaces {
-    int x0, y0, facing; /* bit mask */
+    int facing; /* bit mask of places */
+    size_t index[SPSI_PACKET];
     spsi_surface at[SPSI_PACKET];
     int face[SPSI_PACKET];
     double all[SPSI_PACKET][3], seen[SPSI_PACKET][3]; /* irradiance without polygons' shadows, and with them */
 } spsi_sight_surfaces;
 
-/* Shares per pixel that a light's sight needs: where each point of it throws the image to a place of its own, a polygon
-   keeps off a share of each color. */
-static int spsi_lit_channels(const spsi_lamp *lamp) { return lamp->projection.exists && lamp->point_count > 1 ? 3 : 1; }
+/* Shares per place that a light's sight needs: where each point of it throws the image to a place of its own, a polygon
+   keeps off a share of each color, as translucent ones do. */
+static int spsi_lit_channels(const spsi_frame *frame, const spsi_lamp *lamp) {
+    return frame->meshes.translucent || (lamp->projection.exists && lamp->point_count > 1) ? 3 : 1;
+}
 
 /* Traces rays from a block's polygons to one point of the light. Returns their number. */
 static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, spsi_sight_surfaces *block) {
@@ -13244,15 +14173,18 @@ static int spsi_sight_point(const spsi_sight_job *job, const spsi_lamp *point, s
     if (!open) return 0;
     spsi_packet_trace(job->faces, &packet);
     open &= packet.open;
-    for (int at = 0; at < SPSI_PACKET; ++at)
-        for (int c = 0; c < 3 && open >> at & 1; ++c) block->seen[at][c] += irradiance[at][c];
+    for (int at = 0; at < SPSI_PACKET; ++at) {
+        double through[3] = {1, 1, 1};
+        if (packet.filtered >> at & 1) spsi_packet_through(&packet, at, through);
+        for (int c = 0; c < 3 && open >> at & 1; ++c) block->seen[at][c] += through[c] * irradiance[at][c];
+    }
     return rays;
 }
 
-/* Stores the shares that are lit at a pixel. A single point is seen or not, whatever its color. */
-static void spsi_sight_store(const spsi_sight_job *job, int x, int y, const double all[3], const double seen[3]) {
-    const int channels = spsi_lit_channels(job->lamp);
-    float *lit = job->lit + (size_t)channels * ((size_t)y * (size_t)job->frame->content->eye.width + (size_t)x);
+/* Stores the shares that are lit at a place. A single point is seen or not, whatever its color. */
+static void spsi_sight_store(const spsi_sight_job *job, size_t index, const double all[3], const double seen[3]) {
+    const int channels = spsi_lit_channels(job->frame, job->lamp);
+    float *lit = job->lit + (size_t)channels * index;
     if (channels == 1 && job->lamp->projection.exists) {
         lit[0] = (float)(seen[0] > 0 || seen[1] > 0 || seen[2] > 0);
         return;
@@ -13260,30 +14192,55 @@ static void spsi_sight_store(const spsi_sight_job *job, int x, int y, const doub
     for (int c = 0; c < channels; ++c) lit[c] = seen[c] > 0 ? (float)(seen[c] / all[c]) : 0;
 }
 
-/* Traces the shadow rays of a block's pixels, as far as they are in the region. */
+/* Adds a place to a block. */
+static void spsi_sight_add(const spsi_sight_job *job, const spsi_place *place, int at, spsi_sight_surfaces *block) {
+    spsi_surface_at(&job->frame->content->eye, job->faces, place->hit, place->at[0], place->at[1], &block->at[at]);
+    block->face[at] = place->hit->face;
+    block->index[at] = place->index;
+    block->facing |= 1 << at;
+}
+
+/* Traces the shadow rays of a block. Returns their number. */
+static int spsi_sight_trace(const spsi_sight_job *job, spsi_sight_surfaces *block) {
+    int rays = 0;
+    for (int i = 0; i < job->lamp->point_count && block->facing; ++i)
+        rays += spsi_sight_point(job, &job->lamp->points[i], block);
+    for (int at = 0; at < SPSI_PACKET; ++at)
+        if (block->facing >> at & 1) spsi_sight_store(job, block->index[at], block->all[at], block->seen[at]);
+    return rays;
+}
+
+/* The same for a block of pixels, as far as they are in the region. */
 static int spsi_sight_block(const spsi_sight_job *job, int x0, int y0) {
     const int width = job->frame->content->eye.width, *region = job->frame->view.region;
     const int x1 = spsi_least(region[0] + region[2], x0 + SPSI_SIGHT_BLOCK);
     const int y1 = spsi_least(region[1] + region[3], y0 + SPSI_SIGHT_BLOCK);
     spsi_sight_surfaces block;
-    int rays = 0;
     memset(&block, 0, sizeof block);
     for (int y = spsi_most(y0, region[1]); y < y1; ++y)
         for (int x = spsi_most(x0, region[0]); x < x1; ++x) {
-            const spsi_hit *hit = &job->hits[(size_t)y * (size_t)width + (size_t)x];
-            const int at = (y - y0) * SPSI_SIGHT_BLOCK + x - x0;
-            if (hit->face < 0) continue;
-            spsi_surface_at(&job->frame->content->eye, job->faces, hit, x, y, &block.at[at]);
-            block.face[at] = hit->face;
-            block.facing |= 1 << at;
+            spsi_place place;
+            if (job->visible->hits[(size_t)y * (size_t)width + (size_t)x].face < 0) continue;
+            spsi_place_of_pixel(job->frame, job->visible, x, y, &place);
+            spsi_sight_add(job, &place, (y - y0) * SPSI_SIGHT_BLOCK + x - x0, &block);
         }
-    for (int i = 0; i < job->lamp->point_count && block.facing; ++i)
-        rays += spsi_sight_point(job, &job->lamp->points[i], &block);
-    for (int at = 0; at < SPSI_PACKET; ++at)
-        if (block.facing >> at & 1)
-            spsi_sight_store(job, x0 + at % SPSI_SIGHT_BLOCK, y0 + at / SPSI_SIGHT_BLOCK, block.all[at],
-                             block.seen[at]);
-    return rays;
+    return spsi_sight_trace(job, &block);
+}
+
+/* The same for layers that follow each other. */
+static void spsi_sight_layers_task(void *data, int index, int worker) {
+    const spsi_sight_job *job = (const spsi_sight_job *)data;
+    const size_t first = (size_t)index * SPSI_PACKET;
+    const int count =
+        (int)(job->visible->layers.count - first < SPSI_PACKET ? job->visible->layers.count - first : SPSI_PACKET);
+    spsi_sight_surfaces block;
+    memset(&block, 0, sizeof block);
+    for (int i = 0; i < count; ++i) {
+        spsi_place place;
+        spsi_place_of_layer(job->frame, job->visible, first + (size_t)i, &place);
+        if (spsi_in_region(job->frame, place.x, place.y)) spsi_sight_add(job, &place, i, &block);
+    }
+    job->rays[worker] += (uint64_t)spsi_sight_trace(job, &block);
 }
 
 /* Number of tiles of the image that a region's columns or rows touch. */
@@ -13304,24 +14261,26 @@ static void spsi_sight_task(void *data, int index, int worker) {
             job->rays[worker] += (uint64_t)spsi_sight_block(job, x, y);
 }
 
-/* Finds the share of a light that reaches each pixel's polygon: an exact ray for each point of the light that the
-   polygon faces. All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
+/* Finds the share of a light that reaches each place: an exact ray for each point of the light that the polygon faces.
+   All pixels have the same points: turning them from pixel to pixel would trade the steps of a penumbra
    for noise, which neither a filter nor the next frame of an animation could tell from the picture. */
-static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces, const spsi_hit *hits,
-                       const spsi_lamp *lamp, uint64_t *rays, float *lit) {
+static void spsi_sight(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                       const spsi_visible *visible, const spsi_lamp *lamp, uint64_t *rays, float *lit) {
     const int *region = frame->view.region;
     const double start = spsi_clock(context);
     spsi_sight_job job;
     job.frame = frame;
     job.faces = faces;
-    job.hits = hits;
+    job.visible = visible;
     job.lamp = lamp;
     job.lit = lit;
     job.rays = rays;
-    memset(job.lit, 0, spsi_ray_count(&frame->content->eye) * (size_t)spsi_lit_channels(lamp) * sizeof *lit);
+    memset(job.lit, 0, spsi_place_count(frame, visible) * (size_t)spsi_lit_channels(frame, lamp) * sizeof *lit);
     memset(job.rays, 0, (size_t)spsi_worker_count(context) * sizeof *rays);
     spsi_parallel(context, spsi_sight_tiles(region[0], region[2]) * spsi_sight_tiles(region[1], region[3]),
                   spsi_sight_task, &job);
+    spsi_parallel(context, (int)((visible->layers.count + SPSI_PACKET - 1) / SPSI_PACKET), spsi_sight_layers_task,
+                  &job);
     for (int i = 0; i < spsi_worker_count(context); ++i) context->stats.shadow_rays += rays[i];
     context->stats.seconds_shadow_rays += spsi_clock(context) - start;
 }
@@ -13333,28 +14292,28 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* The shares of a light's irradiance that no polygon keeps off a pixel of the image. Returns 0 if all of it is. */
-static int spsi_surface_lit(const spsi_shadow *shadow, size_t pixel, double lit[3]) {
-    const size_t channels = (size_t)spsi_lit_channels(shadow->lamp);
-    const float *from = shadow->lit + pixel * channels;
+/* The shares of a light's irradiance that polygons let pass to a place. Returns 0 if there is none. */
+static int spsi_surface_lit(const spsi_frame *frame, const spsi_shadow *shadow, size_t index, double lit[3]) {
+    const size_t channels = (size_t)spsi_lit_channels(frame, shadow->lamp);
+    const float *from = shadow->lit + index * channels;
     for (size_t c = 0; c < 3; ++c) lit[c] = (double)from[channels == 3 ? c : 0];
     return lit[0] > 0 || lit[1] > 0 || lit[2] > 0;
 }
 
-static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float radiance[3]) {
+static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *place, float radiance[3]) {
     const spsi_frame *frame = shader->frame;
-    const size_t at = (size_t)y * (size_t)frame->content->eye.width + (size_t)x;
     spsi_appearance look;
     spsi_surface surface;
-    spsi_surface_at(&frame->content->eye, shader->faces, &shader->hits[at], x, y, &surface);
-    spsi_appearance_at(shader->faces, &shader->hits[at], spsi_surface_set(frame, shader->set, x, y), &look);
+    spsi_surface_at(&frame->content->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
+    spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(frame, shader->visible->set, place), &look);
     for (int c = 0; c < 3; ++c)
         radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient.radiance[c] + look.emission[c] : 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
         double arrives[3], lit[3] = {1, 1, 1}, through = 1;
-        if (shadow ? !spsi_surface_lit(shadow, at, lit) : !shader->sweep->first || lamp->shadows) continue;
+        if (shadow ? !spsi_surface_lit(frame, shadow, place->index, lit) : !shader->sweep->first || lamp->shadows)
+            continue;
         if (!spsi_surface_irradiance(frame, lamp, &surface, arrives)) continue;
         if (shadow) through = exp(-spsi_shadow_depth(shadow, shader->first_slab, surface.point));
         for (int c = 0; c < 3; ++c) {
@@ -13364,41 +14323,150 @@ static void spsi_surface_radiance(const spsi_shader *shader, int x, int y, float
     }
 }
 
-/* Composites the polygons of a vector of pixels whose slab coordinate lies in [low, high), which makes their rays
-   opaque. */
+/* The layers of a vector of pixels that the sweep has not yet reached. */
+typedef struct spsi_ahead {
+    const spsi_layer *list;
+    uint32_t first[SPSI_LANES], end[SPSI_LANES]; /* of each pixel's list, in order of depth */
+    int nearest[SPSI_LANES];                     /* 1: `first` is the nearest of all to the eye */
+    float depth[SPSI_LANES];                     /* of the next one, t - depth_reference; infinity: none */
+    float filter[3][SPSI_LANES];                 /* what layers in front let pass of light from here */
+    spsi_v slab;                                 /* slab coordinate of the next one; infinity: none */
+} spsi_ahead;
+
+/* Looks at a pixel's next layer, and at what those in front of it let pass. */
+static void spsi_ahead_look(const spsi_shader *shader, int lane, spsi_ahead *ahead) {
+    const int backwards = shader->sweep->back_to_front, left = ahead->first[lane] < ahead->end[lane];
+    const spsi_layer *layer = ahead->list + (backwards ? ahead->end[lane] : ahead->first[lane]) - backwards;
+    const spsi_layer *front = backwards ? layer : layer - 1;
+    const int filtered = backwards ? left : !ahead->nearest[lane];
+    ahead->depth[lane] = left ? layer->hit.depth : SPSI_INFINITY;
+    for (int c = 0; c < 3; ++c) ahead->filter[c][lane] = filtered ? front->behind[c] : 1;
+}
+
+/* Goes on to the layer after the next one. */
+static void spsi_ahead_pass(const spsi_shader *shader, int lane, spsi_ahead *ahead) {
+    if (shader->sweep->back_to_front)
+        ahead->end[lane] -= 1;
+    else
+        ahead->first[lane] += 1, ahead->nearest[lane] = 0;
+    spsi_ahead_look(shader, lane, ahead);
+}
+
+/* Finds the slab coordinates of the next layers. */
+static void spsi_ahead_measure(const spsi_shader *shader, const spsi_pixels *p, spsi_ahead *ahead) {
+    const spsi_v d = spsi_load(ahead->depth), at = p->line.at, infinity = spsi_set(SPSI_INFINITY);
+    const float y = (float)p->line.y;
+    ahead->slab = spsi_fma(d, spsi_linear_slope(&shader->slab, at, y), spsi_linear_base(&shader->slab, at, y));
+    ahead->slab = spsi_select(spsi_less(d, infinity), ahead->slab, infinity);
+}
+
+/* Bit mask of the pixels whose next layer lies before a slab coordinate. */
+static int spsi_ahead_before(const spsi_ahead *ahead, float slab) {
+    return spsi_bits(spsi_less(ahead->slab, spsi_set(slab)));
+}
+
+/* Begins with the layers at or behind a slab coordinate, in the sweep's order. */
+static void spsi_ahead_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low, spsi_ahead *ahead) {
+    const spsi_layers *layers = &shader->visible->layers;
+    const size_t pixel = (size_t)p->line.y * (size_t)shader->frame->content->eye.width + (size_t)p->line.x;
+    ahead->list = layers->list;
+    for (int lane = 0; lane < SPSI_LANES; ++lane) {
+        ahead->first[lane] = lane < width ? layers->first[pixel + (size_t)lane] : 0;
+        ahead->end[lane] = lane < width ? layers->first[pixel + (size_t)lane + 1] : 0;
+        ahead->nearest[lane] = 1;
+        spsi_ahead_look(shader, lane, ahead);
+    }
+    spsi_ahead_measure(shader, p, ahead);
+    for (int bits = spsi_ahead_before(ahead, low); bits; bits = spsi_ahead_before(ahead, low)) {
+        for (int lane = 0; bits >> lane; ++lane)
+            if (bits >> lane & 1) spsi_ahead_pass(shader, lane, ahead);
+        spsi_ahead_measure(shader, p, ahead);
+    }
+}
+
+/* What layers in front let pass of light from here: the mean of colors. */
+static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
+    const spsi_v sum = spsi_add(spsi_load(ahead->filter[0]), spsi_load(ahead->filter[1]));
+    return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
+}
+
+/* Composites what surfaces send towards the eye, of which `share` is the part of what is behind that they cover, at
+   depth d. */
+static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float sent[3][SPSI_LANES], spsi_v open,
+                          spsi_v share, spsi_v d, spsi_gathered *sum) {
+    const spsi_v t = spsi_add(d, spsi_set((float)shader->frame->content->eye.depth_reference));
+    const spsi_v way = spsi_select(spsi_less(spsi_set(0), share), spsi_mul(t, p->length), spsi_set(0));
+    for (int c = 0; c < shader->frame->channels; ++c)
+        sum->radiance[c] = spsi_fma(spsi_load(sent[c]), open, sum->radiance[c]);
+    sum->distance = spsi_fma(share, way, sum->distance);
+}
+
+/* Composites the next layers of some pixels, given as a bit mask, and passes them. Front to back, a ray that polygons
+   have covered in all colors becomes opaque. */
+static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int bits, spsi_ahead *ahead,
+                            spsi_gathered *sum) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), sum->depth)),
+                 d = spsi_load(ahead->depth);
+    float sent[3][SPSI_LANES] = {{0}}, covered[SPSI_LANES] = {0}, opaque[SPSI_LANES] = {0};
+    for (int lane = 0; bits >> lane; ++lane) {
+        const size_t number = backwards ? ahead->end[lane] - 1 : ahead->first[lane];
+        const spsi_layer *layer = &ahead->list[number];
+        spsi_place place;
+        float before[3];
+        if (!(bits >> lane & 1)) continue;
+        spsi_place_of_layer(shader->frame, shader->visible, number, &place);
+        spsi_surface_radiance(shader, &place, before);
+        for (int c = 0; c < 3; ++c) sent[c][lane] = before[c] * layer->seen[c];
+        for (int c = 0; c < 3; ++c) before[c] = ahead->filter[c][lane];
+        spsi_ahead_pass(shader, lane, ahead);
+        for (int c = 0; c < 3; ++c)
+            covered[lane] += (backwards ? ahead->filter[c][lane] - before[c] : before[c] - ahead->filter[c][lane]) / 3;
+        if (!backwards && !(layer->behind[0] > 0 || layer->behind[1] > 0 || layer->behind[2] > 0))
+            opaque[lane] = SPSI_DEPTH_MAX;
+    }
+    spsi_add_sent(shader, p, sent, open, spsi_mul(spsi_load(covered), open), d, sum);
+    sum->depth = spsi_min(spsi_add(sum->depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
+    spsi_ahead_measure(shader, p, ahead);
+}
+
+/* Composites the opaque polygons of a vector of pixels whose slab coordinate lies in [low, high), which makes their
+   rays opaque. `ahead`: NULL without layers. */
 static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, int width, float low, float high,
-                              spsi_gathered *sum) {
+                              const spsi_ahead *ahead, spsi_gathered *sum) {
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
     const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
     float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
+    spsi_v share;
     if (!bits) return;
     for (int i = 0; i < width; ++i)
         if (bits >> i & 1) {
             float sent[3];
-            spsi_surface_radiance(shader, p->line.x + i, p->line.y, sent);
-            for (int c = 0; c < 3; ++c) lanes[c][i] = sent[c];
+            spsi_place place;
+            spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &place);
+            if (place.hit->face < 0) continue; /* an edge: its layers have ended the ray */
+            spsi_surface_radiance(shader, &place, sent);
+            for (int c = 0; c < 3; ++c) lanes[c][i] = ahead ? sent[c] * ahead->filter[c][i] : sent[c];
             opaque[i] = SPSI_DEPTH_MAX;
         }
-    for (int c = 0; c < shader->frame->channels; ++c)
-        sum->radiance[c] = spsi_fma(spsi_load(lanes[c]), open, sum->radiance[c]);
-    {
-        const spsi_v covered = spsi_load(opaque), is = spsi_select(spsi_less(spsi_set(0), covered), open, spsi_set(0));
-        const spsi_v beyond = spsi_add(p->line.polygon, spsi_set((float)shader->frame->content->eye.depth_reference));
-        const spsi_v d = spsi_select(spsi_less(spsi_set(0), is), spsi_mul(beyond, p->length), spsi_set(0));
-        sum->distance = spsi_fma(is, d, sum->distance);
-        sum->depth = spsi_min(spsi_add(sum->depth, covered), spsi_set(SPSI_DEPTH_MAX));
-    }
+    share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
+    if (ahead) share = spsi_mul(share, spsi_ahead_mean(ahead));
+    spsi_add_sent(shader, p, lanes, open, share, p->line.polygon, sum);
+    sum->depth = spsi_min(spsi_add(sum->depth, spsi_load(opaque)), spsi_set(SPSI_DEPTH_MAX));
 }
 
 /* --- a tile --- */
 
 /* A worker's scratch memory for shading. */
 typedef struct spsi_scratch {
-    spsi_sample *samples;   /* one per material and part */
+    spsi_sample *samples;   /* one per material and part, and one per material of a part that is cut */
     spsi_arrival *arrivals; /* one per shadow */
 } spsi_scratch;
+
+/* Number of samples of a worker's scratch memory. */
+static int spsi_scratch_samples(const spsi_frame *frame) { return frame->matter.material_count * (SPSI_PARTS + 1); }
 
 /* Reads slab k of a vector of pixels. Returns 0 if it holds nothing. */
 static int spsi_slab_build(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int k,
@@ -13453,27 +14521,62 @@ static void spsi_part_build(const spsi_shader *shader, const spsi_slab *slab, in
     part->first = i > 0 ? part->last : spsi_set(0);
     part->last = i + 1 < slab->part_count ? spsi_min(spsi_add(part->first, share), spsi_set(1)) : spsi_set(1);
     part->number = i;
+    part->is_cut = 0;
     part->before = backwards ? part->depth : depth;
     part->after = backwards ? spsi_set(0) : spsi_add(depth, part->depth);
 }
 
-/* Composites one part of a slab. */
+/* The shares from `first` to `last` of a slab's way, as far as they belong to one part of it. Within a part, matter is
+   even. `samples` receives its samples. Returns 0 if there is nothing of it. */
+static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_v first, spsi_v last,
+                         spsi_sample *samples, spsi_v depth, spsi_part *part) {
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), count = spsi_set((float)slab->part_count);
+    const spsi_v number = spsi_set((float)part->number);
+    const spsi_v from = spsi_clamp(spsi_sub(spsi_mul(first, count), number), zero, one);
+    const spsi_v to = spsi_clamp(spsi_sub(spsi_mul(last, count), number), from, one);
+    const spsi_v share = spsi_sub(to, from), aside = spsi_sub(spsi_add(from, to), one), begins = part->first;
+    if (!spsi_bits(spsi_less(zero, share))) return 0;
+    for (int m = 0; m < slab->material_count; ++m) {
+        samples[m] = part->samples[m];
+        samples[m].depth = spsi_mul(samples[m].depth, share);
+        samples[m].value_length = spsi_mul(samples[m].value_length, share);
+    }
+    part->samples = samples;
+    part->is_cut = 1;
+    part->cut[0] = from;
+    part->cut[1] = to;
+    part->middle = spsi_fma(spsi_mul(part->half, spsi_set(backwards ? -1.0f : 1.0f)), aside, part->middle);
+    part->half = spsi_mul(part->half, share);
+    part->depth = spsi_mul(part->depth, share);
+    part->first = spsi_mix(begins, part->last, from);
+    part->last = spsi_mix(begins, part->last, to);
+    part->before = backwards ? part->depth : depth;
+    part->after = backwards ? zero : spsi_add(depth, part->depth);
+    return 1;
+}
+
+/* Composites one part of a slab. `ahead`: NULL without layers. */
 static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
-                          spsi_gathered *sum) {
+                          const spsi_ahead *ahead, spsi_gathered *sum) {
     const spsi_v zero = spsi_set(0);
+    spsi_v filtered[3] = {zero, zero, zero}, *sent = ahead ? filtered : sum->radiance;
     if (shader->sweep->back_to_front) {
         const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
         for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
         sum->distance = spsi_mul(sum->distance, through);
     }
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
-        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sum->radiance);
-    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sum->radiance);
+        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sent);
+    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sent);
+    for (int c = 0; c < shader->frame->channels && ahead; ++c)
+        sum->radiance[c] = spsi_fma(sent[c], spsi_load(ahead->filter[c]), sum->radiance[c]);
     if (shader->distance) { /* the part is seen there with weight T (1 - exp(-depth)) */
-        const spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
-        const spsi_v ahead = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
-        const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead, part->middle);
+        const spsi_v ahead_of = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
+        const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
         const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->content->eye.depth_reference));
+        spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
+        if (ahead) covered = spsi_mul(covered, spsi_ahead_mean(ahead));
         sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
     }
     sum->depth = spsi_min(spsi_add(sum->depth, part->depth), spsi_set(SPSI_DEPTH_MAX));
@@ -13489,22 +14592,92 @@ typedef struct spsi_shading {
     float low, high;
 } spsi_shading;
 
-/* Composites slab k of a vector of `width` pixels, and the polygons in it. Returns 0 if it held nothing. */
-static int spsi_add_slab(const spsi_shading *shading, const spsi_pixels *p, int width, int k, spsi_slab *slab,
-                         spsi_gathered *sum) {
+/* A vector of pixels that is being shaded. */
+typedef struct spsi_row {
+    spsi_pixels pixels;
+    spsi_slab slab;
+    spsi_ahead ahead;
+    int has_layers; /* 1: `ahead` is in use */
+    int width;      /* number of pixels */
+    spsi_gathered sum;
+} spsi_row;
+
+static const spsi_ahead *spsi_row_ahead(const spsi_row *row) { return row->has_layers ? &row->ahead : NULL; }
+
+/* Composites the parts of a slab. */
+static void spsi_add_parts(const spsi_shader *shader, spsi_row *row) {
+    spsi_part part;
+    for (int i = 0; i < row->slab.part_count; ++i) {
+        spsi_part_build(shader, &row->slab, i, row->sum.depth, &part);
+        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
+            spsi_add_part(shader, &row->pixels, &row->slab, &part, spsi_row_ahead(row), &row->sum);
+    }
+}
+
+/* Composites the shares from `first` to `last` of a slab's way. */
+static void spsi_add_parts_cut(const spsi_shading *shading, spsi_v first, spsi_v last, spsi_row *row) {
+    const spsi_shader *shader = shading->shader;
+    spsi_sample *samples = shading->scratch.samples + SPSI_PARTS * row->slab.material_count;
+    spsi_part whole, part;
+    for (int i = 0; i < row->slab.part_count; ++i) {
+        spsi_part_build(shader, &row->slab, i, row->sum.depth, &whole);
+        part = whole;
+        if (!spsi_part_cut(shader, &row->slab, first, last, samples, row->sum.depth, &part)) continue;
+        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
+            spsi_add_part(shader, &row->pixels, &row->slab, &part, &row->ahead, &row->sum);
+    }
+}
+
+/* Composites the layers before slab coordinate `high`, and between them the slab that they lie in, if it holds
+   anything. */
+static void spsi_add_layered(const spsi_shading *shading, int held, float high, spsi_row *row) {
+    const spsi_shader *shader = shading->shader;
+    const int backwards = shader->sweep->back_to_front;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), from = backwards ? row->slab.leave : row->slab.enter;
+    const spsi_v way = spsi_sub(backwards ? row->slab.enter : row->slab.leave, from);
+    spsi_v first = zero;
+    for (;;) {
+        const spsi_m here = spsi_less(row->ahead.slab, spsi_set(high));
+        const int bits = spsi_bits(here);
+        const spsi_v d = spsi_select(here, spsi_load(row->ahead.depth), from);
+        spsi_v last = spsi_div(spsi_sub(d, from), spsi_select(spsi_less(zero, spsi_abs(way)), way, one));
+        last = spsi_select(here, spsi_clamp(last, first, one), one);
+        if (held) spsi_add_parts_cut(shading, first, last, row);
+        if (!bits) return;
+        spsi_add_layers(shader, &row->pixels, bits, &row->ahead, &row->sum);
+        first = last;
+    }
+}
+
+/* Composites slab k of a vector of pixels, and the polygons in it. Returns 0 if it held nothing. */
+static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const float low = k == 0 ? shading->low : (float)(shader->first_slab + k);
     const float high = k + 1 == shading->slab_count ? shading->high : (float)(shader->first_slab + k + 1);
-    const int backwards = shader->sweep->back_to_front, held = spsi_slab_build(shader, shading->tile, p, k, slab);
-    spsi_part part;
-    if (shader->hits && backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
-    for (int i = 0; i < slab->part_count && held; ++i) {
-        spsi_part_build(shader, slab, i, sum->depth, &part);
-        if (shader->frame->matter.emits || spsi_bits(spsi_less(spsi_set(0), part.depth)))
-            spsi_add_part(shader, p, slab, &part, sum);
-    }
-    if (shader->hits && !backwards) spsi_add_surfaces(shader, p, width, low, high, sum);
+    const int backwards = shader->sweep->back_to_front;
+    const int held = spsi_slab_build(shader, shading->tile, &row->pixels, k, &row->slab);
+    if (shader->hits && backwards)
+        spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
+    if (row->has_layers && spsi_ahead_before(&row->ahead, high))
+        spsi_add_layered(shading, held, high, row);
+    else if (held)
+        spsi_add_parts(shader, row);
+    if (shader->hits && !backwards)
+        spsi_add_surfaces(shader, &row->pixels, row->width, low, high, spsi_row_ahead(row), &row->sum);
     return held;
+}
+
+/* Composites the polygons of a range of slabs that hold nothing else. */
+static void spsi_add_range(const spsi_shading *shading, spsi_row *row) {
+    const spsi_shader *shader = shading->shader;
+    const int backwards = shader->sweep->back_to_front;
+    row->slab.enter = row->slab.leave = spsi_set(0);
+    for (int pass = 0; pass < 2; ++pass) /* surfaces are behind layers */
+        if (pass == !backwards)
+            spsi_add_surfaces(shader, &row->pixels, row->width, shading->low, shading->high, spsi_row_ahead(row),
+                              &row->sum);
+        else if (row->has_layers)
+            spsi_add_layered(shading, 0, shading->high, row);
 }
 
 static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gathered *sum) {
@@ -13522,44 +14695,55 @@ static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi
 /* Early ray termination before plane k. A ray whose transmittance is below the threshold becomes opaque, so that no
    bright background shines through and nothing added later counts; what it let through counts as seen at the plane.
    Returns 0 if all rays have ended. */
-static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, spsi_gathered *sum) {
+static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k, const spsi_ahead *ahead,
+                         spsi_gathered *sum) {
     const spsi_m open = spsi_less(sum->depth, spsi_set(shader->end_depth));
     const int bits = spsi_bits(open);
     if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
         const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
                                   spsi_set((float)shader->frame->content->eye.depth_reference));
-        const spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+        spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
+        if (ahead) left = spsi_mul(left, spsi_ahead_mean(ahead));
         sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
         sum->depth = spsi_select(open, sum->depth, spsi_set(SPSI_DEPTH_MAX));
     }
     return bits != 0;
 }
 
+/* Whether any of a vector of pixels has layers. */
+static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int width) {
+    const uint32_t *first = shader->visible->layers.first;
+    const size_t pixel = (size_t)y * (size_t)shader->frame->content->eye.width + (size_t)x;
+    return shader->hits && first && first[pixel] < first[pixel + (size_t)width];
+}
+
 /* Composites a chunk on a vector of `width` pixels. Returns the number of slabs that held something, times pixels. */
 static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int width) {
     const spsi_shader *shader = shading->shader;
     const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
-    spsi_gathered sum;
-    spsi_pixels p;
-    spsi_slab slab;
+    spsi_row row;
     int held = 0;
-    slab.samples = shading->scratch.samples;
-    slab.arrivals = shading->scratch.arrivals;
-    slab.material_count = shader->frame->matter.material_count;
-    slab.part_count = shader->frame->matter.classifies ? SPSI_PARTS : 1;
-    for (int i = 0; i < shader->shadow_count; ++i) slab.arrivals[i].plane = -1;
-    spsi_pixels_build(shader, x, y, &p);
+    row.slab.samples = shading->scratch.samples;
+    row.slab.arrivals = shading->scratch.arrivals;
+    row.slab.material_count = shader->frame->matter.material_count;
+    row.slab.part_count = shader->frame->matter.classifies ? SPSI_PARTS : 1;
+    row.width = width;
+    for (int i = 0; i < shader->shadow_count; ++i) row.slab.arrivals[i].plane = -1;
+    spsi_pixels_build(shader, x, y, &row.pixels);
     for (int i = 0; i < 4 * shader->frame->gradients.reach && shading->slab_count > 0; ++i) {
         const int side = (i & 1 ? 1 : -1) * (i < 4 ? 1 : 2);
-        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &p.around[i]);
+        spsi_line_build(shader, x + (i & 2 ? 0 : side), y + (i & 2 ? side : 0), &row.pixels.around[i]);
     }
-    spsi_gathered_load(shader, at, &sum);
+    row.has_layers = spsi_pixels_layered(shader, x, y, width);
+    if (row.has_layers) spsi_ahead_begin(shader, &row.pixels, width, shading->low, &row.ahead);
+    spsi_gathered_load(shader, at, &row.sum);
     for (int k = 0; k < shading->slab_count; ++k) {
-        held += width * spsi_add_slab(shading, &p, width, k, &slab, &sum);
-        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &p, k + 1, &sum)) break;
+        held += width * spsi_add_slab(shading, k, &row);
+        if (!shader->sweep->back_to_front && !spsi_end_rays(shader, &row.pixels, k + 1, spsi_row_ahead(&row), &row.sum))
+            break;
     }
-    if (shading->slab_count == 0) spsi_add_surfaces(shader, &p, width, shading->low, shading->high, &sum);
-    spsi_gathered_store(shader, at, &sum);
+    if (shading->slab_count == 0) spsi_add_range(shading, &row);
+    spsi_gathered_store(shader, at, &row.sum);
     return held;
 }
 
@@ -13589,7 +14773,7 @@ typedef struct spsi_run {
     int has_sliced;         /* 1: `sliced` is in use, since gas shades */
     spsi_shader shader;
     spsi_shadow *shadows;   /* those of the shader */
-    spsi_sample *samples;   /* one per material and part, per worker */
+    spsi_sample *samples;   /* of the workers' scratch memory */
     spsi_arrival *arrivals; /* one per shadow, per worker */
     uint64_t *shaded;       /* per worker: pixels times slabs */
     int slab_count;         /* to composite in this chunk; 0: polygons only */
@@ -13640,7 +14824,7 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!touched && !polygons) return;
     shading.shader = &run->shader;
     shading.tile = &tile;
-    shading.scratch.samples = run->samples + (size_t)worker * (size_t)(run->frame->matter.material_count * SPSI_PARTS);
+    shading.scratch.samples = run->samples + (size_t)worker * (size_t)spsi_scratch_samples(run->frame);
     shading.scratch.arrivals = run->arrivals + (size_t)worker * (size_t)run->shader.shadow_count;
     shading.slab_count = touched ? SPSI_CHUNK : 0;
     shading.low = run->low;
@@ -13651,6 +14835,24 @@ static void spsi_eye_task(void *data, int index, int worker) {
                 run->shaded[worker] += (uint64_t)spsi_shade_pixels(&shading, x, y, spsi_least(SPSI_LANES, width - x));
     spsi_tile_count(&run->eye, &tile, worker);
     if (!run->sweep->back_to_front) region->open[index] = spsi_tile_open(run, x0, y0);
+}
+
+/* Widens a range of slab coordinates to the layers of a vector of pixels. */
+static void spsi_layers_range(const spsi_shader *shader, const spsi_pixels *p, int width, float *low, float *high) {
+    spsi_ahead ahead;
+    if (!spsi_pixels_layered(shader, p->line.x, p->line.y, width)) return;
+    spsi_ahead_begin(shader, p, width, -SPSI_INFINITY, &ahead);
+    for (int left = spsi_ahead_before(&ahead, SPSI_INFINITY); left; left = spsi_ahead_before(&ahead, SPSI_INFINITY)) {
+        float slabs[SPSI_LANES];
+        spsi_store(slabs, ahead.slab);
+        for (int lane = 0; left >> lane; ++lane) {
+            if (!(left >> lane & 1)) continue;
+            *low = slabs[lane] < *low ? slabs[lane] : *low;
+            *high = slabs[lane] > *high ? slabs[lane] : *high;
+            spsi_ahead_pass(shader, lane, &ahead);
+        }
+        spsi_ahead_measure(shader, p, &ahead);
+    }
 }
 
 /* The range of slab coordinates of the polygons in a tile and its margin, and their minimum depth. Opens all patches of
@@ -13665,6 +14867,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     const int x1 = spsi_least(run->frame->content->eye.width, left + SPSI_TILE_WIDTH + margin);
     const int y1 = spsi_least(run->frame->content->eye.height, top + SPSI_TILE_HEIGHT + margin);
     float low = SPSI_INFINITY, high = -SPSI_INFINITY, nearest = SPSI_INFINITY;
+    const uint32_t *layers = run->shader.visible->layers.first;
     (void)worker;
     for (int y = y0; y < y1 && run->shader.hits; ++y)
         for (int x = x0; x < x1; x += SPSI_LANES) {
@@ -13680,6 +14883,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
                     high = lanes[i] > high ? lanes[i] : high;
                     nearest = depths[i] < nearest ? depths[i] : nearest;
                 }
+            if (layers) spsi_layers_range(&run->shader, &p, width, &low, &high);
         }
     region->polygon_range[index][0] = low;
     region->polygon_range[index][1] = high;
@@ -13756,8 +14960,8 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
 
 /* Reserves the workers' scratch memory and clears their counters. */
 static sps_result spsi_run_scratch(sps_context *context, spsi_run *run) {
-    run->samples = (spsi_sample *)spsi_vectors_reserve(
-        context, SPSI_BUFFER_SAMPLES, run->frame->matter.material_count * SPSI_PARTS, sizeof *run->samples);
+    run->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, spsi_scratch_samples(run->frame),
+                                                       sizeof *run->samples);
     run->arrivals = (spsi_arrival *)spsi_vectors_reserve(context, SPSI_BUFFER_ARRIVALS, run->shader.shadow_count,
                                                          sizeof *run->arrivals);
     run->shaded = (uint64_t *)(void *)(run + 1); /* spsi_run_bytes includes them */
@@ -13772,7 +14976,7 @@ static size_t spsi_run_bytes(const sps_context *context) {
 
 /* Fills the run for one sweep. */
 static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                 const spsi_hit *hits, const spsi_sweep *sweep, spsi_run *run) {
+                                 const spsi_visible *visible, const spsi_sweep *sweep, spsi_run *run) {
     spsi_shader *shader = &run->shader;
     run->context = context;
     run->frame = frame;
@@ -13781,7 +14985,8 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->sweep = sweep;
     shader->faces = faces;
     shader->shadows = run->shadows;
-    shader->hits = faces->count > 0 ? hits : NULL;
+    shader->visible = visible;
+    shader->hits = faces->count > 0 ? visible->hits : NULL;
     shader->unshadowed = sweep->first && (frame->ambient.exists || frame->matter.emits ||
                                           frame->lamps.count > frame->lamps.shadow_count);
     shader->end_depth = (float)-log(frame->accuracy.threshold);
@@ -13905,6 +15110,14 @@ static sps_result spsi_background_row(sps_context *context, const spsi_frame *fr
 /* Flushes denormals to 0, since they could slow down the arithmetic of the caller. */
 static float spsi_flush(float a) { return a < FLT_MIN ? 0 : a; }
 
+/* What a pixel's layers let pass of what is behind all of them, by color; NULL: there are none. */
+static const float *spsi_behind(const spsi_shader *shader, int x, int y) {
+    const spsi_layers *layers = &shader->visible->layers;
+    const size_t pixel = (size_t)y * (size_t)shader->frame->content->eye.width + (size_t)x;
+    if (!layers->first || layers->first[pixel] == layers->first[pixel + 1]) return NULL;
+    return layers->list[layers->first[pixel + 1] - 1].behind;
+}
+
 /* Adds a sweep's radiance to the total; the first sweep also contributes background, coverage and distance. */
 static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
     const spsi_frame *frame = run->frame;
@@ -13918,13 +15131,15 @@ static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, floa
             const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
                               (size_t)(region[0] + x - shader->x_origin);
             float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
-            const float depth = shader->depth[at], coverage = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
-            for (int c = 0; c < 3; ++c)
-                pixel[c] = spsi_flush((run->sweep->first ? rgb[3 * x + c] * (1 - coverage) : pixel[c]) +
-                                      shader->radiance[c][at]);
+            const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
+            const float *behind = spsi_behind(shader, region[0] + x, region[1] + y);
+            for (int c = 0; c < 3 && run->sweep->first; ++c)
+                pixel[c] = rgb[3 * x + c] * (1 - covered) * (behind ? behind[c] : 1);
+            for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
             if (!run->sweep->first) continue;
-            pixel[3] = coverage;
-            if (frame->wants_depth) pixel[4] = coverage > 0 ? shader->distance[at] / coverage : SPSI_INFINITY;
+            pixel[3] = covered;
+            if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
+            if (frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
         }
     }
     return SPS_OK;
@@ -13954,15 +15169,22 @@ static void spsi_eye_reference(const spsi_frame *frame) {
     frame->content->eye.depth_reference = frame->content->eye.perspective ? fmax(q[2], 0) : q[2];
 }
 
+/* Finds what the eye sees of polygons. */
 static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                    spsi_hit **hits) {
+                                    spsi_visible *visible) {
     const size_t pixels = spsi_ray_count(&frame->content->eye);
-    *hits = NULL;
+    spsi_hit *hits;
+    memset(visible, 0, sizeof *visible);
     if (faces->count == 0) return SPS_OK;
-    *hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
-    if (!*hits) return context->result;
-    spsi_rasterise(context, faces, &frame->content->eye, *hits, NULL, NULL);
-    for (size_t i = 0; i < pixels; ++i) context->stats.pixels_of_polygons += (*hits)[i].face >= 0;
+    hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, pixels, sizeof(spsi_hit));
+    if (!hits) return context->result;
+    visible->hits = hits;
+    spsi_rasterise(context, faces, &frame->content->eye, hits, NULL, NULL);
+    if (spsi_layers_build(context, frame, faces, hits, &visible->layers)) return context->result;
+    for (size_t i = 0; i < pixels; ++i) {
+        const uint32_t *first = visible->layers.first;
+        context->stats.pixels_of_polygons += hits[i].face >= 0 || (first && first[i] < first[i + 1]);
+    }
     return SPS_OK;
 }
 
@@ -13970,9 +15192,8 @@ static sps_result spsi_eye_polygons(sps_context *context, const spsi_frame *fram
 typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
-    spsi_hit *hits;         /* of the whole image; NULL: no polygons */
-    const sps_surface *set; /* what shade_fn has set at the region's pixels; NULL: no mesh has one */
-    float *total;           /* radiance, coverage and distance of the region so far */
+    spsi_visible visible;
+    float *total; /* radiance, coverage and distance of the region so far */
 } spsi_picture;
 
 /* Runs one sweep whose depth maps and transmittance maps are ready, from set-up to total. */
@@ -13980,7 +15201,7 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
                                   spsi_run *run, const spsi_part_of_call *part) {
     const double start = spsi_clock(context);
     double swept, light;
-    if (spsi_run_build(context, picture->frame, &picture->faces, picture->hits, sweep, run)) return context->result;
+    if (spsi_run_build(context, picture->frame, &picture->faces, &picture->visible, sweep, run)) return context->result;
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
@@ -14008,7 +15229,7 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
                                      spsi_run *run) {
     const spsi_frame *frame = picture->frame;
     const int count = spsi_sweep_shadow_count(frame, n);
-    const size_t pixels = spsi_ray_count(&frame->content->eye);
+    const size_t places = spsi_place_count(frame, &picture->visible);
     int shares = 0;
     uint64_t *rays;
     float *lit;
@@ -14018,15 +15239,15 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
             spsi_shadow_start(sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
-    if (!picture->hits || count == 0) return SPS_OK;
-    for (int i = 0; i < count; ++i) shares += spsi_lit_channels(run->shadows[i].lamp);
-    rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, pixels, shares));
+    if (!picture->visible.hits || count == 0) return SPS_OK;
+    for (int i = 0; i < count; ++i) shares += spsi_lit_channels(frame, run->shadows[i].lamp);
+    rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
     if (!rays) return context->result;
     lit = (float *)(void *)(rays + spsi_worker_count(context));
     for (int i = 0; i < count; ++i) {
-        spsi_sight(context, frame, &picture->faces, picture->hits, run->shadows[i].lamp, rays, lit);
+        spsi_sight(context, frame, &picture->faces, &picture->visible, run->shadows[i].lamp, rays, lit);
         run->shadows[i].lit = lit;
-        lit += pixels * (size_t)spsi_lit_channels(run->shadows[i].lamp);
+        lit += places * (size_t)spsi_lit_channels(frame, run->shadows[i].lamp);
     }
     return SPS_OK;
 }
@@ -14038,11 +15259,11 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     double start;
     part.progress = SPSI_PROGRESS_GATHER + n * part.share;
     memset(run, 0, sizeof *run);
-    run->shader.set = picture->set;
     if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
     start = spsi_clock(context);
-    if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count))
+    if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count) ||
+        spsi_pane_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
@@ -14067,10 +15288,10 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
-    if (spsi_eye_polygons(context, frame, &picture.faces, &picture.hits)) return context->result;
+    if (spsi_eye_polygons(context, frame, &picture.faces, &picture.visible)) return context->result;
     context->stats.seconds_polygons = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);
-    if (spsi_textures(context, frame, &picture.faces, picture.hits, &picture.set)) return context->result;
+    if (spsi_textures(context, frame, &picture.faces, &picture.visible)) return context->result;
     context->stats.seconds_textures = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);
     if (frame->lamps.shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
@@ -14091,9 +15312,9 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
    and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",      "projectors", "eye polygons", "textures",     "light polygons", "triangle tree",
-    "shadow rays", "eye sheets", "light sheets", "light maps",   "penumbrae",      "gradient",
-    "scattering",  "emission",   "ambient",      "surface light"};
+    "gather",        "projectors",  "eye polygons", "layers",       "textures",     "light polygons",
+    "triangle tree", "shadow rays", "eye sheets",   "light sheets", "light maps",   "penumbrae",
+    "gradient",      "scattering",  "emission",     "ambient",      "surface light"};
 
 /* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
@@ -14290,6 +15511,9 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
     const int hard = shadows - (polygons ? report->pass[SPS_PASS_PENUMBRAE].runs : 0);
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
+    spsi_plan_pass(report, SPS_PASS_LAYERS, spsi_has_layers(frame),
+                   frame->meshes.translucent ? "meshes are translucent" : "coverage_samples is set",
+                   polygons ? "no mesh is translucent, and coverage_samples is not set" : "no triangles");
     spsi_plan_pass(report, SPS_PASS_TEXTURES, frame->meshes.textured_count > 0, "meshes have a shade_fn",
                    polygons ? "no mesh has a shade_fn" : "no triangles");
     spsi_plan_pass(report, SPS_PASS_LIGHT_POLYGONS, gases && frame->matter.scatters ? hard : 0,
@@ -14332,7 +15556,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
 /* Bytes of everything outside the sweeps. */
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
-    const size_t size = (size_t)spsi_most(8, spsi_depth_map_size(frame));
+    const size_t size = (size_t)spsi_depth_map_size(frame);
     const size_t lights = (size_t)spsi_sweep_shadow_count(frame, 0); /* at once */
     size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
@@ -14341,12 +15565,13 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
                                           frame->particles.count * sizeof(sps_particle);
     report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
-    for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(&frame->lamps.list[i]) - 1;
+    for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
             SPSI_BLOCK_BYTES;
+        report->pass[SPS_PASS_LAYERS].bytes = spsi_layers_bytes(context, frame);
         report->pass[SPS_PASS_TEXTURES].bytes = spsi_textures_bytes(frame);
         if (frame->lamps.shadow_count > 0) {
             if (frame->matter.scatters)
@@ -14487,7 +15712,7 @@ typedef struct spsi_marcher {
     float *total;                       /* the region's pixels, spsi_total_floats each */
     int first_row;                      /* of the current batch, in the region */
     spsi_hit *hits;                     /* of the whole image, for shade_fn; NULL: no mesh has one */
-    const sps_surface *set;             /* what shade_fn has set at the region's pixels; NULL likewise */
+    spsi_visible visible;               /* those hits, and what shade_fn has set there */
     spsi_sample *samples;               /* one per part, per worker */
 } spsi_marcher;
 
@@ -14917,8 +16142,9 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     const spsi_frame *frame = marcher->frame;
     spsi_appearance look;
     spsi_surface surface;
+    spsi_place place = {hit, x, y, {x, y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
-    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->set, x, y), &look);
+    spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c)
         radiance[c] = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
     for (int i = 0; i < frame->lamps.count; ++i) {
@@ -15023,7 +16249,8 @@ static sps_result spsi_march_textures(sps_context *context, spsi_marcher *marche
                                              sizeof *marcher->hits);
     if (!marcher->hits) return context->result;
     spsi_parallel(context, frame->view.region[3], spsi_march_hits_task, marcher);
-    return spsi_textures(context, frame, marcher->faces, marcher->hits, &marcher->set);
+    marcher->visible.hits = marcher->hits;
+    return spsi_textures(context, frame, marcher->faces, &marcher->visible);
 }
 
 /* --- setting up --- */

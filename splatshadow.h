@@ -869,7 +869,8 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
    times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
    light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle. Particles smaller
-   than a pixel are not widened. shade_fn is called as by sps_render. The image is written only if SPS_OK is returned.
+   than a pixel are not widened. shade_fn is called as by sps_render, but first for the nearest polygons of all pixels,
+   then for what is seen through these, and so on. The image is written only if SPS_OK is returned.
    Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
@@ -1542,6 +1543,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
+    SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
@@ -4395,14 +4397,15 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     return SPS_OK;
 }
 
-/* Images support opaque meshes only. */
+/* sps_render supports opaque meshes only. */
 static sps_result spsi_check_opaque(sps_context *context, const sps_scene *scene) {
     for (int i = 0; i < scene->mesh_count; ++i)
         for (int c = 0; c < 3; ++c)
             if (scene->meshes[i].triangle_count > 0 && scene->meshes[i].transmittance[c] > 0)
-                return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transmittance",
-                                       (double)scene->meshes[i].transmittance[c],
-                                       "it must be 0: only transmittance maps support translucent meshes");
+                return spsi_fail_field(
+                    context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_MESH, i, "transmittance",
+                    (double)scene->meshes[i].transmittance[c],
+                    "it must be 0: only sps_reference and transmittance maps support translucent meshes");
     return SPS_OK;
 }
 
@@ -5032,7 +5035,6 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view && spsi_resolve_view(context, frame)) return NULL;
     if (spsi_resolve_lamps(context, frame, scene)) return NULL;
     if (view) spsi_resolve_gradients(frame);
-    if (view && spsi_check_opaque(context, scene)) return NULL;
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = frame->volume_bounds;
@@ -14461,8 +14463,10 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
    28 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
-   floats), and which triangles stop a ray towards a light (>>polygons), but nothing else about where light goes. Second
-   order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
+   floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
+   in the step. Rays are marched in rounds, each from one translucent triangle to the next, so that shade_fn can be
+   called for all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
+   voxels. */
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
@@ -14477,6 +14481,17 @@ typedef struct spsi_dense {
     double corner[3];        /* in the world */
 } spsi_dense;
 
+/* The ray of a pixel, on its way from one translucent face to the next. */
+typedef struct spsi_walker {
+    double radiance[3]; /* of what lies before `low` */
+    double through[3];  /* share of each color that passes it */
+    double distance;    /* weighted by coverage */
+    double low, high;   /* the part of the ray before the next face, in world length */
+    double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
+    spsi_hit hit;       /* of the next face */
+    int ended;          /* 1: nothing more is seen */
+} spsi_walker;
+
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
@@ -14486,6 +14501,7 @@ typedef struct spsi_marcher {
     double step;                        /* maximum, in world length */
     float *total;                       /* the region's pixels, spsi_total_floats each */
     int first_row;                      /* of the current batch, in the region */
+    spsi_walker *walkers;               /* of the region's pixels */
     spsi_hit *hits;                     /* of the whole image, for shade_fn; NULL: no mesh has one */
     const sps_surface *set;             /* what shade_fn has set at the region's pixels; NULL likewise */
     spsi_sample *samples;               /* one per part, per worker */
@@ -14550,30 +14566,8 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
 
 typedef struct spsi_ray {
     double origin[3], direction[3];
-    double low, high;  /* segment of interest, in lengths of `direction` from the origin */
-    double weights[2]; /* of corners 1 and 2 of the face hit */
+    double low, high; /* segment of interest, in lengths of `direction` from the origin */
 } spsi_ray;
-
-/* Intersects a ray with a face, edges included. On a hit the ray ends there. */
-static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
-    double a[3], b[3], c[3], u[3], v[3], n[3], ab, bc, ac, t;
-    spsi_along(face->position[0], ray->origin, -1, a);
-    spsi_along(face->position[1], ray->origin, -1, b);
-    spsi_along(face->position[2], ray->origin, -1, c);
-    ab = spsi_edge_side(a, b, ray->direction);
-    bc = spsi_edge_side(b, c, ray->direction);
-    ac = spsi_edge_side(a, c, ray->direction);
-    if (!spsi_edges_hold(a, b, c, ray->direction, ab, bc, ac)) return 0;
-    spsi_along(b, a, -1, u);
-    spsi_along(c, a, -1, v);
-    spsi_cross(u, v, n);
-    t = spsi_dot(n, a) / spsi_dot(n, ray->direction); /* NaN, and no hit, for a ray in the plane itself */
-    if (!(t > ray->low && t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
-    ray->high = t;
-    ray->weights[0] = -ac / (ab + bc - ac);
-    ray->weights[1] = ab / (ab + bc - ac);
-    return 1;
-}
 
 static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
     range[0] = ray->low;
@@ -14593,14 +14587,15 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* Boxes are floats, rounded outwards; only the sums in double precision that place them about the centre need a
-   margin. */
+/* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
-    double low[3], high[3], range[2];
+    double low[3], high[3], range[2], room = 0;
+    for (int i = 0; i < 3; ++i)
+        room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
     for (int i = 0; i < 3; ++i) {
-        const double room = 1e-12 * (fabs(tree->centre[i]) + fabs(ray->origin[i]));
-        low[i] = tree->centre[i] + (double)node->low[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + room;
+        low[i] = tree->centre[i] + (double)node->low[i] - 1e-12 * room;
+        high[i] = tree->centre[i] + (double)node->high[i] + 1e-12 * room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
 }
@@ -14646,35 +14641,122 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
     }
 }
 
-/* Returns the number of the nearest face along a ray, or -1. On a hit the ray ends there. */
-static int spsi_trace(const spsi_faces *faces, spsi_ray *ray) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0, found = -1;
-    if (tree->count == 0) return -1;
-    stack[top++] = 0;
+/* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
+static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) {
+    double length;
+    spsi_ray_point(eye, x, y, 0, ray->origin);
+    spsi_ray_direction(eye, x, y, ray->direction);
+    length = spsi_length(ray->direction);
+    spsi_normalise(ray->direction);
+    ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
+    ray->high = HUGE_VAL;
+    return length;
+}
+
+/* Finds a face where a pixel's ray meets it, in the same way as the rasteriser does, but in double precision; returns
+   0 if it does not. Faces along a ray are in order of depth, or of their numbers where depths are equal: `after`
+   precedes what is found, which precedes `nearest`. */
+static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y, const spsi_walker *after,
+                           spsi_walker *nearest) {
+    const spsi_rays *eye = &marcher->frame->content->eye;
+    spsi_edges e;
+    double w[3], depth;
+    spsi_face_edges(marcher->faces, number, eye, &e);
+    if (!spsi_face_hit(&e, x, y, w)) return 0;
+    depth = w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2];
+    if (!(depth + eye->depth_reference > eye->near_depth)) return 0;
+    if (depth < after->depth || (!(depth > after->depth) && number <= after->hit.face)) return 0;
+    if (depth > nearest->depth || (!(depth < nearest->depth) && number >= nearest->hit.face)) return 0;
+    nearest->depth = depth;
+    nearest->hit.depth = (float)depth;
+    nearest->hit.face = number;
+    for (int i = 0; i < 2; ++i) nearest->hit.weights[i] = (float)w[i + 1];
+    return 1;
+}
+
+/* Finds the next face that a pixel's ray meets. If there is none, the ray goes on for ever. */
+static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
+    const spsi_tree *tree = &marcher->faces->tree;
+    const double reference = marcher->frame->content->eye.depth_reference;
+    int stack[SPSI_TREE_STACK], top = 0;
+    spsi_walker next = *walker;
+    spsi_ray ray;
+    const double length = spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    next.low = ray.low = fmax(ray.low, walker->high);
+    next.depth = next.high = HUGE_VAL;
+    next.hit.face = -1;
+    if (tree->count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, ray, node)) continue;
+        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
         for (int i = 0; i < node->count; ++i)
-            if (spsi_ray_meets_face(&faces->list[tree->order[node->first + i]], ray))
-                found = tree->order[node->first + i];
+            if (spsi_march_face(marcher, tree->order[node->first + i], x, y, walker, &next))
+                ray.high = next.high = (next.depth + reference) * length;
         if (node->count > 0) continue;
         stack[top++] = node->first;
         stack[top++] = node->first + 1;
     }
-    return found;
+    *walker = next;
 }
 
-/* Whether no face lies between a light and a point on face `own` (-1: on none). */
-static int spsi_sees_lamp(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own) {
+/* Whether a ray passes through a face, which is translucent: of the faces that share an edge or a corner, a ray through
+   it passes one, as if it were an orthographic pixel. Corners are projected along the ray onto the plane of the other
+   two axes, to the same bits for all faces that share them. */
+static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
+    const double x = fabs(toward[0]), y = fabs(toward[1]), z = fabs(toward[2]);
+    const int along = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    double corner[3][3];
+    int side = 0;
+    for (int i = 0; i < 3; ++i) {
+        double offset[3];
+        spsi_along(face->position[i], origin, -1, offset);
+        for (int k = 0; k < 2; ++k) {
+            const int axis = (along + 1 + k) % 3;
+            corner[i][k] = spsi_multiply_add(-toward[axis] / toward[along], offset[along], offset[axis]);
+        }
+        corner[i][2] = 1;
+    }
+    for (int i = 0; i < 3; ++i) {
+        const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], 0, 0);
+        if (sign == 0 || sign == -side) return 0;
+        side = sign;
+    }
+    return 1;
+}
+
+/* Share of a light's red, green and blue that polygons let pass to a point on face `own` (-1: on none). Returns 0 if
+   they let nothing pass. */
+static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own,
+                            double passes[3]) {
+    const spsi_tree *tree = &faces->tree;
+    int stack[SPSI_TREE_STACK], top = 0;
     spsi_packet packet;
-    double toward[3];
-    if (faces->count == 0) return 1;
+    spsi_ray ray;
+    passes[0] = passes[1] = passes[2] = 1;
+    if (tree->count == 0) return 1;
+    memcpy(ray.origin, point, sizeof ray.origin);
+    spsi_toward_lamp(lamp, point, ray.direction);
     spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
-    spsi_toward_lamp(lamp, point, toward);
-    spsi_packet_add(&faces->tree, 0, own, point, toward, &packet);
-    spsi_packet_trace(faces, &packet);
-    return packet.open != 0;
+    spsi_packet_add(tree, 0, own, ray.origin, ray.direction, &packet);
+    ray.low = 0;
+    ray.high = packet.reach;
+    stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &tree->nodes[stack[--top]];
+        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const int number = tree->order[node->first + i];
+            const spsi_face *face = &faces->list[number];
+            if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
+            if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
+            for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
+            if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return 1;
 }
 
 /* --- transport --- */
@@ -14848,7 +14930,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
 static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
                                 double weight, double source[3]) {
-    double travel[3], image[3] = {1, 1, 1}, irradiance = weight;
+    double travel[3], image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = weight;
     spsi_v toward_v[3], travel_v[3], response[3];
     spsi_lamp_direction(lamp, point->position, travel);
     if (lamp->falls_off) irradiance *= spsi_point_inverse_square(point, lamp->position);
@@ -14857,7 +14939,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
     irradiance *= spsi_cone_at(&lamp->cone, spsi_dot(lamp->direction, travel));
     if (!(irradiance > 0)) return;
     if (lamp->shadows) {
-        if (!spsi_sees_lamp(marcher->faces, lamp, point->position, -1)) return;
+        if (!spsi_march_sight(marcher->faces, lamp, point->position, -1, passes)) return;
         irradiance *= spsi_march_lamp(marcher, lamp, point->position);
     }
     spsi_set3(point->direction, toward_v);
@@ -14869,7 +14951,8 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
         spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, response[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * irradiance * image[c] * (double)lamp->color[c];
+            source[c] +=
+                point->extinction[m] * (double)lanes[0] * irradiance * image[c] * passes[c] * (double)lamp->color[c];
         }
     }
 }
@@ -14902,12 +14985,12 @@ static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lam
     arrives[0] = arrives[1] = arrives[2] = 0;
     for (int n = 0; n < count; ++n) {
         spsi_lamp at;
-        double irradiance[3], through;
+        double irradiance[3], passes[3] = {1, 1, 1}, through;
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        if (lamp->shadows && !spsi_sees_lamp(marcher->faces, &at, surface->start, face)) continue;
+        if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
         through = lamp->shadows ? spsi_march_lamp(marcher, &at, surface->point) : 1;
-        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * through;
+        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * passes[c] * through;
     }
     for (int c = 0; c < 3; ++c) arrives[c] /= count;
 }
@@ -14929,34 +15012,16 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     }
 }
 
-/* Finds the face that a pixel's ray meets, where the ray then ends. */
-static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_ray *ray, spsi_hit *hit) {
-    const spsi_rays *eye = &marcher->frame->content->eye;
-    double length;
-    spsi_ray_point(eye, x, y, 0, ray->origin);
-    spsi_ray_direction(eye, x, y, ray->direction);
-    length = spsi_length(ray->direction);
-    spsi_normalise(ray->direction);
-    ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
-    ray->high = HUGE_VAL;
-    hit->face = spsi_trace(marcher->faces, ray);
-    hit->depth = (float)(ray->high / length - eye->depth_reference);
-    for (int i = 0; i < 2; ++i) hit->weights[i] = hit->face >= 0 ? (float)ray->weights[i] : 0;
-}
+/* Mean of three colors; their own value if they are equal, to the bit. */
+static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Marches one pixel: radiance, transmittance, and distance weighted by coverage. */
-static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, double radiance[3],
-                             double *through, double *distance) {
+/* Marches through the gas before a pixel's next face. */
+static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, spsi_sample *samples,
+                           spsi_walker *walker) {
     double range[2];
-    spsi_hit hit;
-    spsi_ray ray, step;
-    int count;
-    spsi_march_meet(marcher, x, y, &ray, &hit);
-    count = spsi_march_range(marcher, ray.origin, ray.direction, ray.low, ray.high, range);
-    radiance[0] = radiance[1] = radiance[2] = *distance = 0;
-    *through = 1;
-    step = ray;
-    for (int i = 0; i < count && !(*through <= 1e-12); ++i) {
+    spsi_ray step = *ray;
+    const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
+    for (int i = 0; i < count && spsi_color_mean(walker->through) > 1e-12; ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
         double source[3], depth, mean;
         spsi_point point;
@@ -14968,18 +15033,32 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
         depth = h * point.extinction_sum;
         mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
         spsi_point_source(marcher, &point, source);
-        for (int c = 0; c < 3; ++c) radiance[c] += *through * source[c] * h * mean;
-        *distance += *through * -expm1(-depth) * t;
-        *through *= exp(-depth);
+        walker->distance += spsi_color_mean(walker->through) * -expm1(-depth) * t;
+        for (int c = 0; c < 3; ++c) {
+            walker->radiance[c] += walker->through[c] * source[c] * h * mean;
+            walker->through[c] *= exp(-depth);
+        }
     }
-    if (hit.face < 0) return;
-    {
-        double surface[3];
-        spsi_march_surface(marcher, &hit, x, y, surface);
-        for (int c = 0; c < 3; ++c) radiance[c] += *through * surface[c];
-        *distance += *through * ray.high;
-        *through = 0;
+}
+
+/* Marches a pixel's ray up to its next face and through that. */
+static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
+    const spsi_face *face;
+    double surface[3], before;
+    spsi_ray ray;
+    spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    spsi_march_gas(marcher, &ray, samples, walker);
+    walker->ended = walker->hit.face < 0;
+    if (walker->ended) return;
+    face = &marcher->faces->list[walker->hit.face];
+    before = spsi_color_mean(walker->through);
+    spsi_march_surface(marcher, &walker->hit, x, y, surface);
+    for (int c = 0; c < 3; ++c) {
+        walker->radiance[c] += walker->through[c] * surface[c];
+        walker->through[c] *= (double)face->transmittance[c];
     }
+    walker->distance += (before - spsi_color_mean(walker->through)) * walker->high;
+    walker->ended = !(walker->through[0] > 0 || walker->through[1] > 0 || walker->through[2] > 0);
 }
 
 #define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
@@ -14989,41 +15068,59 @@ static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / 
 /* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
-    const int spans = spsi_march_spans(region[2]), row = marcher->first_row + index / spans;
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans;
     const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
     for (int x = first; x < last; ++x) {
-        float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
-        double radiance[3], through, distance;
-        spsi_march_pixel(marcher, region[0] + x, region[1] + row, samples, radiance, &through, &distance);
-        for (int c = 0; c < 3; ++c)
-            pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* which holds the background */
-        pixel[3] = (float)(1 - through);
-        if (marcher->frame->wants_depth) pixel[4] = through < 1 ? (float)(distance / (1 - through)) : SPSI_INFINITY;
+        spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
+        if (!walker->ended) spsi_march_on(marcher, region[0] + x, region[1] + row, samples, walker);
     }
 }
 
-static void spsi_march_hits_task(void *data, int index, int worker) {
+/* Finds the next face of each pixel of a row. */
+static void spsi_march_meet_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
     const int y = region[1] + index;
     (void)worker;
     for (int x = region[0]; x < region[0] + region[2]; ++x) {
-        spsi_ray ray;
-        spsi_march_meet(marcher, x, y, &ray, &marcher->hits[(size_t)y * (size_t)width + (size_t)x]);
+        spsi_walker *walker = &marcher->walkers[(size_t)index * (size_t)region[2] + (size_t)(x - region[0])];
+        if (!walker->ended) spsi_march_meet(marcher, x, y, walker);
+        if (!marcher->hits) continue;
+        marcher->hits[(size_t)y * (size_t)width + (size_t)x] = walker->hit;
+        if (walker->ended) marcher->hits[(size_t)y * (size_t)width + (size_t)x].face = -1;
     }
 }
 
-/* Calls shade_fn, on the calling thread, for what the region's rays meet. */
-static sps_result spsi_march_textures(sps_context *context, spsi_marcher *marcher) {
+/* Starts every pixel's ray. */
+static void spsi_march_start(const spsi_marcher *marcher) {
+    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
+    memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
+    for (size_t i = 0; i < pixels; ++i) {
+        spsi_walker *walker = &marcher->walkers[i];
+        walker->through[0] = walker->through[1] = walker->through[2] = 1;
+        walker->high = walker->depth = -HUGE_VAL;
+        walker->hit.face = -1;
+    }
+}
+
+/* Marches every ray that has not ended up to its next face, and through that. *left: whether any goes on. */
+static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, int *left) {
     const spsi_frame *frame = marcher->frame;
-    if (!marcher->faces->textures) return SPS_OK;
-    marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
-                                             sizeof *marcher->hits);
-    if (!marcher->hits) return context->result;
-    spsi_parallel(context, frame->view.region[3], spsi_march_hits_task, marcher);
-    return spsi_textures(context, frame, marcher->faces, marcher->hits, &marcher->set);
+    const int *region = frame->view.region;
+    const size_t pixels = (size_t)region[2] * (size_t)region[3];
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
+    if (spsi_textures(context, frame, marcher->faces, marcher->hits, &marcher->set)) return context->result;
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
+        if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
+    }
+    *left = 0;
+    for (size_t i = 0; i < pixels; ++i) *left |= !marcher->walkers[i].ended;
+    return SPS_OK;
 }
 
 /* --- setting up --- */
@@ -15154,14 +15251,34 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
                                                            sizeof *marcher->samples);
-    if (!marcher->total || !marcher->samples) return context->result;
-    if (spsi_faces_tree(context, faces) || spsi_march_textures(context, marcher)) return context->result;
+    marcher->walkers = (spsi_walker *)spsi_reserve(context, SPSI_BUFFER_WALKERS, pixels, sizeof *marcher->walkers);
+    if (!marcher->total || !marcher->samples || !marcher->walkers) return context->result;
+    if (faces->textures) {
+        marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
+                                                 sizeof *marcher->hits);
+        if (!marcher->hits) return context->result;
+    }
+    if (spsi_faces_tree(context, faces)) return context->result;
     return spsi_march_particles(context, frame, &marcher->particles);
+}
+
+/* Fills in the image's pixels, over the background that they hold. */
+static void spsi_march_finish(const spsi_marcher *marcher) {
+    const spsi_frame *frame = marcher->frame;
+    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
+    for (size_t i = 0; i < pixels; ++i) {
+        const spsi_walker *walker = &marcher->walkers[i];
+        const double coverage = 1 - spsi_color_mean(walker->through);
+        float *pixel = marcher->total + i * spsi_total_floats(frame);
+        for (int c = 0; c < 3; ++c) pixel[c] = (float)(walker->radiance[c] + walker->through[c] * (double)pixel[c]);
+        pixel[3] = (float)coverage;
+        if (frame->wants_depth) pixel[4] = coverage > 0 ? (float)(walker->distance / coverage) : SPSI_INFINITY;
+    }
 }
 
 static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    int left = 1;
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
@@ -15174,12 +15291,11 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
             memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
                    3 * sizeof(float));
     }
-    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
-        if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
-    }
+    spsi_march_start(marcher);
+    while (left)
+        if (spsi_march_round(context, marcher, &left)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
+    spsi_march_finish(marcher);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }
@@ -15328,6 +15444,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
                               const sps_image *image) {
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (!context) return SPS_ERROR_ARGUMENT;
+    if (frame && spsi_check_opaque(context, scene)) frame = NULL;
     if (frame) spsi_render_frame(context, frame, image);
     return spsi_end(context);
 }
@@ -15348,6 +15465,7 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
         spsi_require(context, report, "report"))
         return context->result;
     frame = spsi_frame_build(context, scene, view, 1);
+    if (frame && spsi_check_opaque(context, scene)) frame = NULL;
     if (frame && spsi_plan_frame(context, frame, report)) memset(report, 0, sizeof *report);
     return context->result;
 }

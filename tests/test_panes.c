@@ -75,10 +75,9 @@ static sps_mesh *add_pane(check_scene *s, double z, double r, double g, double b
     return add_mesh(s, r, g, b);
 }
 
-/* An opaque ground of this reflectance at z = 0, seen from below all panes. */
+/* An opaque ground of this reflectance at z = 0, which the eye sees from z = 1, below the panes. */
 static void add_ground(check_scene *s, double reflectance) {
-    const sps_mesh *mesh = add_pane(s, 0, 0, 0, 0);
-    check_color(s->mesh[mesh - s->mesh].color, reflectance, reflectance, reflectance);
+    check_color(add_pane(s, 0, 0, 0, 0)->color, reflectance, reflectance, reflectance);
     s->view.camera.position[2] = 1;
 }
 

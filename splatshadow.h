@@ -869,9 +869,10 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
    times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
    light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle. Particles smaller
-   than a pixel are not widened. shade_fn is called as by sps_render, but first for the nearest polygons of all pixels,
-   then for what is seen through these, and so on. The image is written only if SPS_OK is returned.
-   Any sps_result can occur. */
+   than a pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as
+   well; only the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels,
+   then for those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
+   returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
@@ -14483,9 +14484,10 @@ typedef struct spsi_dense {
 
 /* The ray of a pixel, on its way from one translucent face to the next. */
 typedef struct spsi_walker {
+    double sums[5];     /* over the pixel's samples so far: color, coverage, distance weighted by coverage */
     double radiance[3]; /* of what lies before `low` */
     double through[3];  /* share of each color that passes it */
-    double distance;    /* weighted by coverage */
+    double distance;    /* weighted by what is taken from `through` */
     double low, high;   /* the part of the ray before the next face, in world length */
     double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
     spsi_hit hit;       /* of the next face */
@@ -14502,6 +14504,8 @@ typedef struct spsi_marcher {
     float *total;                       /* the region's pixels, spsi_total_floats each */
     int first_row;                      /* of the current batch, in the region */
     spsi_walker *walkers;               /* of the region's pixels */
+    int side;                           /* number of samples along a pixel's side */
+    int sample;                         /* number of the current one */
     spsi_hit *hits;                     /* of the whole image, for shade_fn; NULL: no mesh has one */
     const sps_surface *set;             /* what shade_fn has set at the region's pixels; NULL likewise */
     spsi_sample *samples;               /* one per part, per worker */
@@ -14651,6 +14655,17 @@ static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) 
     ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
     ray->high = HUGE_VAL;
     return length;
+}
+
+/* The same rays, shifted by parts of a pixel. */
+static void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
+    double *from = rays->perspective ? shifted->c : shifted->origin;
+    *shifted = *rays;
+    spsi_along(from, rays->a, x, from);
+    spsi_along(from, rays->b, y, from);
+    if (!rays->perspective) return;
+    spsi_along(rays->inverse[0], rays->inverse[2], -x, shifted->inverse[0]);
+    spsi_along(rays->inverse[1], rays->inverse[2], -y, shifted->inverse[1]);
 }
 
 /* Finds a face where a pixel's ray meets it, in the same way as the rasteriser does, but in double precision; returns
@@ -15093,15 +15108,43 @@ static void spsi_march_meet_task(void *data, int index, int worker) {
     }
 }
 
-/* Starts every pixel's ray. */
-static void spsi_march_start(const spsi_marcher *marcher) {
+/* Starts every pixel's ray, through the n-th of its samples. */
+static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
     const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
-    memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
+    const int side = marcher->side;
+    spsi_rays_shift(centre, (n % side + 0.5) / side - 0.5, (n / side + 0.5) / side - 0.5,
+                    &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        walker->through[0] = walker->through[1] = walker->through[2] = 1;
+        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = 1;
+        walker->distance = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
+        walker->ended = 0;
+    }
+}
+
+/* Adds what has been marched to the pixels' sums, over the background that the image holds. */
+static void spsi_march_add(const spsi_marcher *marcher) {
+    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
+    for (size_t i = 0; i < pixels; ++i) {
+        spsi_walker *walker = &marcher->walkers[i];
+        const float *behind = marcher->total + i * spsi_total_floats(marcher->frame);
+        for (int c = 0; c < 3; ++c) walker->sums[c] += walker->radiance[c] + walker->through[c] * (double)behind[c];
+        walker->sums[3] += 1 - spsi_color_mean(walker->through);
+        walker->sums[4] += walker->distance;
+    }
+}
+
+/* Fills in the image's pixels. */
+static void spsi_march_finish(const spsi_marcher *marcher) {
+    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
+    const int samples = marcher->side * marcher->side;
+    for (size_t i = 0; i < pixels; ++i) {
+        const double *sums = marcher->walkers[i].sums;
+        float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
+        for (int c = 0; c < 4; ++c) pixel[c] = (float)(sums[c] / samples);
+        if (marcher->frame->wants_depth) pixel[4] = sums[3] > 0 ? (float)(sums[4] / sums[3]) : SPSI_INFINITY;
     }
 }
 
@@ -15114,7 +15157,8 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     if (spsi_textures(context, frame, marcher->faces, marcher->hits, &marcher->set)) return context->result;
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
-        if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;
+        const double done = marcher->sample + (double)marcher->first_row / region[3];
+        if (spsi_progress(context, done / (marcher->side * marcher->side))) return context->result;
         spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
                       spsi_march_span_task, marcher);
     }
@@ -15253,6 +15297,8 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
                                                            sizeof *marcher->samples);
     marcher->walkers = (spsi_walker *)spsi_reserve(context, SPSI_BUFFER_WALKERS, pixels, sizeof *marcher->walkers);
     if (!marcher->total || !marcher->samples || !marcher->walkers) return context->result;
+    memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
+    marcher->side = spsi_most(1, frame->view.coverage_samples);
     if (faces->textures) {
         marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
                                                  sizeof *marcher->hits);
@@ -15262,23 +15308,9 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
-/* Fills in the image's pixels, over the background that they hold. */
-static void spsi_march_finish(const spsi_marcher *marcher) {
-    const spsi_frame *frame = marcher->frame;
-    const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
-    for (size_t i = 0; i < pixels; ++i) {
-        const spsi_walker *walker = &marcher->walkers[i];
-        const double coverage = 1 - spsi_color_mean(walker->through);
-        float *pixel = marcher->total + i * spsi_total_floats(frame);
-        for (int c = 0; c < 3; ++c) pixel[c] = (float)(walker->radiance[c] + walker->through[c] * (double)pixel[c]);
-        pixel[3] = (float)coverage;
-        if (frame->wants_depth) pixel[4] = coverage > 0 ? (float)(walker->distance / coverage) : SPSI_INFINITY;
-    }
-}
-
 static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
-    int left = 1;
+    spsi_rays centre;
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
@@ -15291,9 +15323,14 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
             memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
                    3 * sizeof(float));
     }
-    spsi_march_start(marcher);
-    while (left)
-        if (spsi_march_round(context, marcher, &left)) return context->result;
+    centre = frame->content->eye;
+    for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
+        int left = 1;
+        spsi_march_start(marcher, &centre, marcher->sample);
+        while (left)
+            if (spsi_march_round(context, marcher, &left)) return context->result;
+        spsi_march_add(marcher);
+    }
     if (spsi_progress(context, 1)) return context->result;
     spsi_march_finish(marcher);
     spsi_write_image(frame, marcher->total, image);

@@ -1,8 +1,7 @@
 /* Translucent polygons against exact answers: what is seen through them, the light that they let pass, and gas between
-   them. Every test runs for all renderers of the table. Errors that tolerances are made of:
-   EXACT  of polygons alone: they are shaded in double precision, from and into floats, and a few of these are
-          multiplied. 6e-8 each.
-   ripple of a constant grid's optical depth, see the table. */
+   them; and pixels that edges of polygons cross. Every test runs for all renderers of the table. Errors that tolerances
+   are made of: EXACT  of polygons alone: they are shaded in double precision, from and into floats, and a few of these
+   are multiplied. 6e-8 each. ripple of a constant grid's optical depth, see the table. */
 
 #include "check.h"
 
@@ -10,7 +9,7 @@
 #define EXACT     1e-6
 #define ISOTROPIC (0.25 / PI)
 
-enum { PIXELS_MOST = 32 * 32, LISTS = 4 };
+enum { PIXELS_MOST = 48 * 48, LISTS = 4 };
 static float image[4 * PIXELS_MOST], depths[PIXELS_MOST], plain[4 * PIXELS_MOST], dark[4 * PIXELS_MOST];
 static sps_context *context;
 static check_triangles lists[LISTS];
@@ -23,6 +22,7 @@ typedef struct renderer {
        to 1 +- 2 exp(-2 (0.65 pi)^2) = 1 +- 4.8e-4 along each axis across a ray; along the ray that cancels out. When
        they are cut, as by sps_render, there is more: test_ripple in test_transport.c. */
     double ripple;
+    int samples_all; /* 1: with coverage_samples, gas and shading are sampled too, not only polygons' edges */
 } renderer;
 
 /* Steps of a quarter of a voxel. */
@@ -35,7 +35,7 @@ static sps_result draw(const check_scene *s, const sps_image *into) {
 }
 
 #define RENDERERS 1 /* 2: sps_render too */
-static const renderer renderers[] = {{"sps_reference", march, 0.001}, {"sps_render", draw, 0.002}};
+static const renderer renderers[] = {{"sps_reference", march, 0.001, 1}, {"sps_render", draw, 0.002, 0}};
 
 /* ---------------------------------------------------------------------------------------------------------- helpers */
 
@@ -217,23 +217,31 @@ static int shade_by_height(void *user, size_t count, const sps_surface_point *po
     return 0;
 }
 
-/* Textures of every layer: each adds through * (color + emission) under ambient light of 1. */
+/* Textures of every layer: each adds through * (color + emission) under ambient light of 1. In the right half of the
+   view, an opaque one hides the last. Every one that is seen is shaded once. */
 static void textured_layers(const renderer *r) {
-    double exact[3];
+    const double origin[3] = {0, -50, 1.5}, u[3] = {50, 0, 0}, v[3] = {0, 100, 0};
+    double exact[2][3];
     size_t points = 0;
     check_scene s;
     start(&s, 4, 3);
     for (int z = 1; z < 4; ++z) add_square(&lists[0], 50, z);
     add_mesh(&s, 0.5, 0.25, 0.75);
-    s.mesh[0].shade_fn = shade_by_height;
-    s.mesh[0].shade_user = &points;
+    check_add_quad(&lists[1], origin, u, v);
+    add_mesh(&s, 0, 0, 0);
+    for (int k = 0; k < 2; ++k) {
+        s.mesh[k].shade_fn = shade_by_height;
+        s.mesh[k].shade_user = &points;
+    }
     check_color(s.scene.ambient, 1, 1, 1);
     for (int c = 0; c < 3; ++c) {
         const double T = (double)s.mesh[0].transmittance[c], each = 0.1 + c;
-        exact[c] = each * (3 + T * (2 + T * 1));
+        exact[0][c] = each * (3 + T * (2 + T * 1));
+        exact[1][c] = each * (3 + T * (2 + T * 1.5));
     }
     if (!render_into(r, &s, image)) return;
-    check_exact(r, &s, exact);
+    for (int i = 0; i < 12; ++i)
+        for (int c = 0; c < 3; ++c) CHECK_NEAR((double)image[4 * i + c], exact[i % 4 / 2][c], 10 * EXACT);
     CHECK(points == 3 * 12);
 }
 static void test_textured_layers(void) { EACH_RENDERER(textured_layers); }
@@ -563,6 +571,141 @@ static void gas_between_panes(const renderer *r) {
 }
 static void test_gas_between_panes(void) { EACH_RENDERER(gas_between_panes); }
 
+/* ------------------------------------------------------------------------------------------------ edges of polygons */
+
+/* Area of the part of a pixel, of side 1 about (x, y), where x c + y s < 0: the pixel's corners, clipped. */
+static double covered_area(double x, double y, double c, double s) {
+    double at[4][2], clipped[8][2], area = 0;
+    int count = 0;
+    for (int i = 0; i < 4; ++i) at[i][0] = x + (i == 1 || i == 2) - 0.5, at[i][1] = y + (i >= 2) - 0.5;
+    for (int i = 0; i < 4; ++i) {
+        const double *a = at[i], *b = at[(i + 1) % 4], p = a[0] * c + a[1] * s, q = b[0] * c + b[1] * s;
+        if (p < 0) memcpy(clipped[count++], a, sizeof at[0]);
+        if ((p < 0) == (q < 0)) continue;
+        for (int k = 0; k < 2; ++k) clipped[count][k] = a[k] + p / (p - q) * (b[k] - a[k]);
+        ++count;
+    }
+    for (int i = 0; i < count; ++i) {
+        const double *a = clipped[i], *b = clipped[(i + 1) % count];
+        area += 0.5 * (a[0] * b[1] - a[1] * b[0]);
+    }
+    return area;
+}
+
+/* A straight edge at any angle: each pixel's coverage is the area, to 1 / 2N + 1 / 4N^2, which is less than 1 / N. For
+   the samples of one line, 1 / N apart and half of that from the pixel's sides, along the axis on which the edge is
+   steeper count the covered length to half of their distance, 1 / 2N. The lengths on N such lines, times 1 / N, sum up
+   to the area by the midpoint rule, which is exact where length is linear across, and off by 1 / 8N^2 at each of two
+   places where it bends to 0 or 1, since its slope is 1 at most. The color is the mean of both sides'. */
+static void straight_edge(const renderer *r) {
+    static const int sides[] = {0, 1, 2, 3, 4, 5, 8};
+    for (int n = 0; n < 7; ++n)
+        for (int turn = 0; turn < 24; ++turn) {
+            const int N = sides[n] > 1 ? sides[n] : 1;
+            const double angle = 2 * PI * (turn + 0.1 * n) / 24, c = cos(angle), s_ = sin(angle);
+            const double tolerance = 0.5 / N + 0.25 / N / N + EXACT;
+            const double middle[3] = {0.1, 0.2, 0}, T = turn % 2 ? 0.5 : 0;
+            double origin[3], u[3] = {40 * s_, -40 * c, 0}, v[3] = {-20 * c, -20 * s_, 0};
+            check_scene s;
+            start(&s, 12, 12);
+            check_orthographic(&s.view.camera, 12);
+            s.view.coverage_samples = sides[n];
+            spsi_along(middle, u, -0.5, origin);
+            check_add_quad(&lists[0], origin, u, v);
+            check_color(add_mesh(&s, T, T, T)->color, 0.75, 0.5, 0.25);
+            check_color(s.scene.ambient, 1, 1, 1);
+            check_color(s.scene.background, 1, 2, 3);
+            if (!render_into(r, &s, image)) return;
+            for (int i = 0; i < 144; ++i) {
+                const double area = covered_area(i % 12 - 5.5 - 0.1, 5.5 - i / 12 - 0.2, c, s_);
+                const double share = (double)image[4 * i + 3] / (1 - T);
+                if (!CHECK_NEAR(share, area, tolerance)) {
+                    printf("    %s, N = %d, turn %d, pixel %d\n", r->name, sides[n], turn, i);
+                    return;
+                }
+                for (int k = 0; k < 3; ++k)
+                    CHECK_NEAR((double)image[4 * i + k],
+                               share * (0.75 - 0.25 * k + T * (k + 1)) + (1 - share) * (k + 1), 3 * EXACT);
+                CHECK_NEAR((double)depths[i], share > 0 ? 10 : HUGE_VAL, 10 * EXACT);
+            }
+        }
+}
+static void test_straight_edge(void) { EACH_RENDERER(straight_edge); }
+
+/* With N x N samples, a pixel is the mean of the N x N pixels that an image of N times as many on each side has in its
+   place: translucent and opaque polygons that cross each other; lit, and amid gas, where these are sampled too. */
+static void finer_image(const renderer *r) {
+    for (int n = 0; n < 6; ++n) {
+        const int N = 2 + n % 3, lit = r->samples_all && n >= 3, perspective = n % 2;
+        check_random random;
+        check_scene s;
+        float *const into[2] = {plain, image};
+        static float fine_depths[PIXELS_MOST];
+        for (int fine = 1; fine >= 0; --fine) {
+            start(&s, fine ? 12 * N : 12, fine ? 10 * N : 10);
+            s.view.coverage_samples = fine ? n % 2 : N;
+            check_orthographic(&s.view.camera, 2);
+            check_perspective(&s.view.camera, perspective ? 0.25 : 0);
+            random.state = (uint64_t)n;
+            for (int k = 0; k < 36; ++k) {
+                double corner[3][3];
+                for (int i = 0; i < 9; ++i) corner[i / 3][i % 3] = 2.6 * check_next(&random) - 1.3;
+                check_add_corners(&lists[k / 12], corner[0], corner[1], corner[2]);
+            }
+            for (int k = 0; k < 3; ++k) {
+                sps_mesh *mesh = add_mesh(&s, 0.4 * k, 0.3 * k, 0.45 * k);
+                check_color(mesh->color, 0.2 * k, 0.5, 0.8 - 0.3 * k);
+            }
+            if (lit) check_color(add_fog(&s, 1)->albedo, 1, 1, 1);
+            if (lit) s.volume[0].size[0] = s.volume[0].size[1] = s.volume[0].size[2] = 6;
+            if (lit) check_add_point(&s, 1, 2, 4, 20);
+            check_color(s.scene.ambient, 1, 0.5, 0.25);
+            check_color(s.scene.background, 1, 2, 3);
+            if (!render_into(r, &s, into[!fine])) return;
+            if (fine) memcpy(fine_depths, depths, sizeof depths);
+        }
+        for (int i = 0; i < 120; ++i) {
+            double mean[5] = {0, 0, 0, 0, 0};
+            for (int k = 0; k < N * N; ++k) {
+                const int at = (i / 12 * N + k / N) * 12 * N + i % 12 * N + k % N;
+                for (int c = 0; c < 4; ++c) mean[c] += (double)plain[4 * at + c] / (N * N);
+                if (plain[4 * at + 3] > 0) mean[4] += (double)(plain[4 * at + 3] * fine_depths[at]) / (N * N);
+            }
+            for (int c = 0; c < 4; ++c)
+                if (!CHECK_NEAR((double)image[4 * i + c], mean[c], 4 * EXACT)) {
+                    printf("    %s, scene %d, pixel %d, channel %d\n", r->name, n, i, c);
+                    return;
+                }
+            if (mean[3] > 0.01) CHECK_NEAR((double)depths[i], mean[4] / mean[3], 1e-4);
+        }
+    }
+}
+static void test_finer_image(void) { EACH_RENDERER(finer_image); }
+
+/* 0 and 1 are the same; other numbers than 0..8 are refused. */
+static void number_of_samples(const renderer *r) {
+    static const int wrong[] = {-1, 9, 1000};
+    check_scene s;
+    sps_image into;
+    start(&s, 12, 10);
+    add_square(&lists[0], 0.37, 0);
+    check_color(add_mesh(&s, 0.5, 0.25, 0)->color, 0.5, 0.25, 0.125);
+    check_color(s.scene.ambient, 1, 1, 1);
+    if (!render_into(r, &s, plain)) return;
+    s.view.coverage_samples = 1;
+    if (!render_into(r, &s, image)) return;
+    CHECK(memcmp(image, plain, 4 * 120 * sizeof *image) == 0);
+    memset(&into, 0, sizeof into);
+    into.rgba = image;
+    for (int n = 0; n < 3; ++n) {
+        s.view.coverage_samples = wrong[n];
+        image[0] = -5;
+        CHECK(r->run(&s, &into) == SPS_ERROR_ARGUMENT && image[0] <= -5);
+        CHECK(check_error_info(context, SPS_ERROR_ARGUMENT) && strstr(sps_error(context), "view.coverage_samples"));
+    }
+}
+static void test_number_of_samples(void) { EACH_RENDERER(number_of_samples); }
+
 /* ---------------------------------------------------------------------------------------------------- repeatability */
 
 /* Layers, a texture, gas and a light: the same bits with any number of workers, and in a region. */
@@ -571,15 +714,17 @@ static void same_bits(const renderer *r) {
     check_scene s;
     start(&s, 8, 6);
     check_color(add_fog(&s, 1)->albedo, 1, 1, 1);
-    s.volume[0].size[2] = LAYERS / 4;
+    s.volume[0].size[0] = s.volume[0].size[1] = 6;
+    s.volume[0].size[2] = 10;
     for (int k = 0; k < 3; ++k) add_square(&lists[0], 0.3 + 0.05 * k, 1 - 0.7 * k);
     add_mesh(&s, 0.5, 0.25, 0.75);
     s.mesh[0].shade_fn = shade_by_height;
     s.mesh[0].shade_user = &points;
     s.mesh[0].placement = check_box(0, 0, 3, 1, 1, 4);
+    s.view.coverage_samples = 2;
     check_add_directional(&s, 0.3, 0.2, -1, 2);
     if (!render_into(r, &s, plain)) return;
-    for (int workers = 1; workers < 6; workers += 2) {
+    for (int workers = 1; workers < 4; workers += 2) {
         check_hooks hooks;
         sps_context *const usual = context;
         memset(&hooks, 0, sizeof hooks);
@@ -618,6 +763,9 @@ int main(void) {
     RUN(test_lit_fog);
     RUN(test_eye_in_fog);
     RUN(test_gas_between_panes);
+    RUN(test_straight_edge);
+    RUN(test_finer_image);
+    RUN(test_number_of_samples);
     RUN(test_same_bits);
     for (int i = 0; i < LISTS; ++i) check_free_triangles(&lists[i]);
     sps_destroy(context);

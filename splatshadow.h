@@ -45,16 +45,17 @@ CONTENTS (search for the tag)
     >>kernel        5  the voxel kernel              >>view          6  rays of a camera or a light
     >>transfer      7  transfer functions, phase     >>transmittance 8  curves of transmittance
     >>scene         9  checking and resolving        >>gather        10 voxels, particles into lists
-    >>trees         11 trees of boxes, for rays      >>polygons      12 triangles, shadow rays
-    >>lamps         13 lights and their rays         >>projectors    14 images that lights throw
-    >>depthmaps     15 polygons before gas           >>balls         16 particles as rays see them
-    >>slicing       17 slabs and sweeps              >>splat         18 footprints into sheets
-    >>targets       19 filling sheets, by tile       >>lightsheets   20 sheets as optical depth
-    >>tmaps         21 transmittance maps            >>penumbrae     22 light of many points
-    >>shadows       23 shadows on gas, surfaces      >>shading       24 light leaving a sheet
-    >>sweep         25 chunks of slabs, tiles        >>frame         26 sweep after sweep, the image
-    >>plan          27 what a scene calls for        >>reference     28 brute-force ray marching
-    >>public        29 the public functions          >>licence
+    >>trees         11 trees of boxes, for rays      >>polygons      12 triangles, rasterised
+    >>layers        13 panes and edges, by pixel     >>surfaces      14 their looks, shadow rays
+    >>lamps         15 lights and their rays         >>projectors    16 images that lights throw
+    >>depthmaps     17 polygons before gas           >>balls         18 particles as rays see them
+    >>slicing       19 slabs and sweeps              >>splat         20 footprints into sheets
+    >>targets       21 filling sheets, by tile       >>lightsheets   22 sheets as optical depth
+    >>tmaps         23 transmittance maps            >>penumbrae     24 light of many points
+    >>shadows       25 shadows on gas, surfaces      >>shading       26 light leaving a sheet
+    >>sweep         27 chunks of slabs, tiles        >>frame         28 sweep after sweep, the image
+    >>plan          29 what a scene calls for        >>reference     30 brute-force ray marching
+    >>public        31 the public functions          >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light).
@@ -871,8 +872,10 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
    times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
    light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle. Particles smaller
-   than a pixel are not widened. shade_fn is called as by sps_render. The image is written only if SPS_OK is returned.
-   Any sps_result can occur. */
+   than a pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as
+   well; only the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels,
+   then for those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
+   returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
@@ -1551,6 +1554,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
+    SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
     SPSI_BUFFER_REFERENCE_PARTICLE_NODES,
@@ -5806,10 +5810,7 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
    by (e, e^2) for an infinitesimal e > 0. All of this depends only on the ray and the edge's two corners, and changes
    sign when they are swapped. So triangles that share corners neither leave gaps nor overlap, not even for a ray
    through an edge or a corner. Cost: triangles times rows of tiles to cull, then three edge functions per pixel of a
-   triangle's bounding box, whose rows the rasteriser first narrows to the edges.
-   Shadows that triangles cast on each other are exact: one ray per pixel through a tree of them, with neither texels
-   nor a bias. Gas is shaded by depth maps, which are rasterised like the eye's image, >>depthmaps. Cost: the tree's
-   height per pixel and light. */
+   triangle's bounding box, whose rows the rasteriser first narrows to the edges. */
 
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
@@ -5824,9 +5825,7 @@ static float spsi_face_optical_depth(const spsi_face *face) {
     return mean > 0 ? -logf(mean) : SPSI_DEPTH_MAX;
 }
 
-static int spsi_face_is_translucent(const spsi_face *face) {
-    return face->transmittance[0] > 0 || face->transmittance[1] > 0 || face->transmittance[2] > 0;
-}
+static int spsi_face_is_translucent(const spsi_face *face) { return !spsi_black(face->transmittance); }
 
 typedef struct spsi_hit {
     float depth; /* t - depth_reference; infinity: nothing */
@@ -6401,20 +6400,21 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
        behind = mean over samples of (transmittance behind),            what of anything behind it
    so that shading, which knows nothing of samples, composites gas and layers in order of depth. Gas is not sampled: it
    lies before or behind a layer as a whole. Cost: translucent faces, or all at N x N times the pixels where edges are
-   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 56 per layer. */
+   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 60 per layer. */
 
 typedef struct spsi_fragment {
     uint64_t mask; /* bits: samples, in rows */
-    float depth;   /* at one sample of them, t - depth_reference */
-    int face;      /* there */
+    float depth;   /* their mean, t - depth_reference */
+    int face;      /* that one of them sees */
     int sample;    /* its bit */
 } spsi_fragment;
 
 typedef struct spsi_layer {
-    spsi_hit hit;
+    spsi_hit hit;    /* its depth is the mean of what it covers */
     float at[2];     /* where it was hit, from the pixel's centre, in pixels */
     float seen[3];   /* share of its radiance that the pixel shows, where there is no gas */
     float behind[3]; /* the same of anything behind it, and behind all layers in front of it */
+    float covered;   /* share of what is behind that it covers: a mean of colors */
     uint32_t pixel;
 } spsi_layer;
 
@@ -6432,6 +6432,7 @@ typedef struct spsi_layer_scratch {
     float *depths;   /* of the nearest opaque face */
     int *numbers;    /* its number */
     uint64_t *masks; /* per pixel of a row: samples that see one face */
+    double *sums;    /* of these samples' depths */
 } spsi_layer_scratch;
 
 typedef struct spsi_layers_job {
@@ -6451,7 +6452,7 @@ typedef struct spsi_layers_job {
 
 static size_t spsi_layer_scratch_bytes(const spsi_rays *eye, int samples) {
     const size_t row = (size_t)eye->width, fine = row * SPSI_LAYER_ROWS * (size_t)(samples * samples);
-    return row * sizeof(uint64_t) + (samples > 1 ? fine * (sizeof(float) + sizeof(int)) : 0);
+    return row * (sizeof(uint64_t) + sizeof(double)) + (samples > 1 ? fine * (sizeof(float) + sizeof(int)) : 0);
 }
 
 static void spsi_layer_scratch_of(const spsi_layers_job *job, int worker, spsi_layer_scratch *scratch) {
@@ -6459,7 +6460,8 @@ static void spsi_layer_scratch_of(const spsi_layers_job *job, int worker, spsi_l
     const size_t fine = (size_t)eye->width * SPSI_LAYER_ROWS * (size_t)(job->samples * job->samples);
     char *memory = job->scratch + (size_t)worker * spsi_layer_scratch_bytes(eye, job->samples);
     scratch->masks = (uint64_t *)(void *)memory;
-    scratch->depths = (float *)(void *)(scratch->masks + eye->width);
+    scratch->sums = (double *)(void *)(scratch->masks + eye->width);
+    scratch->depths = (float *)(void *)(scratch->sums + eye->width);
     scratch->numbers = (int *)(void *)(scratch->depths + fine);
 }
 
@@ -6470,6 +6472,12 @@ static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const sp
         job->fragments[job->first[pixel + 1]++] = *fragment;
     else
         job->first[pixel + 2] += 1;
+}
+
+static int spsi_bit_count(uint64_t mask) {
+    int count = 0;
+    for (; mask; mask &= mask - 1) count += 1;
+    return count;
 }
 
 /* The sample among those of a mask that is nearest to their mean. */
@@ -6502,6 +6510,7 @@ static void spsi_pane_row(const spsi_layers_job *job, const spsi_layer_scratch *
         if (n == 1 && job->hits) ends = job->hits[(size_t)y * (size_t)width + (size_t)x].depth;
         if (!spsi_face_depth(e, &job->fine, x, y, w, &depth) || !(depth < ends)) continue;
         scratch->masks[x / n] |= UINT64_C(1) << (y % n * n + x % n);
+        scratch->sums[x / n] += (double)depth;
         seen[0] = spsi_least(seen[0], x / n);
         seen[1] = spsi_most(seen[1], x / n);
     }
@@ -6516,15 +6525,12 @@ static void spsi_pane_fragments(const spsi_layers_job *job, const spsi_layer_scr
         spsi_pane_row(job, scratch, e, face, row, seen);
     for (int x = seen[0]; x <= seen[1]; ++x) {
         spsi_fragment fragment = {scratch->masks[x], 0, face, 0};
-        double w[3];
-        scratch->masks[x] = 0;
         if (!fragment.mask) continue;
-        if (job->listing) {
-            fragment.sample = spsi_mask_middle(fragment.mask, n);
-            spsi_face_depth(e, &job->fine, x * n + fragment.sample % n, y * n + fragment.sample / n, w,
-                            &fragment.depth);
-        }
+        fragment.sample = spsi_mask_middle(fragment.mask, n);
+        fragment.depth = (float)(scratch->sums[x] / spsi_bit_count(fragment.mask));
         spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
+        scratch->masks[x] = 0;
+        scratch->sums[x] = 0;
     }
 }
 
@@ -6622,10 +6628,16 @@ static int spsi_group_is_all(const spsi_layers_job *job, const spsi_group *group
 /* Adds a group's fragment. Its place is the sample in the middle of it. */
 static void spsi_group_add(const spsi_layers_job *job, const spsi_layer_scratch *scratch, const spsi_group *group,
                            int x, int y, float *deepest) {
-    const int n = job->samples, sample = spsi_mask_middle(group->mask, n);
-    const int sx = x * n + sample % n, sy = y * n + sample / n;
-    const size_t at = (size_t)(sy % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)sx;
-    const spsi_fragment fragment = {group->mask, scratch->depths[at], scratch->numbers[at], sample};
+    const int n = job->samples;
+    spsi_fragment fragment = {group->mask, 0, 0, spsi_mask_middle(group->mask, n)};
+    double sum = 0;
+    for (int i = 0; i < n * n; ++i) {
+        const size_t at =
+            (size_t)((y * n + i / n) % (n * SPSI_LAYER_ROWS)) * (size_t)job->fine.width + (size_t)(x * n + i % n);
+        if (group->mask >> i & 1) sum += (double)scratch->depths[at];
+        if (i == fragment.sample) fragment.face = scratch->numbers[at];
+    }
+    fragment.depth = (float)(sum / spsi_bit_count(group->mask));
     *deepest = fragment.depth > *deepest ? fragment.depth : *deepest;
     spsi_fragment_add(job, (size_t)y * (size_t)job->rays->width + (size_t)x, &fragment);
 }
@@ -6654,7 +6666,7 @@ static void spsi_edge_fragments(const spsi_layers_job *job, const spsi_layer_scr
     if (count == 1 && spsi_group_is_all(job, &groups[0], x, y)) return;
     for (int i = 0; i < count; ++i) {
         spsi_group_add(job, scratch, &groups[i], x, y, &deepest);
-        for (uint64_t bits = groups[i].mask; bits; bits &= bits - 1) open -= 1;
+        open -= spsi_bit_count(groups[i].mask);
     }
     if (!job->listing) return;
     hit->face = -1;
@@ -6686,7 +6698,7 @@ static void spsi_layers_task(void *data, int index, int worker) {
     const int bottom = spsi_least(eye->height, top + SPSI_LAYER_ROWS) - 1;
     spsi_layer_scratch scratch;
     spsi_layer_scratch_of(job, worker, &scratch);
-    memset(scratch.masks, 0, (size_t)eye->width * sizeof *scratch.masks);
+    memset(scratch.masks, 0, (size_t)eye->width * (sizeof *scratch.masks + sizeof *scratch.sums));
     if (n > 1) spsi_layers_opaque(job, &scratch, top * n, bottom * n + n - 1);
     for (int face = 0; face < job->faces->count && job->frame->meshes.translucent; ++face) {
         spsi_edges e;
@@ -6728,7 +6740,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     double w[3] = {0, 0, 0};
     spsi_face_edges(job->faces, fragment->face, &job->fine, &e);
     spsi_face_hit(&e, (int)(pixel % (uint32_t)width) * n + column, (int)(pixel / (uint32_t)width) * n + row, w);
-    layer->hit.depth = fragment->depth;
+    layer->hit.depth = 0; /* from the fragment's, until all samples are known */
     layer->hit.face = fragment->face;
     layer->hit.weights[0] = (float)w[1];
     layer->hit.weights[1] = (float)w[2];
@@ -6737,32 +6749,131 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
     layer->pixel = pixel;
 }
 
-/* Follows the light of every sample of a pixel past its fragments. */
-static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
-    const uint32_t first = job->first[pixel], count = job->first[pixel + 1] - first;
+#define SPSI_LAYERS_ORDERED 16 /* fragments of a pixel that each sample puts in order by itself */
+
+/* The fragments of a pixel, and their depth where each sample sees them. */
+typedef struct spsi_stack {
+    const spsi_fragment *list;
+    int count;
+    int translucent[SPSI_LAYERS_ORDERED];
+    float depths[SPSI_LAYERS_ORDERED][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
+} spsi_stack;
+
+/* Depth at which a sample's ray meets a face's plane, clamped to the depths of the face's corners. */
+static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e, const spsi_face *face, int x, int y) {
+    double u[3], v[3], plane[3], ray[3], start[3], t;
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, plane);
+    spsi_ray_direction(&job->fine, x, y, ray);
+    spsi_ray_point(&job->fine, x, y, job->fine.depth_reference, start);
+    spsi_along(face->position[0], start, -1, start);
+    t = spsi_dot(plane, start) / spsi_dot(plane, ray);
+    t = fmax(t, fmin(e->depth[0], fmin(e->depth[1], e->depth[2])));
+    return (float)fmin(t, fmax(e->depth[0], fmax(e->depth[1], e->depth[2])));
+}
+
+/* Finds these depths. */
+static void spsi_stack_build(const spsi_layers_job *job, uint32_t pixel, spsi_stack *stack) {
+    const int n = job->samples, width = job->rays->width;
+    const int x = (int)(pixel % (uint32_t)width) * n, y = (int)(pixel / (uint32_t)width) * n;
+    for (int i = 0; i < stack->count && n > 1 && stack->count <= SPSI_LAYERS_ORDERED; ++i) {
+        const spsi_fragment *fragment = &stack->list[i];
+        const spsi_face *face = &job->faces->list[fragment->face];
+        spsi_edges e;
+        stack->translucent[i] = spsi_face_is_translucent(face);
+        spsi_face_corners(job->faces, fragment->face, &job->fine, &e);
+        for (int k = 0; k < n * n; ++k)
+            if (fragment->mask >> k & 1) stack->depths[i][k] = spsi_fragment_depth(job, &e, face, x + k % n, y + k / n);
+    }
+}
+
+/* Whether a sample sees one fragment before another. Nothing behind an opaque one has become a fragment. */
+static int spsi_stack_before(const spsi_stack *stack, int a, int b, int sample) {
+    if (!stack->translucent[a] || !stack->translucent[b]) return stack->translucent[a] > stack->translucent[b];
+    return stack->depths[a][sample] < stack->depths[b][sample];
+}
+
+/* The fragments that a sample sees, nearest first. Returns their number. */
+static int spsi_stack_of_sample(const spsi_stack *stack, int sample, int order[SPSI_LAYERS_ORDERED]) {
+    int count = 0;
+    for (int i = 0; i < stack->count; ++i) {
+        int at = count;
+        if (!(stack->list[i].mask >> sample & 1)) continue;
+        for (; at > 0 && spsi_stack_before(stack, i, order[at - 1], sample); --at) order[at] = order[at - 1];
+        order[at] = i;
+        count += 1;
+    }
+    return count;
+}
+
+/* Lets a sample's light pass a layer, at a depth. */
+static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fragment, float depth, float through[3],
+                            spsi_layer *layer) {
+    const float *passes = job->faces->list[fragment->face].transmittance;
+    float covered = 0;
+    for (int c = 0; c < 3; ++c) {
+        layer->seen[c] += through[c];
+        covered += through[c] * (1 - passes[c]);
+        through[c] *= passes[c];
+    }
+    layer->covered += covered;
+    layer->hit.depth += covered * (depth - fragment->depth);
+}
+
+/* Follows the light of every sample of a pixel past its fragments, in the sample's own order or, if they are many, in
+   that of the pixel. */
+static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
+    for (int k = 0; k < job->samples * job->samples; ++k) {
+        float through[3] = {1, 1, 1};
+        int order[SPSI_LAYERS_ORDERED], count;
+        if (job->samples == 1 || stack->count > SPSI_LAYERS_ORDERED) {
+            for (int i = 0; i < stack->count; ++i)
+                if (stack->list[i].mask >> k & 1)
+                    spsi_layer_pass(job, &stack->list[i], stack->list[i].depth, through, &layers[i]);
+            continue;
+        }
+        count = spsi_stack_of_sample(stack, k, order);
+        for (int i = 0; i < count; ++i)
+            spsi_layer_pass(job, &stack->list[order[i]], stack->depths[order[i]][k], through, &layers[order[i]]);
+    }
+}
+
+/* What a pixel's layers let pass, up to each of them. Turns sums into means. */
+static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack *stack, spsi_layer *layers) {
     const int samples = job->samples * job->samples;
     float through[3][SPSI_COVERAGE_MAX * SPSI_COVERAGE_MAX];
-    if (count == 0) return;
-    spsi_fragments_sort(job->fragments + first, count);
     for (int c = 0; c < 3; ++c)
         for (int k = 0; k < samples; ++k) through[c][k] = 1;
-    for (uint32_t i = first; i < first + count; ++i) {
-        const spsi_fragment *fragment = &job->fragments[i];
-        spsi_layer *layer = &job->layers[i];
-        spsi_layer_place(job, fragment, pixel, layer);
+    for (int i = 0; i < stack->count; ++i) {
+        const spsi_fragment *fragment = &stack->list[i];
         for (int c = 0; c < 3; ++c) {
             const float passes = job->faces->list[fragment->face].transmittance[c];
-            float seen = 0, behind = 0;
             for (int k = 0; k < samples; ++k) {
-                const int hit = (int)(fragment->mask >> k & 1);
-                seen += hit ? through[c][k] : 0;
-                through[c][k] *= hit ? passes : 1;
-                behind += through[c][k];
+                through[c][k] *= fragment->mask >> k & 1 ? passes : 1;
+                layers[i].behind[c] += through[c][k];
             }
-            layer->seen[c] = seen / (float)samples;
-            layer->behind[c] = behind / (float)samples;
+            layers[i].behind[c] /= (float)samples;
+            layers[i].seen[c] /= (float)samples;
         }
+        layers[i].hit.depth = fragment->depth + (layers[i].covered > 0 ? layers[i].hit.depth / layers[i].covered : 0);
+        layers[i].covered /= 3 * (float)samples;
     }
+}
+
+static void spsi_layers_of_pixel(const spsi_layers_job *job, uint32_t pixel) {
+    const uint32_t first = job->first[pixel], count = job->first[pixel + 1] - first;
+    spsi_stack stack;
+    if (count == 0) return;
+    spsi_fragments_sort(job->fragments + first, count);
+    stack.list = job->fragments + first;
+    stack.count = (int)count;
+    memset(job->layers + first, 0, count * sizeof *job->layers);
+    for (int i = 0; i < stack.count; ++i)
+        spsi_layer_place(job, &stack.list[i], pixel, &job->layers[first + (uint32_t)i]);
+    spsi_stack_build(job, pixel, &stack);
+    spsi_layers_follow(job, &stack, job->layers + first);
+    spsi_layers_accumulate(job, &stack, job->layers + first);
 }
 
 static void spsi_layers_resolve_task(void *data, int index, int worker) {
@@ -7243,43 +7354,29 @@ static int spsi_face_stops(const spsi_face *face, const spsi_packet *packet, int
     return bits;
 }
 
-/* The side of an edge on which a ray passes, 0 or 1. A ray through the edge is on one side of it, and only one,
-   whichever face the edge belongs to: corners are taken in the same order, and every step rounds in the same way. */
-static int spsi_edge_passes(const double p[3], const double q[3], const double origin[3], const double direction[3]) {
-    int swap = 0;
-    double a[3], b[3], value = 0;
-    for (int i = 0; i < 3 && !swap; ++i) {
-        if (p[i] < q[i]) break;
-        swap = p[i] > q[i];
+/* Whether a ray passes through a face, which is translucent: of the faces that share an edge or a corner, a ray through
+   it passes one, as if it were an orthographic pixel. Corners are projected along the ray onto the plane of the other
+   two axes, to the same bits for all faces that share them. */
+static int spsi_face_passes(const spsi_face *face, const double origin[3], const double toward[3]) {
+    const double x = fabs(toward[0]), y = fabs(toward[1]), z = fabs(toward[2]);
+    const int along = x >= y && x >= z ? 0 : y >= z ? 1 : 2;
+    double corner[3][3];
+    int side = 0;
+    for (int i = 0; i < 3; ++i) {
+        double offset[3];
+        spsi_along(face->position[i], origin, -1, offset);
+        for (int k = 0; k < 2; ++k) {
+            const int axis = (along + 1 + k) % 3;
+            corner[i][k] = spsi_multiply_add(-toward[axis] / toward[along], offset[along], offset[axis]);
+        }
+        corner[i][2] = 1;
     }
     for (int i = 0; i < 3; ++i) {
-        a[i] = (swap ? q : p)[i] - origin[i];
-        b[i] = (swap ? p : q)[i] - origin[i];
+        const int sign = spsi_edge_sign(corner[i], corner[(i + 1) % 3], 0, 0);
+        if (sign == 0 || sign == -side) return 0;
+        side = sign;
     }
-    for (int i = 0; i < 3; ++i) {
-        const int j = (i + 1) % 3, k = (i + 2) % 3;
-        const double across = spsi_multiply_add(a[j], b[k], -spsi_multiply_add(a[k], b[j], 0));
-        value = spsi_multiply_add(direction[i], across, value);
-    }
-    return (value >= 0) != swap;
-}
-
-/* Whether a ray passes through a translucent face. Of the faces that share an edge, one lets it pass. */
-static int spsi_face_crossed(const spsi_face *face, const spsi_packet *packet, int at) {
-    const double o[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
-    const double d[3] = {packet->toward[0][at], packet->toward[1][at], packet->toward[2][at]};
-    const int side = spsi_edge_passes(face->position[0], face->position[1], o, d);
-    double u[3], v[3], n[3], offset[3], facing, ahead, room;
-    if (spsi_edge_passes(face->position[1], face->position[2], o, d) != side) return 0;
-    if (spsi_edge_passes(face->position[2], face->position[0], o, d) != side) return 0;
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, n);
-    spsi_along(face->position[0], o, -1, offset);
-    room = packet->on_faces ? (double)face->rounding + packet->rounding : 0;
-    facing = spsi_dot(n, d);
-    ahead = spsi_dot(n, offset) * (facing < 0 ? -1 : 1);
-    return ahead > room * spsi_reach_of(n) && ahead < packet->reach * fabs(facing);
+    return 1;
 }
 
 /* Optical depth of a face in units of 2^-32, 86 at most: 4e7 of them do not overflow. */
@@ -7290,10 +7387,15 @@ static uint64_t spsi_filter_of(float transmittance) {
 
 /* Filters the open rays that pass through a translucent face. */
 static void spsi_packet_filter(const spsi_face *face, int number, spsi_packet *packet) {
-    for (int at = 0; packet->open >> at; ++at) {
-        if (!(packet->open >> at & 1) || packet->own[at] == number || !spsi_face_crossed(face, packet, at)) continue;
-        for (int c = 0; c < 3; ++c) packet->filter[c][at] += spsi_filter_of(face->transmittance[c]);
-        packet->filtered |= 1 << at;
+    for (int first = 0; packet->open >> first; first += SPSI_LANES) {
+        const int met = spsi_face_stops(face, packet, first) << first & packet->open;
+        for (int at = first; met >> at > 0; ++at) {
+            const double origin[3] = {packet->origin[0][at], packet->origin[1][at], packet->origin[2][at]};
+            const double toward[3] = {packet->toward[0][at], packet->toward[1][at], packet->toward[2][at]};
+            if (!(met >> at & 1) || packet->own[at] == number || !spsi_face_passes(face, origin, toward)) continue;
+            for (int c = 0; c < 3; ++c) packet->filter[c][at] += spsi_filter_of(face->transmittance[c]);
+            packet->filtered |= 1 << at;
+        }
     }
 }
 
@@ -7379,7 +7481,7 @@ static sps_result spsi_faces_tree(sps_context *context, spsi_faces *faces) {
 }
 
 /* ================================================================================================ >>lamps
-   13 Lights: where their light comes from, and grids of rays that cover what it may reach. */
+   15 Lights: where their light comes from, and grids of rays that cover what it may reach. */
 
 #define SPSI_PARTICLE_EDGE 0.7 /* in radii, >>slicing */
 #define SPSI_TEXELS_ALIKE  "cannot tell its texels apart so far from the world's origin"
@@ -7534,7 +7636,7 @@ static void spsi_toward_lamp(const spsi_lamp *lamp, const double point[3], doubl
 }
 
 /* =========================================================================================== >>projectors
-   14 Images that lights throw: read once per call, halved down to a texel, looked up along the light's rays. A texel of
+   16 Images that lights throw: read once per call, halved down to a texel, looked up along the light's rays. A texel of
    a halved image is the mean of the area that it covers; between two images, the share of each is linear in the size of
    a pixel. Cost: 3 floats per texel and 1/3 more; a lookup gathers 12 texels, or 24 between two images. */
 
@@ -7766,7 +7868,7 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
 }
 
 /* ============================================================================================ >>depthmaps
-   15 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
+   17 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
    have 1.5 times the texels of one. */
 
 #define SPSI_CELL  16   /* texels along a side of a depth map's cell */
@@ -8229,7 +8331,7 @@ static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *fac
 }
 
 /* ================================================================================================ >>balls
-   16 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
+   18 Particles as a set of rays sees them. The ray with direction e meets a ball of radius r about C in a chord about
    t = C.e / e.e, of half length sqrt(1 - d^2) r, where d r = |C x e| / |e|. All of this is relative to the ball's own
    centre, in pixels and in t, which makes it short polynomials without differences of large numbers, so floats suffice.
    Balls that contain the rays' origin, or are close to it, are intersected one ray at a time. Cost: 15 operations per
@@ -8450,7 +8552,7 @@ static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
 }
 
 /* ============================================================================================== >>slicing
-   17 Slabs. They are perpendicular to s = normalise(e + l), where e and l are the directions in which the eye's and the
+   19 Slabs. They are perpendicular to s = normalise(e + l), where e and l are the directions in which the eye's and the
    light's rays travel, or to normalise(l - e) where these differ by more than a right angle; |l +- e| >= sqrt 2, so s
    never degenerates. Light always crosses slabs in the direction of s; in the second case the eye composites back to
    front. [Zhang & Crawfis, section 4] */
@@ -8778,7 +8880,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>splat
-   18 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]. Its line integral
+   20 Footprints. In ray space a voxel's kernel is a Gaussian of covariance R [Zwicker et al. 2002]. Its line integral
    is a 2D Gaussian in the pixel plane. The share of it between two slab planes is the difference of spsi_kernel_share
    at the planes, whose distance from the kernel's middle changes from pixel to pixel because the slab is tilted and the
    kernel sheared. This tilted section is exact; without it, the error does not fall with thickness. Every section of a
@@ -9658,7 +9760,7 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 }
 
 /* ============================================================================================== >>targets
-   19 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
+   21 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
    map. The bricks and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile. A tile belongs to one
    task, which adds bricks and then particles in the order of their numbers, so every pixel is the same sum for any
    number of workers and any region. Bricks and particles are kept in queues, sorted by the first chunk that they reach.
@@ -10240,7 +10342,7 @@ static void spsi_tile_count(const spsi_target *target, const spsi_tile *tile, in
 }
 
 /* ========================================================================================== >>lightsheets
-   20 The optical depth of a light's sheets. Sheets of gases hold it already, per unit of t. A transfer function is not
+   22 The optical depth of a light's sheets. Sheets of gases hold it already, per unit of t. A transfer function is not
    linear, so a slab's mean value is not enough: classified slabs are divided into SPSI_PARTS parts, whose means come
    from the parabola through the means of three slabs. */
 
@@ -10346,7 +10448,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
 }
 
 /* =============================================================================================== >>tmaps
-   21 Transmittance maps: a light's texels, how they are filled and how they are queried. Each of up to six faces is a
+   23 Transmittance maps: a light's texels, how they are filled and how they are queried. Each of up to six faces is a
    grid of rays; u is the share of the way from near_depth to far_depth along t. Six faces share the rays of their
    common edges, and t is the largest coordinate from the light, which is the same from either side, so nothing jumps
    from face to face. Opaque surfaces are kept apart, as a depth per texel: no technique could hold them without harming
@@ -12238,7 +12340,7 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
 }
 
 /* ============================================================================================ >>penumbrae
-   22 Gas between an extended light and its sheets' planes. The light is K points, whose rays share the sheets: gas is
+   24 Gas between an extended light and its sheets' planes. The light is K points, whose rays share the sheets: gas is
    splatted once, along the rays of the light's centre, and only optical depth is kept K times, in texels that travel
    with each point's rays. Slabs are parallel, so a point's texel u and the centre's texel x meet on a plane where
        x = (u + d L) / (1 + d_t L),    L linear in u
@@ -13012,7 +13114,7 @@ static double spsi_penumbra_depth(const spsi_penumbra *penumbra, const double po
 }
 
 /* ============================================================================================== >>shadows
-   23 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
+   25 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
    hold the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
    k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
    and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
@@ -13363,6 +13465,7 @@ static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *f
     int widest = 0;
     spsi_pane_map *maps;
     if (!frame->meshes.translucent || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
+    if (count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i) map_count += (size_t)(shadows[i].soft ? shadows[i].lamp->point_count : 1);
     maps = (spsi_pane_map *)spsi_reserve(context, SPSI_BUFFER_PANE_MAPS, map_count, sizeof *maps);
     if (!maps || spsi_pane_maps_lay_out(context, frame, shadows, count, maps)) return context->result;
@@ -13370,7 +13473,7 @@ static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *f
         for (int face = 0; face < maps[i].grid.face_count; ++face)
             widest = spsi_most(widest, maps[i].grid.rays[face].width);
     if (!spsi_reserve(context, SPSI_BUFFER_LAYER_SAMPLES, (size_t)spsi_worker_count(context),
-                      (size_t)widest * sizeof(uint64_t)))
+                      (size_t)widest * (sizeof(uint64_t) + sizeof(double))))
         return context->result;
     return spsi_pane_maps_fill(context, frame, faces, maps, map_count);
 }
@@ -13416,7 +13519,7 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 }
 
 /* ============================================================================================== >>shading
-   24 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
+   26 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -14401,8 +14504,8 @@ static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
-/* Composites the next layers of some pixels, given as a bit mask, and passes them. Front to back, a ray that polygons
-   have covered in all colors becomes opaque. */
+/* Composites the next layers of some pixels, given as a bit mask, and passes them. Front to back, a ray that its last
+   layer has covered in all colors becomes opaque. */
 static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int bits, spsi_ahead *ahead,
                             spsi_gathered *sum) {
     const int backwards = shader->sweep->back_to_front;
@@ -14413,16 +14516,14 @@ static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int
         const size_t number = backwards ? ahead->end[lane] - 1 : ahead->first[lane];
         const spsi_layer *layer = &ahead->list[number];
         spsi_place place;
-        float before[3];
+        float radiance[3];
         if (!(bits >> lane & 1)) continue;
         spsi_place_of_layer(shader->frame, shader->visible, number, &place);
-        spsi_surface_radiance(shader, &place, before);
-        for (int c = 0; c < 3; ++c) sent[c][lane] = before[c] * layer->seen[c];
-        for (int c = 0; c < 3; ++c) before[c] = ahead->filter[c][lane];
+        spsi_surface_radiance(shader, &place, radiance);
+        for (int c = 0; c < 3; ++c) sent[c][lane] = radiance[c] * layer->seen[c];
+        covered[lane] = layer->covered;
         spsi_ahead_pass(shader, lane, ahead);
-        for (int c = 0; c < 3; ++c)
-            covered[lane] += (backwards ? ahead->filter[c][lane] - before[c] : before[c] - ahead->filter[c][lane]) / 3;
-        if (!backwards && !(layer->behind[0] > 0 || layer->behind[1] > 0 || layer->behind[2] > 0))
+        if (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind))
             opaque[lane] = SPSI_DEPTH_MAX;
     }
     spsi_add_sent(shader, p, sent, open, spsi_mul(spsi_load(covered), open), d, sum);
@@ -14748,7 +14849,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ================================================================================================ >>sweep
-   25 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   27 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
    light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
    shaded. */
 
@@ -15070,7 +15171,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* ================================================================================================ >>frame
-   26 The frame: one sweep after another, then the image. */
+   28 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -15307,7 +15408,7 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
 }
 
 /* ================================================================================================= >>plan
-   27 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   29 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
@@ -15683,11 +15784,13 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
 }
 
 /* ============================================================================================ >>reference
-   28 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   30 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
-   floats), and which triangles stop a ray towards a light (>>polygons), but nothing else about where light goes. Second
-   order in the step. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343 voxels. */
+   floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
+   in the step. Rays are marched in rounds, each from one translucent triangle to the next, so that shade_fn can be
+   called for all pixels in between. Cost: pixels * samples per ray * (1 + lights * samples per shadow ray) * 343
+   voxels. */
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
@@ -15702,6 +15805,18 @@ typedef struct spsi_dense {
     double corner[3];        /* in the world */
 } spsi_dense;
 
+/* The ray of a pixel, on its way from one translucent face to the next. */
+typedef struct spsi_walker {
+    double sums[5];     /* over the pixel's samples so far: color, coverage, distance weighted by coverage */
+    double radiance[3]; /* of what lies before `low` */
+    double through[3];  /* share of each color that passes it */
+    double distance;    /* weighted by what is taken from `through` */
+    double low, high;   /* the part of the ray before the next face, in world length */
+    double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
+    spsi_hit hit;       /* of the next face */
+    int ended;          /* 1: nothing more is seen */
+} spsi_walker;
+
 typedef struct spsi_marcher {
     const spsi_frame *frame;
     const spsi_faces *faces;
@@ -15711,6 +15826,9 @@ typedef struct spsi_marcher {
     double step;                        /* maximum, in world length */
     float *total;                       /* the region's pixels, spsi_total_floats each */
     int first_row;                      /* of the current batch, in the region */
+    spsi_walker *walkers;               /* of the region's pixels */
+    int side;                           /* number of samples along a pixel's side */
+    int sample;                         /* number of the current one */
     spsi_hit *hits;                     /* of the whole image, for shade_fn; NULL: no mesh has one */
     spsi_visible visible;               /* those hits, and what shade_fn has set there */
     spsi_sample *samples;               /* one per part, per worker */
@@ -15775,30 +15893,8 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
 
 typedef struct spsi_ray {
     double origin[3], direction[3];
-    double low, high;  /* segment of interest, in lengths of `direction` from the origin */
-    double weights[2]; /* of corners 1 and 2 of the face hit */
+    double low, high; /* segment of interest, in lengths of `direction` from the origin */
 } spsi_ray;
-
-/* Intersects a ray with a face, edges included. On a hit the ray ends there. */
-static int spsi_ray_meets_face(const spsi_face *face, spsi_ray *ray) {
-    double a[3], b[3], c[3], u[3], v[3], n[3], ab, bc, ac, t;
-    spsi_along(face->position[0], ray->origin, -1, a);
-    spsi_along(face->position[1], ray->origin, -1, b);
-    spsi_along(face->position[2], ray->origin, -1, c);
-    ab = spsi_edge_side(a, b, ray->direction);
-    bc = spsi_edge_side(b, c, ray->direction);
-    ac = spsi_edge_side(a, c, ray->direction);
-    if (!spsi_edges_hold(a, b, c, ray->direction, ab, bc, ac)) return 0;
-    spsi_along(b, a, -1, u);
-    spsi_along(c, a, -1, v);
-    spsi_cross(u, v, n);
-    t = spsi_dot(n, a) / spsi_dot(n, ray->direction); /* NaN, and no hit, for a ray in the plane itself */
-    if (!(t > ray->low && t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
-    ray->high = t;
-    ray->weights[0] = -ac / (ab + bc - ac);
-    ray->weights[1] = ab / (ab + bc - ac);
-    return 1;
-}
 
 static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
     range[0] = ray->low;
@@ -15818,14 +15914,15 @@ static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const do
     return range[0] <= range[1];
 }
 
-/* Boxes are floats, rounded outwards; only the sums in double precision that place them about the centre need a
-   margin. */
+/* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
 static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
-    double low[3], high[3], range[2];
+    double low[3], high[3], range[2], room = 0;
+    for (int i = 0; i < 3; ++i)
+        room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
     for (int i = 0; i < 3; ++i) {
-        const double room = 1e-12 * (fabs(tree->centre[i]) + fabs(ray->origin[i]));
-        low[i] = tree->centre[i] + (double)node->low[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + room;
+        low[i] = tree->centre[i] + (double)node->low[i] - 1e-12 * room;
+        high[i] = tree->centre[i] + (double)node->high[i] + 1e-12 * room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
 }
@@ -15871,35 +15968,108 @@ static void spsi_trace_particles(const spsi_marcher *marcher, const spsi_ray *ra
     }
 }
 
-/* Returns the number of the nearest face along a ray, or -1. On a hit the ray ends there. */
-static int spsi_trace(const spsi_faces *faces, spsi_ray *ray) {
-    const spsi_tree *tree = &faces->tree;
-    int stack[SPSI_TREE_STACK], top = 0, found = -1;
-    if (tree->count == 0) return -1;
-    stack[top++] = 0;
+/* The ray of a pixel, from the near plane on. Returns its length per unit of t. */
+static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) {
+    double length;
+    spsi_ray_point(eye, x, y, 0, ray->origin);
+    spsi_ray_direction(eye, x, y, ray->direction);
+    length = spsi_length(ray->direction);
+    spsi_normalise(ray->direction);
+    ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
+    ray->high = HUGE_VAL;
+    return length;
+}
+
+/* The same rays, shifted by parts of a pixel. */
+static void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
+    double *from = rays->perspective ? shifted->c : shifted->origin;
+    *shifted = *rays;
+    spsi_along(from, rays->a, x, from);
+    spsi_along(from, rays->b, y, from);
+    if (!rays->perspective) return;
+    spsi_along(rays->inverse[0], rays->inverse[2], -x, shifted->inverse[0]);
+    spsi_along(rays->inverse[1], rays->inverse[2], -y, shifted->inverse[1]);
+}
+
+/* Finds a face where a pixel's ray meets it, in the same way as the rasteriser does, but in double precision; returns
+   0 if it does not. Faces along a ray are in order of depth, or of their numbers where depths are equal: `after`
+   precedes what is found, which precedes `nearest`. */
+static int spsi_march_face(const spsi_marcher *marcher, int number, int x, int y, const spsi_walker *after,
+                           spsi_walker *nearest) {
+    const spsi_rays *eye = &marcher->frame->content->eye;
+    spsi_edges e;
+    double w[3], depth;
+    spsi_face_edges(marcher->faces, number, eye, &e);
+    if (!spsi_face_hit(&e, x, y, w)) return 0;
+    depth = w[0] * e.depth[0] + w[1] * e.depth[1] + w[2] * e.depth[2];
+    if (!(depth + eye->depth_reference > eye->near_depth)) return 0;
+    if (depth < after->depth || (!(depth > after->depth) && number <= after->hit.face)) return 0;
+    if (depth > nearest->depth || (!(depth < nearest->depth) && number >= nearest->hit.face)) return 0;
+    nearest->depth = depth;
+    nearest->hit.depth = (float)depth;
+    nearest->hit.face = number;
+    for (int i = 0; i < 2; ++i) nearest->hit.weights[i] = (float)w[i + 1];
+    return 1;
+}
+
+/* Finds the next face that a pixel's ray meets. If there is none, the ray goes on for ever. */
+static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_walker *walker) {
+    const spsi_tree *tree = &marcher->faces->tree;
+    const double reference = marcher->frame->content->eye.depth_reference;
+    int stack[SPSI_TREE_STACK], top = 0;
+    spsi_walker next = *walker;
+    spsi_ray ray;
+    const double length = spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    next.low = ray.low = fmax(ray.low, walker->high);
+    next.depth = next.high = HUGE_VAL;
+    next.hit.face = -1;
+    if (tree->count > 0) stack[top++] = 0;
     while (top > 0) {
         const spsi_tree_node *node = &tree->nodes[stack[--top]];
-        if (!spsi_ray_meets_node(tree, ray, node)) continue;
+        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
         for (int i = 0; i < node->count; ++i)
-            if (spsi_ray_meets_face(&faces->list[tree->order[node->first + i]], ray))
-                found = tree->order[node->first + i];
+            if (spsi_march_face(marcher, tree->order[node->first + i], x, y, walker, &next))
+                ray.high = next.high = (next.depth + reference) * length;
         if (node->count > 0) continue;
         stack[top++] = node->first;
         stack[top++] = node->first + 1;
     }
-    return found;
+    *walker = next;
 }
 
-/* Whether no face lies between a light and a point on face `own` (-1: on none). */
-static int spsi_sees_lamp(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own) {
+/* Share of a light's red, green and blue that polygons let pass to a point on face `own` (-1: on none). Returns 0 if
+   they let nothing pass. */
+static int spsi_march_sight(const spsi_faces *faces, const spsi_lamp *lamp, const double point[3], int own,
+                            double passes[3]) {
+    const spsi_tree *tree = &faces->tree;
+    int stack[SPSI_TREE_STACK], top = 0;
     spsi_packet packet;
-    double toward[3];
-    if (faces->count == 0) return 1;
+    spsi_ray ray;
+    passes[0] = passes[1] = passes[2] = 1;
+    if (tree->count == 0) return 1;
+    memcpy(ray.origin, point, sizeof ray.origin);
+    spsi_toward_lamp(lamp, point, ray.direction);
     spsi_packet_begin(faces, !lamp->is_point, own >= 0, &packet);
-    spsi_toward_lamp(lamp, point, toward);
-    spsi_packet_add(&faces->tree, 0, own, point, toward, &packet);
-    spsi_packet_trace(faces, &packet);
-    return packet.open != 0;
+    spsi_packet_add(tree, 0, own, ray.origin, ray.direction, &packet);
+    ray.low = 0;
+    ray.high = packet.reach;
+    stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &tree->nodes[stack[--top]];
+        if (!spsi_ray_meets_node(tree, &ray, node)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const int number = tree->order[node->first + i];
+            const spsi_face *face = &faces->list[number];
+            if (number == own || !(spsi_face_stops(face, &packet, 0) & 1)) continue;
+            if (!spsi_black(face->transmittance) && !spsi_face_passes(face, ray.origin, ray.direction)) continue;
+            for (int c = 0; c < 3; ++c) passes[c] *= (double)face->transmittance[c];
+            if (!(passes[0] > 0 || passes[1] > 0 || passes[2] > 0)) return 0;
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return 1;
 }
 
 /* --- transport --- */
@@ -16073,7 +16243,7 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
 static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
                                 double weight, double source[3]) {
-    double travel[3], image[3] = {1, 1, 1}, irradiance = weight;
+    double travel[3], image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = weight;
     spsi_v toward_v[3], travel_v[3], response[3];
     spsi_lamp_direction(lamp, point->position, travel);
     if (lamp->falls_off) irradiance *= spsi_point_inverse_square(point, lamp->position);
@@ -16082,7 +16252,7 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
     irradiance *= spsi_cone_at(&lamp->cone, spsi_dot(lamp->direction, travel));
     if (!(irradiance > 0)) return;
     if (lamp->shadows) {
-        if (!spsi_sees_lamp(marcher->faces, lamp, point->position, -1)) return;
+        if (!spsi_march_sight(marcher->faces, lamp, point->position, -1, passes)) return;
         irradiance *= spsi_march_lamp(marcher, lamp, point->position);
     }
     spsi_set3(point->direction, toward_v);
@@ -16094,7 +16264,8 @@ static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *p
         spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, response[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * irradiance * image[c] * (double)lamp->color[c];
+            source[c] +=
+                point->extinction[m] * (double)lanes[0] * irradiance * image[c] * passes[c] * (double)lamp->color[c];
         }
     }
 }
@@ -16127,12 +16298,12 @@ static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lam
     arrives[0] = arrives[1] = arrives[2] = 0;
     for (int n = 0; n < count; ++n) {
         spsi_lamp at;
-        double irradiance[3], through;
+        double irradiance[3], passes[3] = {1, 1, 1}, through;
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
-        if (lamp->shadows && !spsi_sees_lamp(marcher->faces, &at, surface->start, face)) continue;
+        if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
         through = lamp->shadows ? spsi_march_lamp(marcher, &at, surface->point) : 1;
-        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * through;
+        for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * passes[c] * through;
     }
     for (int c = 0; c < 3; ++c) arrives[c] /= count;
 }
@@ -16142,7 +16313,7 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     const spsi_frame *frame = marcher->frame;
     spsi_appearance look;
     spsi_surface surface;
-    spsi_place place = {hit, x, y, {x, y}, 0};
+    spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c)
@@ -16155,34 +16326,16 @@ static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit,
     }
 }
 
-/* Finds the face that a pixel's ray meets, where the ray then ends. */
-static void spsi_march_meet(const spsi_marcher *marcher, int x, int y, spsi_ray *ray, spsi_hit *hit) {
-    const spsi_rays *eye = &marcher->frame->content->eye;
-    double length;
-    spsi_ray_point(eye, x, y, 0, ray->origin);
-    spsi_ray_direction(eye, x, y, ray->direction);
-    length = spsi_length(ray->direction);
-    spsi_normalise(ray->direction);
-    ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
-    ray->high = HUGE_VAL;
-    hit->face = spsi_trace(marcher->faces, ray);
-    hit->depth = (float)(ray->high / length - eye->depth_reference);
-    for (int i = 0; i < 2; ++i) hit->weights[i] = hit->face >= 0 ? (float)ray->weights[i] : 0;
-}
+/* Mean of three colors; their own value if they are equal, to the bit. */
+static double spsi_color_mean(const double c[3]) { return c[0] + (c[1] - c[0] + (c[2] - c[0])) / 3; }
 
-/* Marches one pixel: radiance, transmittance, and distance weighted by coverage. */
-static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, double radiance[3],
-                             double *through, double *distance) {
+/* Marches through the gas before a pixel's next face. */
+static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, spsi_sample *samples,
+                           spsi_walker *walker) {
     double range[2];
-    spsi_hit hit;
-    spsi_ray ray, step;
-    int count;
-    spsi_march_meet(marcher, x, y, &ray, &hit);
-    count = spsi_march_range(marcher, ray.origin, ray.direction, ray.low, ray.high, range);
-    radiance[0] = radiance[1] = radiance[2] = *distance = 0;
-    *through = 1;
-    step = ray;
-    for (int i = 0; i < count && !(*through <= 1e-12); ++i) {
+    spsi_ray step = *ray;
+    const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
+    for (int i = 0; i < count && spsi_color_mean(walker->through) > 1e-12; ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
         double source[3], depth, mean;
         spsi_point point;
@@ -16194,18 +16347,32 @@ static void spsi_march_pixel(const spsi_marcher *marcher, int x, int y, spsi_sam
         depth = h * point.extinction_sum;
         mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
         spsi_point_source(marcher, &point, source);
-        for (int c = 0; c < 3; ++c) radiance[c] += *through * source[c] * h * mean;
-        *distance += *through * -expm1(-depth) * t;
-        *through *= exp(-depth);
+        walker->distance += spsi_color_mean(walker->through) * -expm1(-depth) * t;
+        for (int c = 0; c < 3; ++c) {
+            walker->radiance[c] += walker->through[c] * source[c] * h * mean;
+            walker->through[c] *= exp(-depth);
+        }
     }
-    if (hit.face < 0) return;
-    {
-        double surface[3];
-        spsi_march_surface(marcher, &hit, x, y, surface);
-        for (int c = 0; c < 3; ++c) radiance[c] += *through * surface[c];
-        *distance += *through * ray.high;
-        *through = 0;
+}
+
+/* Marches a pixel's ray up to its next face and through that. */
+static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample *samples, spsi_walker *walker) {
+    const spsi_face *face;
+    double surface[3], before;
+    spsi_ray ray;
+    spsi_march_ray(&marcher->frame->content->eye, x, y, &ray);
+    spsi_march_gas(marcher, &ray, samples, walker);
+    walker->ended = walker->hit.face < 0;
+    if (walker->ended) return;
+    face = &marcher->faces->list[walker->hit.face];
+    before = spsi_color_mean(walker->through);
+    spsi_march_surface(marcher, &walker->hit, x, y, surface);
+    for (int c = 0; c < 3; ++c) {
+        walker->radiance[c] += walker->through[c] * surface[c];
+        walker->through[c] *= (double)face->transmittance[c];
     }
+    walker->distance += (before - spsi_color_mean(walker->through)) * walker->high;
+    walker->ended = !(walker->through[0] > 0 || walker->through[1] > 0 || walker->through[2] > 0);
 }
 
 #define SPSI_MARCH_SPAN 8 /* pixels of a row per task */
@@ -16215,42 +16382,89 @@ static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / 
 /* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region, floats = 4 + marcher->frame->wants_depth;
-    const int spans = spsi_march_spans(region[2]), row = marcher->first_row + index / spans;
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = marcher->first_row + index / spans;
     const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
     for (int x = first; x < last; ++x) {
-        float *pixel = marcher->total + ((size_t)row * (size_t)region[2] + (size_t)x) * (size_t)floats;
-        double radiance[3], through, distance;
-        spsi_march_pixel(marcher, region[0] + x, region[1] + row, samples, radiance, &through, &distance);
-        for (int c = 0; c < 3; ++c)
-            pixel[c] = (float)(radiance[c] + through * (double)pixel[c]); /* which holds the background */
-        pixel[3] = (float)(1 - through);
-        if (marcher->frame->wants_depth) pixel[4] = through < 1 ? (float)(distance / (1 - through)) : SPSI_INFINITY;
+        spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
+        if (!walker->ended) spsi_march_on(marcher, region[0] + x, region[1] + row, samples, walker);
     }
 }
 
-static void spsi_march_hits_task(void *data, int index, int worker) {
+/* Finds the next face of each pixel of a row. */
+static void spsi_march_meet_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
     const int *region = marcher->frame->view.region, width = marcher->frame->content->eye.width;
     const int y = region[1] + index;
     (void)worker;
     for (int x = region[0]; x < region[0] + region[2]; ++x) {
-        spsi_ray ray;
-        spsi_march_meet(marcher, x, y, &ray, &marcher->hits[(size_t)y * (size_t)width + (size_t)x]);
+        spsi_walker *walker = &marcher->walkers[(size_t)index * (size_t)region[2] + (size_t)(x - region[0])];
+        if (!walker->ended) spsi_march_meet(marcher, x, y, walker);
+        if (!marcher->hits) continue;
+        marcher->hits[(size_t)y * (size_t)width + (size_t)x] = walker->hit;
+        if (walker->ended) marcher->hits[(size_t)y * (size_t)width + (size_t)x].face = -1;
     }
 }
 
-/* Calls shade_fn, on the calling thread, for what the region's rays meet. */
-static sps_result spsi_march_textures(sps_context *context, spsi_marcher *marcher) {
+/* Starts every pixel's ray, through the n-th of its samples. */
+static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centre, int n) {
+    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
+    const int side = marcher->side;
+    spsi_rays_shift(centre, (n % side + 0.5) / side - 0.5, (n / side + 0.5) / side - 0.5,
+                    &marcher->frame->content->eye);
+    for (size_t i = 0; i < pixels; ++i) {
+        spsi_walker *walker = &marcher->walkers[i];
+        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = 1;
+        walker->distance = 0;
+        walker->high = walker->depth = -HUGE_VAL;
+        walker->hit.face = -1;
+        walker->ended = 0;
+    }
+}
+
+/* Adds what has been marched to the pixels' sums, over the background that the image holds. */
+static void spsi_march_add(const spsi_marcher *marcher) {
+    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
+    for (size_t i = 0; i < pixels; ++i) {
+        spsi_walker *walker = &marcher->walkers[i];
+        const float *behind = marcher->total + i * spsi_total_floats(marcher->frame);
+        for (int c = 0; c < 3; ++c) walker->sums[c] += walker->radiance[c] + walker->through[c] * (double)behind[c];
+        walker->sums[3] += 1 - spsi_color_mean(walker->through);
+        walker->sums[4] += walker->distance;
+    }
+}
+
+/* Fills in the image's pixels. */
+static void spsi_march_finish(const spsi_marcher *marcher) {
+    const size_t pixels = (size_t)marcher->frame->view.region[2] * (size_t)marcher->frame->view.region[3];
+    const int samples = marcher->side * marcher->side;
+    for (size_t i = 0; i < pixels; ++i) {
+        const double *sums = marcher->walkers[i].sums;
+        float *pixel = marcher->total + i * spsi_total_floats(marcher->frame);
+        for (int c = 0; c < 4; ++c) pixel[c] = (float)(sums[c] / samples);
+        if (marcher->frame->wants_depth) pixel[4] = sums[3] > 0 ? (float)(sums[4] / sums[3]) : SPSI_INFINITY;
+    }
+}
+
+/* Marches every ray that has not ended up to its next face, and through that. *left: whether any goes on. */
+static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, int *left) {
     const spsi_frame *frame = marcher->frame;
-    if (!marcher->faces->textures) return SPS_OK;
-    marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
-                                             sizeof *marcher->hits);
-    if (!marcher->hits) return context->result;
-    spsi_parallel(context, frame->view.region[3], spsi_march_hits_task, marcher);
+    const int *region = frame->view.region;
+    const size_t pixels = (size_t)region[2] * (size_t)region[3];
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
-    return spsi_textures(context, frame, marcher->faces, &marcher->visible);
+    if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
+    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
+        const double done = marcher->sample + (double)marcher->first_row / region[3];
+        if (spsi_progress(context, done / (marcher->side * marcher->side))) return context->result;
+        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
+                      spsi_march_span_task, marcher);
+    }
+    *left = 0;
+    for (size_t i = 0; i < pixels; ++i) *left |= !marcher->walkers[i].ended;
+    return SPS_OK;
 }
 
 /* --- setting up --- */
@@ -16381,14 +16595,22 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
         (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     marcher->samples = (spsi_sample *)spsi_vectors_reserve(context, SPSI_BUFFER_SAMPLES, marcher->part_count,
                                                            sizeof *marcher->samples);
-    if (!marcher->total || !marcher->samples) return context->result;
-    if (spsi_faces_tree(context, faces) || spsi_march_textures(context, marcher)) return context->result;
+    marcher->walkers = (spsi_walker *)spsi_reserve(context, SPSI_BUFFER_WALKERS, pixels, sizeof *marcher->walkers);
+    if (!marcher->total || !marcher->samples || !marcher->walkers) return context->result;
+    memset(marcher->walkers, 0, pixels * sizeof *marcher->walkers);
+    marcher->side = spsi_most(1, frame->view.coverage_samples);
+    if (faces->textures) {
+        marcher->hits = (spsi_hit *)spsi_reserve(context, SPSI_BUFFER_EYE_FACES, spsi_ray_count(&frame->content->eye),
+                                                 sizeof *marcher->hits);
+        if (!marcher->hits) return context->result;
+    }
+    if (spsi_faces_tree(context, faces)) return context->result;
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
 static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
-    const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    spsi_rays centre;
     spsi_faces faces;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
@@ -16401,18 +16623,22 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
             memcpy(marcher->total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats, rgb + 3 * x,
                    3 * sizeof(float));
     }
-    for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
-        if (spsi_progress(context, (double)marcher->first_row / region[3])) return context->result;
-        spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
-                      spsi_march_span_task, marcher);
+    centre = frame->content->eye;
+    for (; marcher->sample < marcher->side * marcher->side; ++marcher->sample) {
+        int left = 1;
+        spsi_march_start(marcher, &centre, marcher->sample);
+        while (left)
+            if (spsi_march_round(context, marcher, &left)) return context->result;
+        spsi_march_add(marcher);
     }
     if (spsi_progress(context, 1)) return context->result;
+    spsi_march_finish(marcher);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }
 
 /* =============================================================================================== >>public
-   29 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   31 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */

@@ -6411,7 +6411,7 @@ typedef struct spsi_fragment {
 
 typedef struct spsi_layer {
     spsi_hit hit;    /* its depth is the mean of what it covers */
-    float at[2];     /* where it was hit, from the pixel's centre, in pixels */
+    float at[2];     /* where it is shaded, from the pixel's centre, in pixels */
     float seen[3];   /* share of its radiance that the pixel shows, where there is no gas */
     float behind[3]; /* the same of anything behind it, and behind all layers in front of it */
     float covered;   /* share of what is behind that it covers: a mean of colors */
@@ -6553,7 +6553,7 @@ typedef struct spsi_group {
 static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, int x, int y, spsi_group *group) {
     spsi_edges e;
     spsi_hit hit;
-    double w[3];
+    double w[3] = {1, 0, 0};
     spsi_face_edges(job->faces, face, &job->fine, &e);
     spsi_face_hit(&e, x, y, w);
     hit.depth = depth;
@@ -6731,15 +6731,24 @@ static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
     }
 }
 
-/* Describes a layer at its sample. */
+/* Describes a layer in the middle of its samples, which is where light on it is closest to its mean; if that is on
+   another face, at the sample nearest to it. */
 static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fragment, uint32_t pixel,
                              spsi_layer *layer) {
-    const int n = job->samples, width = job->rays->width;
-    const int column = fragment->sample % n, row = fragment->sample / n;
+    const int n = job->samples, x = (int)(pixel % (uint32_t)job->rays->width) * n;
+    const int y = (int)(pixel / (uint32_t)job->rays->width) * n, count = spsi_bit_count(fragment->mask);
+    double w[3] = {1, 0, 0}, column = 0, row = 0;
     spsi_edges e;
-    double w[3] = {0, 0, 0};
+    for (int i = 0; i < n * n; ++i)
+        if (fragment->mask >> i & 1) column += i % n, row += i / n;
+    column /= count;
+    row /= count;
     spsi_face_edges(job->faces, fragment->face, &job->fine, &e);
-    spsi_face_hit(&e, (int)(pixel % (uint32_t)width) * n + column, (int)(pixel / (uint32_t)width) * n + row, w);
+    if (!spsi_face_hit(&e, x + column, y + row, w)) {
+        column = fragment->sample % n;
+        row = fragment->sample / n;
+        spsi_face_hit(&e, x + column, y + row, w);
+    }
     layer->hit.depth = 0; /* from the fragment's, until all samples are known */
     layer->hit.face = fragment->face;
     layer->hit.weights[0] = (float)w[1];

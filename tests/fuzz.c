@@ -247,6 +247,7 @@ static void random_mesh(scenery *x, int n) {
     mesh->has_colors = one_in(2);
     random_color(mesh->color, 1);
     if (one_in(2)) random_placement(&mesh->placement);
+    if (one_in(3)) random_color(mesh->transmittance, 1);
     if (!one_in(3)) return;
     random_provider(&x->textures[n]);
     mesh->shade_fn = shade_points;
@@ -366,6 +367,7 @@ static void random_view(scenery *x) {
     if (one_in(4)) view->slab = one_in(6) ? 1e6 : strange(0.2, 5);
     view->shadow_size = one_in(10) ? 0 : 1 + below(100);
     view->no_shadows = one_in(8);
+    if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
 }
 
 /* Spoils something that a caller might get wrong. */
@@ -506,8 +508,12 @@ static int small_enough_to_march(const scenery *x) {
     return view->width * view->height < 200 && extent < 3;
 }
 
-/* Whether no light has a map that keeps lists, or is fitted to them: their length cannot be planned. */
+/* Whether nothing keeps lists, or is fitted to them, whose length cannot be planned: no light's map, and no polygons of
+   which pixels show several. */
 static int sums_only(const scenery *x) {
+    if (x->s.view.coverage_samples > 1) return 0;
+    for (int i = 0; i < x->s.scene.mesh_count; ++i)
+        if (!spsi_black(x->s.mesh[i].transmittance)) return 0;
     for (int i = 0; i < x->s.scene.light_count; ++i) {
         const sps_tmap_technique technique = x->maps[i].technique;
         if (x->s.light[i].shadow_map && technique != SPS_TMAP_OPACITY && technique != SPS_TMAP_DEEP_OPACITY &&

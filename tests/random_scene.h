@@ -790,6 +790,20 @@ static inline int throw_images(random_scene *x, uint64_t seed) {
     return count;
 }
 
+/* In one of three scenes that have a mesh, it lets light pass. A generator of its own, as above. Returns whether it
+   does. */
+static inline int draw_panes(random_scene *x, uint64_t seed) {
+    sps_mesh *mesh = &x->s.mesh[0];
+    check_random random;
+    random.state = ~seed;
+    for (int i = 0; i < 9; ++i) check_next(&random);
+    if (x->levels[MESH] == MESH_NONE) return 0;
+    if (!one_in(&random, 3)) return 0;
+    draw_color(&random, 0.2, 0.9, mesh->transmittance);
+    if (one_in(&random, 4)) mesh->transmittance[draw_below(&random, 3)] = 0;
+    return 1;
+}
+
 /* sps_scene.background_fn */
 static inline int scene_sky(void *user, size_t count, const float *directions, float *out_rgb) {
     (void)user;
@@ -906,7 +920,9 @@ static inline sps_result scene_triangles(sps_context *context, const random_scen
         bare.s.mesh[i].user = (void *)(uintptr_t)&x->s.mesh[i];
         bare.s.mesh[i].has_colors = 1;
         bare.s.mesh[i].shade_fn = NULL;
+        memset(bare.s.mesh[i].transmittance, 0, sizeof bare.s.mesh[i].transmittance);
     }
+    bare.s.view.coverage_samples = 0;
     result = scene_render(context, &bare, step, &picture);
     for (int i = 0; i < scene_width(x) * scene_height(x); ++i)
         numbers[i] = (int)(1024 * (double)picture.rgba[4 * i] + 0.5);

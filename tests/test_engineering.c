@@ -1221,7 +1221,8 @@ static void test_owners(void) {
         {"--size 2,2,1 --volume two.raw --size 2,2,2 --plan >plan", 0, NULL}, /* of two, the last */
         {"--mesh-color 1,0,0 --mesh corner.obj --plan >plan", 0, NULL},
         {"--size 2,2,2 --plan", 2, "--size: there is no --volume"},
-        {"--mesh-color 1,0,0 --plan", 2, "--mesh-color: there is no --mesh"}};
+        {"--mesh-color 1,0,0 --plan", 2, "--mesh-color: there is no --mesh"},
+        {"--mesh-transmittance 1,0,0 --plan", 2, "--mesh-transmittance: there is no --mesh"}};
     CHECK_COMPLAINTS(owners);
 }
 
@@ -1328,6 +1329,8 @@ static void test_bad_values(void) {
         {"--extinction -1", 2, "--extinction: '-1' is out of range: S must be within 0..1e+18"},
         {"--extinction 1e999", 2, "--extinction: '1e999' is out of range: S must be within 0..1e+18"},
         {"--albedo 0.5,0.5,1.5", 2, "r,g,b must be within 0..1"},
+        {"--mesh-transmittance 0.5,0.5,1.5", 2, "--mesh-transmittance: '0.5,0.5,1.5' is out of range"},
+        {"--mesh-transmittance 0.5", 2, "--mesh-transmittance: '0.5' is not r,g,b"},
         {"--phase .5,.5", 2, "--phase: '.5,.5' is not g[,g2,w]"},
         {"--phase .5,.5,2", 2, "--phase: '.5,.5,2' is out of range: w must be within 0..1"},
         {"--phase 1", 2, "--phase: '1' is out of range: g and g2 must be within -0.99..0.99"},
@@ -1847,6 +1850,7 @@ static void test_help(void) {
                                         "--shading gas|surface",
                                         "--mesh FILE.obj",
                                         "--mesh-color r,g,b",
+                                        "--mesh-transmittance r,g,b",
                                         "--camera px,py,pz,tx,ty,tz",
                                         "--up x,y,z",
                                         "default 0,1,0",

@@ -1030,6 +1030,37 @@ static double textures_of(ex_session *session, frame *f) {
     return 1e6 * least / (double)s.surface_points;
 }
 
+enum { SOFT_POINTS = 16 };
+
+/* Seconds that shadow rays take from a million points of surfaces that face the light: under a sharp sun, and under one
+   of 10 degrees, with SOFT_POINTS rays from each. Frames take turns; the least of each counts. */
+static void soft_rays_of(ex_session *session, frame *f, double least[2]) {
+    least[0] = least[1] = HUGE_VAL;
+    for (int i = 0; i < 2 * REPEATS; ++i) {
+        const int soft = i & 1, points = soft ? SOFT_POINTS : 1;
+        sps_stats_report s;
+        f->light.angular_diameter = soft ? 10 * EX_PI / 180 : 0;
+        f->light.samples = points;
+        render_seconds(session, f, &f->view);
+        sps_get_stats(session->context, &s);
+        least[soft] = fmin(least[soft], 1e6 * points * s.seconds_shadow_rays / (double)s.shadow_rays);
+    }
+    f->light.angular_diameter = 0;
+    f->light.samples = 0;
+}
+
+static void bench_soft_rays(const char *name, frame *f, ex_session sessions[2]) {
+    for (int i = 0; i < 2; ++i) {
+        double least[2];
+        char what[96];
+        soft_rays_of(&sessions[i], f, least);
+        snprintf(what, sizeof what, "%s, %zu triangles: %d rays from a million points, %d worker%s", name,
+                 f->mesh.triangle_count, SOFT_POINTS, i + 1, i ? "s" : "");
+        plain(what, least[1], "s");
+        plain("... / one ray from each, time", least[1] / least[0], "");
+    }
+}
+
 static void bench_land(const char *name, ex_mesh *land, const double position[3], const double target[3], double bound,
                        ex_session sessions[2]) {
     frame f;
@@ -1048,6 +1079,7 @@ static void bench_land(const char *name, ex_mesh *land, const double position[3]
                  land->triangle_count, i + 1, i ? "s" : "");
         plain(what, textures_of(&sessions[i], &f), "ms");
     }
+    bench_soft_rays(name, &f, sessions);
     { /* the depth map, over all of the land, by which polygons shade gas */
         const double bare = least_of(&sessions[1], &f, 2);
         f.scene.volume_count = 1;

@@ -65,7 +65,16 @@ demo:
 	@$(MAKE) --no-print-directory gallery scans
 	@echo "The pictures are in build/gallery/."
 
-gallery: $(PICTURES)
+# Hard and soft shadows side by side: scenes, and the angular diameter of the sun in each, in degrees
+SOFT_mushrooms = 8
+SOFT_dart = 3
+SOFT_tree = 6
+SOFT_PICTURES = $(foreach scene,mushrooms dart tree,build/gallery/soft_$(scene).png)
+
+gallery: $(PICTURES) $(SOFT_PICTURES)
+
+build/gallery/soft_%.png: build/% | build/gallery
+	build/$* --soft $(SOFT_$*) --out $@
 
 build/gallery/%.png: build/% | build/gallery
 	build/$* --out $@

@@ -56,8 +56,10 @@ typedef struct ex_softened {
     sps_light *lights; /* of the scenes that are softened */
 } ex_softened;
 
-static inline void ex_soften(ex_softened *out, const ex_panels *panels, int degrees) {
+/* Fails without a directional light. Free the result in either case. */
+static inline int ex_soften(ex_softened *out, const ex_panels *panels, int degrees, ex_error *error) {
     size_t light_count = 0;
+    int softened = 0;
     for (int i = 0; i < panels->count; ++i) light_count += (size_t)panels->scenes[i].light_count;
     out->scenes = (sps_scene *)ex_allocate(2 * (size_t)panels->count, sizeof *out->scenes);
     out->lights = (sps_light *)ex_allocate(light_count, sizeof *out->lights);
@@ -68,10 +70,13 @@ static inline void ex_soften(ex_softened *out, const ex_panels *panels, int degr
         out->scenes[2 * i + 1].lights = light;
         for (int k = 0; k < hard->light_count; ++k, ++light) {
             *light = hard->lights[k];
-            if (light->kind == SPS_LIGHT_DIRECTIONAL) light->angular_diameter = degrees * 3.14159265358979 / 180;
+            if (light->kind != SPS_LIGHT_DIRECTIONAL) continue;
+            light->angular_diameter = degrees * 3.14159265358979 / 180;
+            softened = 1;
         }
     }
     out->panels.scenes = out->scenes, out->panels.count = 2 * panels->count, out->panels.finish = NULL;
+    return softened ? 0 : ex_fail(error, "--soft: there is no directional light");
 }
 
 static inline void ex_softened_free(ex_softened *softened) {
@@ -144,8 +149,10 @@ static inline int ex_panels_program(int argc, char **argv, const char *name, con
     if (ex_scene_options_read(argc, argv, &options, &error)) {
         status = EX_MISTAKEN;
     } else if (options.soft) {
-        ex_soften(&softened, panels, options.soft);
-        if (ex_scene_render(&softened.panels, view, &options, &error)) status = EX_FAILED;
+        if (ex_soften(&softened, panels, options.soft, &error))
+            status = EX_MISTAKEN;
+        else if (ex_scene_render(&softened.panels, view, &options, &error))
+            status = EX_FAILED;
         ex_softened_free(&softened);
     } else if (ex_scene_render(panels, view, &options, &error)) {
         status = EX_FAILED;

@@ -1500,6 +1500,26 @@ static void start_corner(check_scene *s, check_triangles *corner) {
     check_perspective(&s->view.camera, 40 * SPSI_PI / 180);
 }
 
+/* The share of a white background that corner.obj lets pass, of each color. */
+static void test_translucent_mesh(void) {
+    static const float passes[3] = {0.5f, 0.25f, 1};
+    const int inside = 4 * (2 * 5 + 2);
+    check_triangles triangles = {0};
+    sps_context *context = check_context(NULL);
+    float rgba[4 * 20];
+    check_scene s;
+    start_corner(&s, &triangles);
+    memcpy(s.mesh[0].transmittance, passes, sizeof passes);
+    for (int c = 0; c < 3; ++c) s.scene.background[c] = 1;
+    check_render(context, &s, rgba);
+    for (int c = 0; c < 3; ++c) CHECK_NEAR((double)rgba[inside + c], (double)passes[c], 1e-6); /* round-off */
+    check_same_pfm(SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 --mesh-transmittance 0.5,0.25,1 "
+                         "--background 1,1,1 --pfm extent.pfm",
+                   rgba);
+    check_free_triangles(&triangles);
+    sps_destroy(context);
+}
+
 /* A disc and a rectangle before the middle of corner.obj (0.5, 1, -0.5), and a sun, against the same lights in the
    library: W lies along x, which is perpendicular to --up and to the way from light to middle, and H along y. */
 static void test_extents_as_placed(void) {
@@ -1928,6 +1948,7 @@ static void test_command_line(void) {
     test_shadow_option();
     test_table_option();
     test_light_options();
+    test_translucent_mesh();
     test_library_errors();
     test_bad_files();
     test_precious_files();

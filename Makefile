@@ -69,6 +69,7 @@ demo:
 SOFT_mushrooms = 8
 SOFT_dart = 3
 SOFT_tree = 6
+SOFT_bonsai = 5
 SOFT_PICTURES = $(foreach scene,mushrooms dart tree,build/gallery/soft_$(scene).png)
 
 gallery: $(PICTURES) $(SOFT_PICTURES)
@@ -96,7 +97,7 @@ FILE_cloud = wdas_cloud_sixteenth_126x86x154_u16.raw
 
 SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(SPLATSHADOW_DATA)/$(FILE_$(scan))),$(scan))))
 
-scans: $(SCANS_HERE:%=build/gallery/scan_%.png)
+scans: $(SCANS_HERE:%=build/gallery/scan_%.png) $(if $(filter bonsai,$(SCANS_HERE)),build/gallery/soft_bonsai.png)
 
 build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | build/gallery
 	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --out $@ --stats build/gallery/scan_$*.json

@@ -11,8 +11,8 @@
 #define SPLATSHADOW_IMPLEMENTATION
 #include "measuring.h"
 #include "particles.h"
+#include "scans.h"
 #include "shapes.h"
-#include "volume.h"
 
 static const char program[] = "bench";
 
@@ -139,45 +139,22 @@ static void print_stages(const sps_stats_report *s) {
 
 /* ================================================================================================== bonsai */
 
-static const sps_transfer_point bonsai_points[] = {
-    {0.135f, {0.16f, 0.34f, 0.06f}, 0},  {0.15f, {0.20f, 0.42f, 0.08f}, 60},  {0.26f, {0.30f, 0.45f, 0.10f}, 90},
-    {0.34f, {0.42f, 0.27f, 0.14f}, 200}, {0.55f, {0.46f, 0.30f, 0.17f}, 300}, {0.70f, {0.34f, 0.25f, 0.18f}, 400},
-    {0.76f, {0.55f, 0.24f, 0.14f}, 500}, {1.00f, {0.65f, 0.60f, 0.55f}, 500},
-};
-
-static const sps_transfer bonsai_transfer = {bonsai_points, sizeof bonsai_points / sizeof *bonsai_points, NULL, NULL,
-                                             0};
-
-/* Loads a file without a header. 0: loaded; else says why not. */
-static int scan_load(ex_grid *grid, const char *name, const int size[3], ex_type type) {
-    const char *folder = getenv("SPLATSHADOW_DATA");
-    char path[4096];
-    ex_voxel_file file;
-    ex_error error;
-    if (!folder) {
-        printf("  left out: SPLATSHADOW_DATA does not say where %s is\n", name);
-        return 1;
-    }
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    if (!ex_voxel_file_raw(&file, path, size, type, &error) && !ex_grid_load(grid, &file, &error)) return 0;
-    printf("  left out: %s\n", error.text);
-    return 1;
+/* Hands on whether loading a scan has failed, and says why. */
+static int scan_failed(int failed, const ex_error *error) {
+    if (failed) printf("  left out: %s\n", error->text);
+    return failed;
 }
 
 static int bonsai_load(ex_grid *grid) {
-    static const int size[3] = {256, 256, 256};
-    return scan_load(grid, "bonsai_256x256x256_u8.raw", size, EX_U8);
+    ex_error error;
+    return scan_failed(ex_bonsai_load(grid, &error), &error);
 }
 
 static void bonsai_frame(frame *f, ex_grid *grid) {
     static const double eye[3] = {2.2, 2.6, 4.6}, target[3] = {0, 0.95, 0}, light[3] = {-1, -1.6, -0.6};
     frame_begin(f, 512, 512);
-    memcpy(f->volume.size, grid->size, sizeof f->volume.size);
-    f->volume.placement.origin[0] = f->volume.placement.origin[2] = -1;
-    for (int i = 0; i < 3; ++i) f->volume.placement.axis[i][i] = 2;
-    f->volume.read_fn = ex_grid_read, f->volume.range_fn = ex_grid_range, f->volume.user = grid;
+    ex_bonsai_volume(&f->volume, grid);
     f->volume.revision = 1;
-    f->volume.transfer = &bonsai_transfer;
     memcpy(f->light.direction, light, sizeof light);
     for (int i = 0; i < 3; ++i) f->light.color[i] = 2.5f - 0.1f * (float)i, f->scene.ambient[i] = 0.25f;
     memcpy(f->view.camera.position, eye, sizeof eye);
@@ -1248,7 +1225,8 @@ static void bench_lights(void) {
 
 static int smoke_load(ex_grid *grid) {
     static const int size[3] = {111, 222, 112};
-    return scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16);
+    ex_error error;
+    return scan_failed(ex_scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16, &error), &error);
 }
 
 static void smoke_frame(frame *f, ex_grid *grid) {

@@ -49,7 +49,7 @@ build build/gallery build/tests build/tutorial:
 
 # ---------------------------------------------------------------------------------------------------- pictures
 
-SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable penumbra slide textured
+SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable lamp penumbra panes steam slide textured
 PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
 
 # $(call fetch,packages): installs them if possible; silent and harmless otherwise.
@@ -65,7 +65,17 @@ demo:
 	@$(MAKE) --no-print-directory gallery scans
 	@echo "The pictures are in build/gallery/."
 
-gallery: $(PICTURES)
+# Hard and soft shadows side by side: scenes, and the angular diameter of the sun in each, in degrees
+SOFT_mushrooms = 8
+SOFT_dart = 3
+SOFT_tree = 6
+SOFT_bonsai = 5
+SOFT_PICTURES = $(foreach scene,mushrooms dart tree,build/gallery/soft_$(scene).png)
+
+gallery: $(PICTURES) $(SOFT_PICTURES)
+
+build/gallery/soft_%.png: build/% | build/gallery
+	build/$* --soft $(SOFT_$*) --out $@
 
 build/gallery/%.png: build/% | build/gallery
 	build/$* --out $@
@@ -87,7 +97,7 @@ FILE_cloud = wdas_cloud_sixteenth_126x86x154_u16.raw
 
 SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(SPLATSHADOW_DATA)/$(FILE_$(scan))),$(scan))))
 
-scans: $(SCANS_HERE:%=build/gallery/scan_%.png)
+scans: $(SCANS_HERE:%=build/gallery/scan_%.png) $(if $(filter bonsai,$(SCANS_HERE)),build/gallery/soft_bonsai.png)
 
 build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | build/gallery
 	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --out $@ --stats build/gallery/scan_$*.json

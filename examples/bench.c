@@ -11,8 +11,8 @@
 #define SPLATSHADOW_IMPLEMENTATION
 #include "measuring.h"
 #include "particles.h"
+#include "scans.h"
 #include "shapes.h"
-#include "volume.h"
 
 static const char program[] = "bench";
 
@@ -139,45 +139,22 @@ static void print_stages(const sps_stats_report *s) {
 
 /* ================================================================================================== bonsai */
 
-static const sps_transfer_point bonsai_points[] = {
-    {0.135f, {0.16f, 0.34f, 0.06f}, 0},  {0.15f, {0.20f, 0.42f, 0.08f}, 60},  {0.26f, {0.30f, 0.45f, 0.10f}, 90},
-    {0.34f, {0.42f, 0.27f, 0.14f}, 200}, {0.55f, {0.46f, 0.30f, 0.17f}, 300}, {0.70f, {0.34f, 0.25f, 0.18f}, 400},
-    {0.76f, {0.55f, 0.24f, 0.14f}, 500}, {1.00f, {0.65f, 0.60f, 0.55f}, 500},
-};
-
-static const sps_transfer bonsai_transfer = {bonsai_points, sizeof bonsai_points / sizeof *bonsai_points, NULL, NULL,
-                                             0};
-
-/* Loads a file without a header. 0: loaded; else says why not. */
-static int scan_load(ex_grid *grid, const char *name, const int size[3], ex_type type) {
-    const char *folder = getenv("SPLATSHADOW_DATA");
-    char path[4096];
-    ex_voxel_file file;
-    ex_error error;
-    if (!folder) {
-        printf("  left out: SPLATSHADOW_DATA does not say where %s is\n", name);
-        return 1;
-    }
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    if (!ex_voxel_file_raw(&file, path, size, type, &error) && !ex_grid_load(grid, &file, &error)) return 0;
-    printf("  left out: %s\n", error.text);
-    return 1;
+/* Hands on whether loading a scan has failed, and says why. */
+static int scan_failed(int failed, const ex_error *error) {
+    if (failed) printf("  left out: %s\n", error->text);
+    return failed;
 }
 
 static int bonsai_load(ex_grid *grid) {
-    static const int size[3] = {256, 256, 256};
-    return scan_load(grid, "bonsai_256x256x256_u8.raw", size, EX_U8);
+    ex_error error;
+    return scan_failed(ex_bonsai_load(grid, &error), &error);
 }
 
 static void bonsai_frame(frame *f, ex_grid *grid) {
     static const double eye[3] = {2.2, 2.6, 4.6}, target[3] = {0, 0.95, 0}, light[3] = {-1, -1.6, -0.6};
     frame_begin(f, 512, 512);
-    memcpy(f->volume.size, grid->size, sizeof f->volume.size);
-    f->volume.placement.origin[0] = f->volume.placement.origin[2] = -1;
-    for (int i = 0; i < 3; ++i) f->volume.placement.axis[i][i] = 2;
-    f->volume.read_fn = ex_grid_read, f->volume.range_fn = ex_grid_range, f->volume.user = grid;
+    ex_bonsai_volume(&f->volume, grid);
     f->volume.revision = 1;
-    f->volume.transfer = &bonsai_transfer;
     memcpy(f->light.direction, light, sizeof light);
     for (int i = 0; i < 3; ++i) f->light.color[i] = 2.5f - 0.1f * (float)i, f->scene.ambient[i] = 0.25f;
     memcpy(f->view.camera.position, eye, sizeof eye);
@@ -1030,6 +1007,37 @@ static double textures_of(ex_session *session, frame *f) {
     return 1e6 * least / (double)s.surface_points;
 }
 
+enum { SOFT_POINTS = 16 };
+
+/* Seconds that shadow rays take from a million points of surfaces that face the light: under a sharp sun, and under one
+   of 10 degrees, with SOFT_POINTS rays from each. Frames take turns; the least of each counts. */
+static void soft_rays_of(ex_session *session, frame *f, double least[2]) {
+    least[0] = least[1] = HUGE_VAL;
+    for (int i = 0; i < 2 * REPEATS; ++i) {
+        const int soft = i & 1, points = soft ? SOFT_POINTS : 1;
+        sps_stats_report s;
+        f->light.angular_diameter = soft ? 10 * EX_PI / 180 : 0;
+        f->light.samples = points;
+        render_seconds(session, f, &f->view);
+        sps_get_stats(session->context, &s);
+        least[soft] = fmin(least[soft], 1e6 * points * s.seconds_shadow_rays / (double)s.shadow_rays);
+    }
+    f->light.angular_diameter = 0;
+    f->light.samples = 0;
+}
+
+static void bench_soft_rays(const char *name, frame *f, ex_session sessions[2]) {
+    for (int i = 0; i < 2; ++i) {
+        double least[2];
+        char what[96];
+        soft_rays_of(&sessions[i], f, least);
+        snprintf(what, sizeof what, "%s, %zu triangles: %d rays from a million points, %d worker%s", name,
+                 f->mesh.triangle_count, SOFT_POINTS, i + 1, i ? "s" : "");
+        plain(what, least[1], "s");
+        plain("... / one ray from each, time", least[1] / least[0], "");
+    }
+}
+
 static void bench_land(const char *name, ex_mesh *land, const double position[3], const double target[3], double bound,
                        ex_session sessions[2]) {
     frame f;
@@ -1048,6 +1056,7 @@ static void bench_land(const char *name, ex_mesh *land, const double position[3]
                  land->triangle_count, i + 1, i ? "s" : "");
         plain(what, textures_of(&sessions[i], &f), "ms");
     }
+    bench_soft_rays(name, &f, sessions);
     { /* the depth map, over all of the land, by which polygons shade gas */
         const double bare = least_of(&sessions[1], &f, 2);
         f.scene.volume_count = 1;
@@ -1216,7 +1225,8 @@ static void bench_lights(void) {
 
 static int smoke_load(ex_grid *grid) {
     static const int size[3] = {111, 222, 112};
-    return scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16);
+    ex_error error;
+    return scan_failed(ex_scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16, &error), &error);
 }
 
 static void smoke_frame(frame *f, ex_grid *grid) {

@@ -93,7 +93,7 @@ static void build_dart(ex_mesh *mesh, ex_vec tip, ex_vec axis) {
 
 int main(int argc, char **argv) {
     static const float red[3] = {0.66f, 0.06f, 0.04f}, cream[3] = {0.74f, 0.66f, 0.50f};
-    const sps_light sun = ex_sun(ex_vec_of(-0.75, -0.62, -1.0), 2.8);
+    const sps_light sun = ex_sun(ex_vec_of(-0.75, -0.62, -1.0), 4.2);
     const sps_view view = ex_view(ex_vec_of(-3.9, 1.4, 6.0), ex_vec_of(0.28, 0.0, 0.5), 35);
     sps_scene scene = ex_scene(&sun);
     ring rings[3];

@@ -43,8 +43,8 @@ static void build_mushrooms(ex_mesh *mesh) {
 }
 
 int main(int argc, char **argv) {
-    const sps_light sun = ex_sun(ex_vec_of(1.0, -1.15, -0.35), 3.2);
-    const sps_view view = ex_view(ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 32);
+    const sps_light sun = ex_sun(ex_vec_of(1.0, -1.15, -0.35), 4.4);
+    const sps_view view = ex_view(ex_vec_of(0.5, 2.3, 5.9), ex_vec_of(0.0, 0.34, 0.05), 30);
     sps_scene scene = ex_scene(&sun);
     sps_volume plate = {0};
     ex_mesh mushrooms = {0};

@@ -84,6 +84,7 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
     mesh->read_fn = ex_mesh_read, mesh->user = &from->mesh;
     mesh->has_normals = 1;
     to_floats(from->color, mesh->color);
+    to_floats(from->transmittance, mesh->transmittance);
     return 0;
 }
 

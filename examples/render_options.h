@@ -49,7 +49,7 @@ typedef struct particles_arguments {
 typedef struct mesh_arguments {
     option_set given;
     const char *file;
-    double color[3];
+    double color[3], transmittance[3];
     ex_mesh mesh;
 } mesh_arguments;
 
@@ -417,8 +417,9 @@ static const option_rule options[] = {
     {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
     {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
     {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, not optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
-    {"--mesh", "FILE.obj", "Wavefront OBJ, opaque polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
+    {"--mesh", "FILE.obj", "Wavefront OBJ, polygons; repeatable", add_mesh, SCENE, 0, NO_NUMBERS},
     {"--mesh-color", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_MESH(color), 3, 0, 1, NULL},
+    {"--mesh-transmittance", "r,g,b", "share of light that passes straight through; default 0,0,0, opaque", set_reals, OF_MESH(transmittance), 3, 0, 1, NULL},
     {"--camera", "px,py,pz,tx,ty,tz", "position and target; default: all of the scene in view", set_camera, OF_SCENE(camera), 6, COORDINATES},
     {"--up", "x,y,z", "default 0,1,0", set_reals, OF_SCENE(up), 3, COORDINATES},
     {"--fov", "DEG", "perspective, vertical angle; default 40", set_reals, OF_SCENE(fov), 1, 0.001, 177, NULL},

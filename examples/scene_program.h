@@ -10,6 +10,8 @@
 typedef struct ex_scene_options {
     const char *out;
     int width, threads, quality;
+    int softens; /* 1: there is an option --soft */
+    int soft;    /* degrees; 0: not given */
 } ex_scene_options;
 
 static inline int ex_scene_options_read(int argc, char **argv, ex_scene_options *options, ex_error *error) {
@@ -24,9 +26,11 @@ static inline int ex_scene_options_read(int argc, char **argv, ex_scene_options 
             wrong = ex_whole_number(value, 1, 1024, &options->threads);
         else if (strcmp(name, "--quality") == 0)
             wrong = (options->quality = ex_find_name(ex_quality_names, value)) < 0;
+        else if (options->softens && strcmp(name, "--soft") == 0)
+            wrong = ex_whole_number(value, 1, 114, &options->soft);
         else
-            return ex_fail(error, "unknown option '%s'; there are --out FILE.png --width W --threads N --quality Q",
-                           name);
+            return ex_fail(error, "unknown option '%s'; there are --out FILE.png --width W --threads N --quality Q%s",
+                           name, options->softens ? " --soft DEGREES" : "");
         if (wrong) return ex_fail(error, "%s: '%s' will not do", name, value);
     }
     return ex_check_writable(options->out, error);
@@ -44,6 +48,41 @@ typedef struct ex_panels {
     int count;
     const ex_finish *finish; /* of a single panel; may be NULL */
 } ex_panels;
+
+/* For --soft: twice as many panels, each beside itself under suns of another extent. */
+typedef struct ex_softened {
+    ex_panels panels;
+    sps_scene *scenes;
+    sps_light *lights; /* of the scenes that are softened */
+} ex_softened;
+
+/* Fails without a directional light. Free the result in either case. */
+static inline int ex_soften(ex_softened *out, const ex_panels *panels, int degrees, ex_error *error) {
+    size_t light_count = 0;
+    int softened = 0;
+    for (int i = 0; i < panels->count; ++i) light_count += (size_t)panels->scenes[i].light_count;
+    out->scenes = (sps_scene *)ex_allocate(2 * (size_t)panels->count, sizeof *out->scenes);
+    out->lights = (sps_light *)ex_allocate(light_count, sizeof *out->lights);
+    sps_light *light = out->lights;
+    for (int i = 0; i < panels->count; ++i) {
+        const sps_scene *hard = &panels->scenes[i];
+        out->scenes[2 * i] = out->scenes[2 * i + 1] = *hard;
+        out->scenes[2 * i + 1].lights = light;
+        for (int k = 0; k < hard->light_count; ++k, ++light) {
+            *light = hard->lights[k];
+            if (light->kind != SPS_LIGHT_DIRECTIONAL) continue;
+            light->angular_diameter = degrees * 3.14159265358979 / 180;
+            softened = 1;
+        }
+    }
+    out->panels.scenes = out->scenes, out->panels.count = 2 * panels->count, out->panels.finish = NULL;
+    return softened ? 0 : ex_fail(error, "--soft: there is no directional light");
+}
+
+static inline void ex_softened_free(ex_softened *softened) {
+    free(softened->scenes);
+    free(softened->lights);
+}
 
 /* The view of a panel at twice the size, which smooths the edges of polygons. --width is that of all panels. */
 static inline sps_view ex_scene_large_view(const sps_view *view, int panels, const ex_scene_options *options) {
@@ -99,23 +138,32 @@ static inline int ex_scene_render(const ex_panels *panels, const sps_view *view,
     return failed;
 }
 
-/* The same as ex_scene_program for several scenes side by side; `view` is that of one. */
+/* The same as ex_scene_program for several scenes side by side; `view` is that of one. Without a `finish` there is also
+   --soft DEGREES: each picture, and to its right the same under directional lights of this angular diameter. */
 static inline int ex_panels_program(int argc, char **argv, const char *name, const ex_panels *panels,
                                     const sps_view *view) {
-    ex_scene_options options = {name, 0, 0, 0};
+    ex_scene_options options = {name, 0, 0, 0, panels->finish == NULL, 0};
+    ex_softened softened;
     ex_error error;
     int status = EX_OK;
-    if (ex_scene_options_read(argc, argv, &options, &error))
+    if (ex_scene_options_read(argc, argv, &options, &error)) {
         status = EX_MISTAKEN;
-    else if (ex_scene_render(panels, view, &options, &error))
+    } else if (options.soft) {
+        if (ex_soften(&softened, panels, options.soft, &error))
+            status = EX_MISTAKEN;
+        else if (ex_scene_render(&softened.panels, view, &options, &error))
+            status = EX_FAILED;
+        ex_softened_free(&softened);
+    } else if (ex_scene_render(panels, view, &options, &error)) {
         status = EX_FAILED;
+    }
     if (status != EX_OK) fprintf(stderr, "%s: %s\n", argv[0], error.text);
     return status;
 }
 
-/* The rest of a scene program: reads --out FILE.png --width W --threads N --quality Q and renders the picture. `name`
-   is the file without --out, and the view's width that without --width. `finish` may be NULL. Returns the exit status.
- */
+/* The rest of a scene program: reads --out FILE.png --width W --threads N --quality Q, and without a
+   `finish`, which may be NULL, --soft DEGREES (ex_panels_program), and renders the picture. `name` is the file without
+   --out, and the view's width that without --width. Returns the exit status. */
 static inline int ex_scene_program(int argc, char **argv, const char *name, const sps_scene *scene,
                                    const sps_view *view, const ex_finish *finish) {
     const ex_panels panel = {scene, 1, finish};

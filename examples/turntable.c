@@ -111,7 +111,7 @@ static int make_picture(const sps_scene *scene, const sps_view *view, const ex_s
 
 int main(int argc, char **argv) {
     static const float earth[3] = {0.30f, 0.29f, 0.27f};
-    ex_scene_options options = {"turntable.png", 0, 0, 0};
+    ex_scene_options options = {"turntable.png", 0, 0, 0, 0, 0};
     sps_light lights[2] = {ex_sun(ex_vec_of(-0.5, -1.2, -0.3), 5)};
     sps_tmap_settings table = {0};
     sps_scene scene = ex_scene(lights);

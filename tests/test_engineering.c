@@ -1221,7 +1221,8 @@ static void test_owners(void) {
         {"--size 2,2,1 --volume two.raw --size 2,2,2 --plan >plan", 0, NULL}, /* of two, the last */
         {"--mesh-color 1,0,0 --mesh corner.obj --plan >plan", 0, NULL},
         {"--size 2,2,2 --plan", 2, "--size: there is no --volume"},
-        {"--mesh-color 1,0,0 --plan", 2, "--mesh-color: there is no --mesh"}};
+        {"--mesh-color 1,0,0 --plan", 2, "--mesh-color: there is no --mesh"},
+        {"--mesh-transmittance 1,0,0 --plan", 2, "--mesh-transmittance: there is no --mesh"}};
     CHECK_COMPLAINTS(owners);
 }
 
@@ -1328,6 +1329,8 @@ static void test_bad_values(void) {
         {"--extinction -1", 2, "--extinction: '-1' is out of range: S must be within 0..1e+18"},
         {"--extinction 1e999", 2, "--extinction: '1e999' is out of range: S must be within 0..1e+18"},
         {"--albedo 0.5,0.5,1.5", 2, "r,g,b must be within 0..1"},
+        {"--mesh-transmittance 0.5,0.5,1.5", 2, "--mesh-transmittance: '0.5,0.5,1.5' is out of range"},
+        {"--mesh-transmittance 0.5", 2, "--mesh-transmittance: '0.5' is not r,g,b"},
         {"--phase .5,.5", 2, "--phase: '.5,.5' is not g[,g2,w]"},
         {"--phase .5,.5,2", 2, "--phase: '.5,.5,2' is out of range: w must be within 0..1"},
         {"--phase 1", 2, "--phase: '1' is out of range: g and g2 must be within -0.99..0.99"},
@@ -1495,6 +1498,26 @@ static void start_corner(check_scene *s, check_triangles *corner) {
     check_set3(s->view.camera.target, 0.5, 1, -0.5);
     check_set3(s->view.camera.up, 0, 1, 0);
     check_perspective(&s->view.camera, 40 * SPSI_PI / 180);
+}
+
+/* The share of a white background that corner.obj lets pass, of each color. */
+static void test_translucent_mesh(void) {
+    static const float passes[3] = {0.5f, 0.25f, 1};
+    const int inside = 4 * (2 * 5 + 2);
+    check_triangles triangles = {0};
+    sps_context *context = check_context(NULL);
+    float rgba[4 * 20];
+    check_scene s;
+    start_corner(&s, &triangles);
+    memcpy(s.mesh[0].transmittance, passes, sizeof passes);
+    for (int c = 0; c < 3; ++c) s.scene.background[c] = 1;
+    check_render(context, &s, rgba);
+    for (int c = 0; c < 3; ++c) CHECK_NEAR((double)rgba[inside + c], (double)passes[c], 1e-6); /* round-off */
+    check_same_pfm(SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 --mesh-transmittance 0.5,0.25,1 "
+                         "--background 1,1,1 --pfm extent.pfm",
+                   rgba);
+    check_free_triangles(&triangles);
+    sps_destroy(context);
 }
 
 /* A disc and a rectangle before the middle of corner.obj (0.5, 1, -0.5), and a sun, against the same lights in the
@@ -1847,6 +1870,7 @@ static void test_help(void) {
                                         "--shading gas|surface",
                                         "--mesh FILE.obj",
                                         "--mesh-color r,g,b",
+                                        "--mesh-transmittance r,g,b",
                                         "--camera px,py,pz,tx,ty,tz",
                                         "--up x,y,z",
                                         "default 0,1,0",
@@ -1924,6 +1948,7 @@ static void test_command_line(void) {
     test_shadow_option();
     test_table_option();
     test_light_options();
+    test_translucent_mesh();
     test_library_errors();
     test_bad_files();
     test_precious_files();

@@ -1235,6 +1235,9 @@ static void test_wide_camera(void) {
     RENDERS(&s, rgba);
     CHECK(error_of(&s, rgba) < 0.02);
     s.light[0].no_shadow = 0;
+    RENDERS(&s, rgba);
+    CHECK(error_of(&s, rgba) < 0.02);
+    check_force_sheets(&s);
     CHECK(render_fresh(&s, rgba) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sentence, "view.camera.field_of_view is 2.0944:") && strstr(sentence, "no_shadow on light[0]"));
 }
@@ -1249,7 +1252,7 @@ static void test_widest_camera(void) {
         uniform_build(&s, 16, 0.5);
         check_set3(s.view.camera.position, 0, 0, 0);
         check_set3(s.view.camera.target, 0, 0, -1);
-        if (lit) check_add_directional(&s, 1, 0, 0.2, 2);
+        if (lit) check_add_directional(&s, 1, 0, 0.2, 2)->shadow_source = SPS_SHADOW_SHEETS;
         check_color(s.volume[0].albedo, 1, 1, 1);
         for (int wide = 0; wide < 2; ++wide) {
             const double angle = wide ? 2.9 : 2.8;
@@ -1268,7 +1271,7 @@ static void test_widest_camera(void) {
                                           : "view.camera.field_of_view is 2.") != NULL);
             CHECK((strstr(sentence, "is it row-major?") != NULL) == matrix);
             CHECK(strstr(sentence, wide ? "narrow it to 168 degrees"
-                                        : "narrow it, or set shadow_map or no_shadow on light[0]") != NULL);
+                                        : "narrow it, or set shadow_source or no_shadow on light[0]") != NULL);
             CHECK((strstr(sentence, "no_shadow") == NULL) == wide);
         }
     }
@@ -1299,6 +1302,7 @@ static void test_light_inside(void) {
     sps_plan_report report;
     mixed_build(&m);
     check_set3(m.s.light[1].position, 0.1, 0.2, 0.1);
+    check_force_sheets(&m.s);
     CHECK(render_fresh(&m.s, rgba) == SPS_ERROR_UNSUPPORTED);
     CHECK(strstr(sentence,
                  "light[1] is inside or too close to the volumes: one of its rays meets the slabs at a cosine"));

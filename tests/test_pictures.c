@@ -620,8 +620,8 @@ static void test_widest_camera(void) {
     }
 }
 
-/* A point light is accepted if it sees gas within 78.46 degrees, acos(0.2), of its central ray, and refused beyond. The
-   gas reaches 2.5 voxels beyond the centres of its outermost voxels. */
+/* A point light that shades by sheets is accepted if it sees gas within 78.46 degrees, acos(0.2), of its central ray,
+   and refused beyond. The gas reaches 2.5 voxels beyond the centres of its outermost voxels. */
 static void test_closest_light(void) {
     const double side = 1.7 + 0.25, limit = sqrt(2 * side * side) * 0.2 / sqrt(1 - 0.04);
     for (int close = 0; close < 2; ++close) {
@@ -630,6 +630,7 @@ static void test_closest_light(void) {
         check_clear(&s, 8, 8);
         check_color(add_slab(&s, 1)->albedo, 1, 1, 1);
         check_add_point(&s, 0, 0, 0.25 + 0.25 + limit * (close ? 0.999 : 1.001), 1);
+        check_force_sheets(&s);
         CHECK(sps_render(context, &s.scene, &s.view, &image) == (close ? SPS_ERROR_UNSUPPORTED : SPS_OK));
     }
 }

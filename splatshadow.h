@@ -3918,6 +3918,7 @@ typedef struct spsi_image {
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
     spsi_bounds outer;             /* of the volumes' boxes and the particles, by which shadows are chosen, >>shadows */
+    int parts[2], cut[2];          /* columns and rows, 1 or 2, that the image is cut into, and where, >>slicing */
     spsi_bounds mesh_bounds;       /* of polygons */
     const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
     int particle_count;            /* length of `particles`; 0 until they are read */
@@ -5107,6 +5108,7 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
     content->bounds = content->outer = frame->volume_bounds;
+    content->parts[0] = content->parts[1] = 1;
     content->mesh_bounds = spsi_nowhere;
     content->eye = frame->eye;
     return frame;
@@ -8640,6 +8642,8 @@ typedef struct spsi_sweep {
     int first;             /* 1: also carries coverage, ambient light, emission, and all lights without sheets */
     int back_to_front;
     double cosine_of_light, cosine_of_eye; /* minimum of the rays with s */
+    int part[4];                           /* of the image: its first column and row, and those beyond its last */
+    spsi_rays eye;                         /* through its pixels; only their directions are used */
     spsi_slabs slabs;
     spsi_rays rays; /* of the light's sheets */
     int soft;       /* 1: its light's penumbrae are wider than half a texel */
@@ -8677,10 +8681,73 @@ static double spsi_cosine_to_bounds(const double s[3], const double from[3], con
     return inside ? -1 : least;
 }
 
-/* Minimum cosine between s and the rays that matter: those inside the image which can also meet gas. Each condition
-   alone gives a lower bound, and the greater of the two is used. */
-static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
-    const spsi_rays *eye = &frame->content->eye;
+/* --- parts of the image ---
+   Where slabs perpendicular to one direction cannot serve all rays of a very wide camera, the image is cut where its
+   rays are perpendicular to its plane, into halves or quarters that have slabs of their own. The rays of a quarter then
+   lie within an octant, and cross slabs perpendicular to their middle at a cosine of 0.25 or more. */
+
+/* Number of parts of the image. Sweeps with a light's sheets serve all of it. */
+static int spsi_part_count(const spsi_frame *frame) {
+    return frame->lamps.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
+}
+
+/* The n-th part: its first column and row, and those beyond its last. */
+static void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
+    const spsi_content *content = frame->content;
+    const int at[2] = {n % content->parts[0], n / content->parts[0]};
+    const int size[2] = {content->eye.width, content->eye.height};
+    for (int k = 0; k < 2; ++k) {
+        part[k] = at[k] > 0 ? content->cut[k] : 0;
+        part[2 + k] = at[k] + 1 < content->parts[k] ? content->cut[k] : size[k];
+    }
+}
+
+/* The column (0) or row (1) at which the image is cut; 0: the place is outside of it. */
+static int spsi_image_cut(const spsi_rays *eye, int axis) {
+    const double *step = axis ? eye->b : eye->a;
+    const double at = ceil(-spsi_dot(eye->c, step) / spsi_dot(step, step));
+    const int size = axis ? eye->height : eye->width;
+    return eye->perspective && at > 0 && at < size ? (int)at : 0;
+}
+
+/* Whether a part has pixels in the region. */
+static int spsi_part_meets(const int part[4], const int region[4]) {
+    return part[0] < region[0] + region[2] && part[2] > region[0] && part[1] < region[1] + region[3] &&
+           part[3] > region[1];
+}
+
+/* Middle direction of a part's rays: the mean of those through its corners. */
+static void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
+    memset(direction, 0, 3 * sizeof *direction);
+    for (int corner = 0; corner < 4; ++corner) {
+        double ray[3];
+        spsi_ray_direction(eye, corner & 1 ? eye->width - 1 : 0, corner & 2 ? eye->height - 1 : 0, ray);
+        spsi_normalise(ray);
+        spsi_along(direction, ray, 1, direction);
+    }
+    spsi_normalise(direction);
+}
+
+/* Clears a sweep with the sheets of a light, or without (NULL), for the n-th part of the image. */
+static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int part, spsi_sweep *sweep) {
+    double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
+    memset(sweep, 0, sizeof *sweep);
+    sweep->lamp = lamp;
+    sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
+    sweep->eye = frame->content->eye;
+    spsi_part_place(frame, part, sweep->part);
+    sweep->eye.width = sweep->part[2] - sweep->part[0];
+    sweep->eye.height = sweep->part[3] - sweep->part[1];
+    spsi_along(corner, sweep->eye.a, sweep->part[0], corner);
+    spsi_along(corner, sweep->eye.b, sweep->part[1], corner);
+}
+
+/* --- their direction --- */
+
+/* Minimum cosine between s and the rays that matter: those inside the sweep's part of the image which can also meet
+   gas. Each condition alone gives a lower bound, and the greater of the two is used. */
+static double spsi_cosine_of_eye(const spsi_frame *frame, const spsi_sweep *sweep, const double s[3]) {
+    const spsi_rays *eye = &sweep->eye;
     const double least = spsi_cosine_to_corners(s, eye);
     return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->content->bounds)) : least;
 }
@@ -8785,13 +8852,18 @@ static int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sw
         sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->lamp, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
-    sweep->cosine_of_eye = spsi_cosine_of_eye(frame, toward);
+    sweep->cosine_of_eye = spsi_cosine_of_eye(frame, sweep, toward);
     return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
 }
 
-/* Chooses s: towards the gas, or, where that does not serve, about the camera's axis. Returns whether either serves. */
+/* Chooses s: towards the gas, or, where that does not serve, about the camera's axis; for a part of the image, about
+   its middle. Returns whether it serves. */
 static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
     double eye[3], axis[3];
+    if (!sweep->lamp && spsi_part_count(frame) > 1) {
+        spsi_part_direction(&sweep->eye, eye);
+        return spsi_sweep_turn(frame, eye, sweep);
+    }
     spsi_eye_direction(frame, eye);
     if (spsi_sweep_turn(frame, eye, sweep)) return 1;
     spsi_eye_axis(&frame->content->eye, axis);
@@ -8944,12 +9016,6 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
 }
 
-static void spsi_sweep_clear(const spsi_lamp *lamp, spsi_sweep *sweep) {
-    memset(sweep, 0, sizeof *sweep);
-    sweep->lamp = lamp;
-    sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
-}
-
 /* Aims a sweep at the gas or, where that does not serve, at the bounds by which shadows were chosen: what serves these
    serves all that lies within. */
 static sps_result spsi_sweep_place(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
@@ -8967,14 +9033,35 @@ static sps_result spsi_sweep_place(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-/* Sets up the n-th sweep. Without gas there are no slabs, and nothing can prevent slicing. */
-static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
+/* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
+static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
-    spsi_sweep_clear(spsi_sliced_lamp(frame, n), sweep);
+    spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     if (spsi_sweep_place(context, frame, sweep)) return context->result;
-    return spsi_slabs_cut(context, frame, &frame->content->eye, sweep->lamp, edge, &sweep->slabs);
+    return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, &sweep->slabs);
+}
+
+/* Cuts the image into as few parts as slabs can serve, for sweeps without a light's sheets. If even quarters cannot be
+   served, it stays whole, and is refused. */
+static void spsi_image_divide(const spsi_frame *frame) {
+    spsi_content *content = frame->content;
+    for (int parts = 0; parts < 4; ++parts) {
+        int serves = 1;
+        for (int k = 0; k < 2; ++k) {
+            content->parts[k] = 1 + (parts >> k & 1);
+            content->cut[k] = spsi_image_cut(&content->eye, k);
+            serves &= content->parts[k] == 1 || content->cut[k] > 0;
+        }
+        for (int n = 0; n < content->parts[0] * content->parts[1] && serves; ++n) {
+            spsi_sweep sweep;
+            spsi_sweep_clear(frame, NULL, n, &sweep);
+            serves = spsi_sweep_aim(frame, &sweep);
+        }
+        if (serves) return;
+    }
+    content->parts[0] = content->parts[1] = 1;
 }
 
 /* ================================================================================================ >>splat
@@ -13610,7 +13697,7 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     spsi_sweep sweep;
     size_t held, filling;
     double bytes;
-    spsi_sweep_clear(lamp, &sweep);
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
     lamp->choice = SPSI_CHOICE_SHEETS;
     if (!spsi_sweep_aim(frame, &sweep)) {
         spsi_choose_for_unserved(frame, &sweep, lamp);
@@ -13627,8 +13714,9 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
 }
 
-/* Chooses how gas is shaded by each light that leaves it open, from the volumes' boxes and from the particles, if they
-   have been read. So, without particles, the choice is the same before reading and after. */
+/* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
+   from the particles, if they have been read. So, without particles, the choice is the same before reading and after.
+ */
 static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
     spsi_content *content = frame->content;
     const spsi_bounds tight = content->bounds;
@@ -13648,6 +13736,7 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
             spsi_choose_for_lamp(context, frame, frame->lamps.sliced_count > 0, &room, lamp);
         frame->lamps.sliced_count += lamp->sliced;
     }
+    if (frame->lamps.sliced_count == 0) spsi_image_divide(frame);
     content->bounds = tight;
 }
 
@@ -15119,6 +15208,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 typedef struct spsi_region {
     int x0, y0, columns, rows; /* in tiles */
     uint64_t *open;            /* per tile, bits: patches whose rays have not all ended */
+    int outside;               /* number of tiles without a pixel of the sweep's part of the image */
     float (*polygon_range)[3]; /* per tile: minimum and maximum slab coordinate of its polygons, and minimum depth */
 } spsi_region;
 
@@ -15151,6 +15241,15 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
                              spsi_least(SPSI_TILE_WIDTH, run->frame->content->eye.width - x0),
                              spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
+}
+
+/* Ends the rays of all pixels outside of the sweep's part of the image, which other sweeps serve. */
+static void spsi_run_end_others(const spsi_run *run, int rows) {
+    const int *part = run->sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < run->shader.pitch; ++x)
+            if (x0 + x < part[0] || x0 + x >= part[2] || y0 + y < part[1] || y0 + y >= part[3])
+                run->shader.depth[(size_t)y * (size_t)run->shader.pitch + (size_t)x] = SPSI_DEPTH_MAX;
 }
 
 /* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
@@ -15251,7 +15350,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     region->polygon_range[index][0] = low;
     region->polygon_range[index][1] = high;
     region->polygon_range[index][2] = nearest;
-    region->open[index] = ~UINT64_C(0);
+    region->open[index] = spsi_tile_open(run, left, top);
 }
 
 /* --- setting up a sweep --- */
@@ -15318,6 +15417,7 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     for (int c = 0; c < 3; ++c)
         shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
     shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    if (spsi_part_count(run->frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
     return SPS_OK;
 }
 
@@ -15362,6 +15462,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_add_particles(&run->contents))
         return context->result;
     spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
     return SPS_OK;
 }
 
@@ -15407,6 +15508,7 @@ static void spsi_run_count(spsi_run *run) {
         stats->light_fragments += run->sliced.target.counts[i][1];
     }
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
+    stats->tiles_finished -= (uint64_t)run->region.outside;
 }
 
 static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
@@ -15481,31 +15583,43 @@ static const float *spsi_behind(const spsi_shader *shader, int x, int y) {
     return layers->list[layers->first[pixel + 1] - 1].behind;
 }
 
-/* Adds a sweep's radiance to the total; the first sweep also contributes background, coverage and distance. */
-static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
-    const spsi_frame *frame = run->frame;
-    const spsi_shader *shader = &run->shader;
-    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
+/* Begins the total with the background. */
+static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame, float *total) {
+    const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, width, SPSI_ROW_FLOATS * sizeof(float));
     if (!rgb) return context->result;
-    for (int y = 0; y < region[3]; ++y) {
-        if (run->sweep->first && spsi_background_row(context, frame, y, rgb)) return context->result;
-        for (int x = 0; x < region[2]; ++x) {
-            const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
-                              (size_t)(region[0] + x - shader->x_origin);
-            float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
-            const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
-            const float *behind = spsi_behind(shader, region[0] + x, region[1] + y);
-            for (int c = 0; c < 3 && run->sweep->first; ++c)
-                pixel[c] = rgb[3 * x + c] * (1 - covered) * (behind ? behind[c] : 1);
-            for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
-            if (!run->sweep->first) continue;
-            pixel[3] = covered;
-            if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
-            if (frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
-        }
+    for (int y = 0; y < frame->view.region[3]; ++y) {
+        if (spsi_background_row(context, frame, y, rgb)) return context->result;
+        for (size_t x = 0; x < width; ++x)
+            memcpy(total + ((size_t)y * width + x) * floats, rgb + 3 * x, 3 * sizeof *rgb);
     }
     return SPS_OK;
+}
+
+/* Adds a sweep's radiance to a pixel of the total; the first sweep also covers the background, and contributes coverage
+   and distance. */
+static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
+    const spsi_shader *shader = &run->shader;
+    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
+    const float *behind = spsi_behind(shader, x, y);
+    for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
+    for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
+    if (!run->sweep->first) return;
+    pixel[3] = covered;
+    if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
+    if (run->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
+}
+
+/* The same for all pixels of the sweep's part of the image. */
+static void spsi_add_sweep(const spsi_run *run, float *total) {
+    const int *region = run->frame->view.region, *part = run->sweep->part;
+    const int x1 = spsi_least(part[2], region[0] + region[2]), y1 = spsi_least(part[3], region[1] + region[3]);
+    for (int y = spsi_most(part[1], region[1]); y < y1; ++y)
+        for (int x = spsi_most(part[0], region[0]); x < x1; ++x) {
+            const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
+            spsi_add_pixel(run, x, y, total + pixel * spsi_total_floats(run->frame));
+        }
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -15568,7 +15682,8 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
-    if (spsi_run_sweep(run, part) || spsi_add_sweep(context, run, picture->total)) return context->result;
+    if (spsi_run_sweep(run, part)) return context->result;
+    spsi_add_sweep(run, picture->total);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
@@ -15615,14 +15730,27 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
+/* Renders the region's pixels in a part of the image, whose shadows are ready. */
+static sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+                                   spsi_run *run, const spsi_part_of_call *part) {
+    spsi_shadow *shadows = run->shadows;
+    const int count = run->shader.shadow_count;
+    if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
+    memset(run, 0, sizeof *run);
+    run->shadows = shadows;
+    run->shader.shadow_count = count;
+    return spsi_sweep_once(context, picture, sweep, run, part);
+}
+
 static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
+    const int parts = spsi_part_count(frame);
     spsi_part_of_call part = {0, (1 - SPSI_PROGRESS_GATHER) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
     double start;
     part.progress = SPSI_PROGRESS_GATHER + n * part.share;
     memset(run, 0, sizeof *run);
-    if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
+    if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
     start = spsi_clock(context);
     if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count) ||
@@ -15632,7 +15760,10 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     start = spsi_clock(context);
     spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
-    if (!context->result) spsi_sweep_once(context, picture, &sweep, run, &part);
+    part.share /= parts;
+    for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
+        if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
+            spsi_render_part(context, picture, &sweep, run, &part);
     spsi_shadow_maps_release(context, run->shadows, run->shader.shadow_count);
     return context->result;
 }
@@ -15661,7 +15792,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
-    if (!picture.total || !run) return context->result;
+    if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
@@ -15799,7 +15930,7 @@ static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
     double axis[3], toward[3];
     spsi_sweep sweep;
     if (lamp->is_point) return 0;
-    spsi_sweep_clear(lamp, &sweep);
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
     spsi_eye_axis(&frame->content->eye, axis);
     spsi_sweep_turn(frame, axis, &sweep);
     for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
@@ -15827,6 +15958,24 @@ static int spsi_plan_sliced_count(const spsi_frame *frame) {
     for (int i = 0; i < frame->lamps.count; ++i)
         count += frame->lamps.list[i].sliced || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
     return count;
+}
+
+/* Number of sweeps, at most: of parts of the image in the region, where no light needs sheets. Particles may turn out
+   to call for all four where slabs about the camera's axis do not serve the whole image. */
+static int spsi_plan_sweep_count(const spsi_frame *frame) {
+    const int sliced = spsi_plan_sliced_count(frame);
+    double axis[3];
+    int parts = 0, part[4], sheets = 0;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        sheets |= frame->lamps.list[i].sliced && frame->lamps.list[i].choice != SPSI_CHOICE_OPEN;
+    spsi_eye_axis(&frame->content->eye, axis);
+    for (int n = 0; n < spsi_part_count(frame); ++n) {
+        spsi_part_place(frame, n, part);
+        parts += spsi_part_meets(part, frame->view.region);
+    }
+    if (frame->particles.set_count > 0 && !sheets)
+        parts = spsi_cosine_to_corners(axis, &frame->content->eye) >= SPSI_COSINE_MIN ? 1 : 4;
+    return spsi_most(parts, sliced);
 }
 
 /* Number of lights whose shadows the n-th sweep carries, at most. */
@@ -15960,8 +16109,10 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    lit ? "no light throws an image" : "no light");
     spsi_plan_polygon_passes(frame, gases, held, report);
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps : 0,
-                   sweeps > 1 ? "volumes or particles are seen, one sweep for each light that shades by sheets"
-                              : "volumes or particles are seen, one sweep",
+                   sweeps == 1 ? "volumes or particles are seen, one sweep"
+                   : spsi_plan_sliced_count(frame) > 0
+                       ? "volumes or particles are seen, one sweep for each light that shades by sheets"
+                       : "volumes or particles are seen, one sweep for each part of an image too wide for one",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_penumbra_pass(frame, gases, report);
@@ -16029,12 +16180,13 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
                                    sps_plan_report *report) {
     spsi_sweep sweep;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
-        if (spsi_sweep_build(context, frame, n, &sweep) ||
-            spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report))
-            return context->result;
+        for (int part = 0; part < spsi_part_count(frame); ++part)
+            if (spsi_sweep_build(context, frame, n, part, &sweep) ||
+                spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report))
+                return context->result;
     for (int i = 0; i < frame->lamps.count; ++i) {
         if (frame->lamps.list[i].choice != SPSI_CHOICE_OPEN || frame->lamps.list[i].sliced) continue;
-        spsi_sweep_clear(&frame->lamps.list[i], &sweep);
+        spsi_sweep_clear(frame, &frame->lamps.list[i], 0, &sweep);
         if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, report)) return context->result;
     }
     return SPS_OK;
@@ -16054,7 +16206,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
         report->particle_calls += (frame->particles.sets[i].count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     for (int i = 0; i < frame->lamps.count; ++i)
         report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
-    report->sweep_count = spsi_most(1, spsi_plan_sliced_count(frame));
+    report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
     spsi_plan_bytes(context, frame, &reading, report);

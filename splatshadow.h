@@ -537,6 +537,18 @@ typedef enum sps_falloff {
     SPS_FALLOFF_NONE                /* irradiance = color, at any distance */
 } sps_falloff;
 
+/* How gas is shaded from a light without a shadow_map. Sheets are filled slab by slab as the eye's are, in a sweep of
+   their own; a table is looked up in any slab. */
+typedef enum sps_shadow_source {
+    /* Sheets where slabs can serve light and camera, a table where none can. Further lights take a table too, and share
+       the first one's sweep, if that costs no detail: nothing is classified, the table is as fine as the light's sheets
+       (within its default size of 256 entries each way), and it fits into memory_limit beside everything that the scene
+       may need. Known before anything is read, from the volumes' boxes; only with particles not until they are. */
+    SPS_SHADOW_AUTO = 0,
+    SPS_SHADOW_SHEETS, /* refused where no slabs serve light and camera */
+    SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_size */
+} sps_shadow_source;
+
 /* An image that a light throws, like a slide: its light is multiplied by the image's color, and there is none beyond
    the edges, over which the image fades within a texel. Lookups are bilinear, in a pyramid of halved images where
    pixels are larger than texels. Every point of a light with an extent throws the image. Cost: 3 floats per texel and
@@ -609,6 +621,9 @@ typedef struct sps_light {
        or dense, show the errors of maps of few components as blotches near the terminator. A light with an extent
        cannot have one. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
+    /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
+       SPS_SHADOW_TABLE beside one of another technique. */
+    sps_shadow_source shadow_source;
     /* Texels on the map's, or a face's, longer side, up to 16384; 0: shadow_size, or from quality. */
     int shadow_map_size;
     /* Point: 1: six faces wherever the light is; 0: only if it is amid what it lights. */
@@ -3783,6 +3798,16 @@ typedef struct spsi_projection {
     void *user; /* of sample_fn */
 } spsi_projection;
 
+/* Why a light shades gas by sheets or by a map. */
+typedef enum spsi_choice {
+    SPSI_CHOICE_CALLER, /* the caller has set it */
+    SPSI_CHOICE_OPEN,   /* not chosen yet, >>shadows; sheets so far */
+    SPSI_CHOICE_SHEETS,
+    SPSI_CHOICE_TABLE_IN_GAS, /* a table: the light is in the gas or too close to it for slabs */
+    SPSI_CHOICE_TABLE_CAMERA, /* a table: no slabs serve both this light and the camera's rays */
+    SPSI_CHOICE_TABLE_SHARED  /* a table: another light's sweep can carry it */
+} spsi_choice;
+
 /* A light that is not black. */
 typedef struct spsi_lamp {
     int index;           /* in the scene's array, for error sentences */
@@ -3802,6 +3827,7 @@ typedef struct spsi_lamp {
     int shadows;             /* 1: it casts shadows */
     int sliced;              /* 1: it shades gas by sheets, and so needs slabs that suit it */
     int has_map;             /* 1: it shades gas by a transmittance map */
+    spsi_choice choice;      /* who chose between the two, and why */
     int map_size;            /* texels on the map's longer side; 0: fitted to the gas */
     int map_omnidirectional; /* 1: the map has six faces wherever the light is */
     sps_tmap_settings map;   /* the map's settings, with the technique resolved */
@@ -3891,6 +3917,8 @@ typedef struct spsi_image {
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
+    spsi_bounds outer;             /* of the volumes' boxes and the particles, by which shadows are chosen, >>shadows */
+    int parts[2], cut[2];          /* columns and rows, 1 or 2, that the image is cut into, and where, >>slicing */
     spsi_bounds mesh_bounds;       /* of polygons */
     const sps_particle *particles; /* of all sets, except for empty ones, >>gather */
     int particle_count;            /* length of `particles`; 0 until they are read */
@@ -3901,7 +3929,8 @@ typedef struct spsi_content {
     spsi_rays eye;                 /* the frame's, with depths relative to the middle of the content */
 } spsi_content;
 
-/* The checked and resolved scene, complete before anything is read, and never written again. */
+/* The checked and resolved scene, complete before anything is read, and never written again except when lights' shadows
+   are chosen, >>shadows. */
 typedef struct spsi_frame {
     spsi_content *content;
     sps_view view;     /* all fields resolved, including the region; a shadow_size of 0: fitted to the gas */
@@ -4252,6 +4281,23 @@ static sps_result spsi_check_settings(sps_context *context, int light, const sps
     return spsi_check_planes(context, light, &resolved);
 }
 
+/* Checks how a light shades gas: neither sheets nor a table can be meant beside a map of another kind. */
+static sps_result spsi_check_shadow_source(sps_context *context, const sps_light *light, int i) {
+    const sps_tmap_settings *settings = light->shadow_map;
+    if ((int)light->shadow_source < 0 || light->shadow_source > SPS_SHADOW_TABLE)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source",
+                               (double)(int)light->shadow_source, "it must be an sps_shadow_source");
+    if (settings && light->shadow_source == SPS_SHADOW_SHEETS)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source", SPS_SHADOW_SHEETS,
+                              "is SPS_SHADOW_SHEETS, and shadow_map is set; only one of them can be meant");
+    if (settings && light->shadow_source == SPS_SHADOW_TABLE &&
+        spsi_settings_resolve(settings, 1).technique != SPS_TMAP_TABLE)
+        return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_source", SPS_SHADOW_TABLE,
+                              "is SPS_SHADOW_TABLE, and shadow_map is of another technique; only one of them can be "
+                              "meant");
+    return SPS_OK;
+}
+
 /* Checks the map by which a light shades gas. Its depth range is that of the gas, and surfaces have a depth map of
    their own. */
 static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *light, int i) {
@@ -4262,6 +4308,7 @@ static sps_result spsi_check_shadow_map(sps_context *context, const sps_light *l
     if (light->shadow_map_omnidirectional && light->kind == SPS_LIGHT_DIRECTIONAL)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_LIGHT, i, "shadow_map_omnidirectional",
                                light->shadow_map_omnidirectional, "a directional light has one direction");
+    if (spsi_check_shadow_source(context, light, i)) return context->result;
     if (!settings) return SPS_OK;
     if (spsi_check_settings(context, i, settings)) return context->result;
     if (!(fabs(settings->near_depth) <= 0))
@@ -4355,6 +4402,10 @@ static sps_result spsi_check_extent(sps_context *context, const sps_light *light
     if (light->shadow_map && spsi_light_extended(light))
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_map", 0,
                               "holds the shadow of a single point; an extended light has none");
+    if (light->shadow_source == SPS_SHADOW_TABLE && spsi_light_extended(light))
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, i, "shadow_source", 0,
+                              "is SPS_SHADOW_TABLE: a table holds the shadow of a single point; an extended light has "
+                              "none");
     return SPS_OK;
 }
 
@@ -4865,6 +4916,7 @@ static void spsi_cone_build(const sps_light *light, spsi_cone *cone) {
 }
 
 static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int index, spsi_lamp *lamp) {
+    sps_tmap_settings table;
     memset(lamp, 0, sizeof *lamp);
     lamp->index = index;
     lamp->is_point = light->kind != SPS_LIGHT_DIRECTIONAL;
@@ -4880,10 +4932,12 @@ static void spsi_lamp_build(const spsi_frame *frame, const sps_light *light, int
     lamp->point_count = lamp->few_count = 1;
     if (spsi_light_extended(light)) spsi_extent_build(light, lamp->direction, &lamp->extent);
     lamp->shadows = !light->no_shadow && !frame->view.no_shadows;
-    lamp->has_map = lamp->shadows && light->shadow_map && frame->matter.extinguishes;
-    lamp->sliced = lamp->shadows && !lamp->has_map && frame->matter.extinguishes;
-    if (!lamp->has_map) return;
-    lamp->map = spsi_settings_resolve(light->shadow_map, 1);
+    if (!lamp->shadows || !frame->matter.extinguishes) return;
+    lamp->has_map = light->shadow_map || light->shadow_source == SPS_SHADOW_TABLE;
+    lamp->sliced = !lamp->has_map;
+    if (lamp->sliced && light->shadow_source == SPS_SHADOW_AUTO) lamp->choice = SPSI_CHOICE_OPEN;
+    memset(&table, 0, sizeof table);
+    lamp->map = spsi_settings_resolve(light->shadow_map ? light->shadow_map : &table, 1);
     lamp->map_omnidirectional = light->shadow_map_omnidirectional;
     lamp->map_size = light->shadow_map_size > 0 ? light->shadow_map_size : frame->view.shadow_size;
 }
@@ -5053,7 +5107,8 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
     if (view) spsi_resolve_gradients(frame);
     spsi_resolve_scene(frame, scene);
     memset(content, 0, sizeof *content);
-    content->bounds = frame->volume_bounds;
+    content->bounds = content->outer = frame->volume_bounds;
+    content->parts[0] = content->parts[1] = 1;
     content->mesh_bounds = spsi_nowhere;
     content->eye = frame->eye;
     return frame;
@@ -8595,6 +8650,9 @@ typedef struct spsi_sweep {
     const spsi_lamp *lamp; /* the light whose sheets this sweep has; NULL: none */
     int first;             /* 1: also carries coverage, ambient light, emission, and all lights without sheets */
     int back_to_front;
+    double cosine_of_light, cosine_of_eye; /* minimum of the rays with s */
+    int part[4];                           /* of the image: its first column and row, and those beyond its last */
+    spsi_rays eye;                         /* through its pixels; only their directions are used */
     spsi_slabs slabs;
     spsi_rays rays; /* of the light's sheets */
     int soft;       /* 1: its light's penumbrae are wider than half a texel */
@@ -8632,12 +8690,81 @@ static double spsi_cosine_to_bounds(const double s[3], const double from[3], con
     return inside ? -1 : least;
 }
 
-/* Minimum cosine between s and the rays that matter: those inside the image which can also meet gas. Each condition
-   alone gives a lower bound, and the greater of the two is used. */
-static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
-    const spsi_rays *eye = &frame->content->eye;
+/* --- parts of the image ---
+   Where slabs perpendicular to one direction cannot serve all rays of a very wide camera, the image is cut where its
+   rays are perpendicular to its plane, into halves or quarters that have slabs of their own. The rays of a quarter then
+   lie within an octant, and cross slabs perpendicular to their middle at a cosine of 0.25 or more. */
+
+/* Number of parts of the image. Sweeps with a light's sheets serve all of it. */
+static int spsi_part_count(const spsi_frame *frame) {
+    return frame->lamps.sliced_count > 0 ? 1 : frame->content->parts[0] * frame->content->parts[1];
+}
+
+/* The n-th part: its first column and row, and those beyond its last. */
+static void spsi_part_place(const spsi_frame *frame, int n, int part[4]) {
+    const spsi_content *content = frame->content;
+    const int at[2] = {n % content->parts[0], n / content->parts[0]};
+    const int size[2] = {content->eye.width, content->eye.height};
+    for (int k = 0; k < 2; ++k) {
+        part[k] = at[k] > 0 ? content->cut[k] : 0;
+        part[2 + k] = at[k] + 1 < content->parts[k] ? content->cut[k] : size[k];
+    }
+}
+
+/* The column (0) or row (1) at which the image is cut; 0: the place is outside of it. */
+static int spsi_image_cut(const spsi_rays *eye, int axis) {
+    const double *step = axis ? eye->b : eye->a;
+    const double at = ceil(-spsi_dot(eye->c, step) / spsi_dot(step, step));
+    const int size = axis ? eye->height : eye->width;
+    return eye->perspective && at > 0 && at < size ? (int)at : 0;
+}
+
+/* Whether a part has pixels in the region. */
+static int spsi_part_meets(const int part[4], const int region[4]) {
+    return part[0] < region[0] + region[2] && part[2] > region[0] && part[1] < region[1] + region[3] &&
+           part[3] > region[1];
+}
+
+/* Middle direction of a part's rays: the mean of those through its corners. */
+static void spsi_part_direction(const spsi_rays *eye, double direction[3]) {
+    memset(direction, 0, 3 * sizeof *direction);
+    for (int corner = 0; corner < 4; ++corner) {
+        double ray[3];
+        spsi_ray_direction(eye, corner & 1 ? eye->width - 1 : 0, corner & 2 ? eye->height - 1 : 0, ray);
+        spsi_normalise(ray);
+        spsi_along(direction, ray, 1, direction);
+    }
+    spsi_normalise(direction);
+}
+
+/* Clears a sweep with the sheets of a light, or without (NULL), for the n-th part of the image. */
+static void spsi_sweep_clear(const spsi_frame *frame, const spsi_lamp *lamp, int part, spsi_sweep *sweep) {
+    double *corner = frame->content->eye.perspective ? sweep->eye.c : sweep->eye.origin;
+    memset(sweep, 0, sizeof *sweep);
+    sweep->lamp = lamp;
+    sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
+    sweep->eye = frame->content->eye;
+    spsi_part_place(frame, part, sweep->part);
+    sweep->eye.width = sweep->part[2] - sweep->part[0];
+    sweep->eye.height = sweep->part[3] - sweep->part[1];
+    spsi_along(corner, sweep->eye.a, sweep->part[0], corner);
+    spsi_along(corner, sweep->eye.b, sweep->part[1], corner);
+}
+
+/* --- their direction --- */
+
+/* Minimum cosine between s and the rays that matter: those inside the sweep's part of the image which can also meet
+   gas. Each condition alone gives a lower bound, and the greater of the two is used. */
+static double spsi_cosine_of_eye(const spsi_frame *frame, const spsi_sweep *sweep, const double s[3]) {
+    const spsi_rays *eye = &sweep->eye;
     const double least = spsi_cosine_to_corners(s, eye);
     return eye->perspective ? fmax(least, spsi_cosine_to_bounds(s, eye->origin, &frame->content->bounds)) : least;
+}
+
+/* The direction of a camera's middle ray. */
+static void spsi_eye_axis(const spsi_rays *eye, double axis[3]) {
+    spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
+    spsi_normalise(axis);
 }
 
 /* Middle direction of the eye's rays: towards the middle of the gas if all of it lies in front of the eye, otherwise
@@ -8645,8 +8772,7 @@ static double spsi_cosine_of_eye(const spsi_frame *frame, const double s[3]) {
 static void spsi_eye_direction(const spsi_frame *frame, double direction[3]) {
     const spsi_rays *eye = &frame->content->eye;
     double axis[3], centre[3], to_centre[3];
-    spsi_ray_direction(eye, 0.5 * (eye->width - 1), 0.5 * (eye->height - 1), axis);
-    spsi_normalise(axis);
+    spsi_eye_axis(eye, axis);
     memcpy(direction, axis, sizeof axis);
     if (!eye->perspective) return;
     spsi_bounds_centre(&frame->content->bounds, centre);
@@ -8662,12 +8788,12 @@ static const char *spsi_gases(const spsi_frame *frame) {
 
 /* The fields of a light that spare it slabs. */
 static const char *spsi_unsliced(const spsi_lamp *lamp) {
-    return lamp->extent.exists ? "no_shadow" : "shadow_map or no_shadow";
+    return lamp->extent.exists ? "no_shadow" : "shadow_source or no_shadow";
 }
 
 /* Reports that one of a light's rays meets the slabs at too small a cosine, and the remedy. */
-static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                          double cosine) {
+static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
+    const double cosine = sweep->cosine_of_light;
     char rest[SPSI_SENTENCE_SIZE];
     SPS_SNPRINTF(rest, sizeof rest,
                  "is inside or too close to the %s: one of its rays meets the slabs at a cosine of %g, and 0.1 is "
@@ -8677,19 +8803,18 @@ static sps_result spsi_sweep_refuse_light(sps_context *context, const spsi_frame
 }
 
 /* The same for the camera's rays. */
-static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep,
-                                           double cosine, int unshadowed_helps) {
+static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
     const sps_camera *seen = &frame->view.camera;
     const double value = seen->field_of_view > 0 ? seen->field_of_view : seen->ortho_height;
     char rest[SPSI_SENTENCE_SIZE], camera[64] = "is too wide";
     char way_out[64] = "it to 168 degrees from corner to corner";
     if (!frame->has_matrix) SPS_SNPRINTF(camera, sizeof camera, "is %g", value);
-    if (sweep->lamp && unshadowed_helps)
+    if (sweep->lamp)
         SPS_SNPRINTF(way_out, sizeof way_out, "it, or set %s on light[%d]", spsi_unsliced(sweep->lamp),
                      sweep->lamp->index);
     SPS_SNPRINTF(rest, sizeof rest,
                  "%s: one of the camera's rays meets the slabs at a cosine of %g, and 0.1 is needed; %snarrow %s",
-                 camera, cosine, frame->has_matrix ? "is it row-major? If it is, " : "", way_out);
+                 camera, sweep->cosine_of_eye, frame->has_matrix ? "is it row-major? If it is, " : "", way_out);
     return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1,
                           frame->has_matrix         ? "camera.world_to_clip"
                           : seen->field_of_view > 0 ? "camera.field_of_view"
@@ -8697,34 +8822,61 @@ static sps_result spsi_sweep_refuse_camera(sps_context *context, const spsi_fram
                           frame->has_matrix ? 0 : value, rest);
 }
 
-/* Chooses s for the sweep's light, or without one. */
-static sps_result spsi_sweep_direction(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
-    double eye[3], toward[3], centre[3], least;
-    spsi_eye_direction(frame, eye);
-    memcpy(sweep->slabs.normal, eye, sizeof eye);
+/* Reports that a light does not see the gas within a cone, or cannot tell its texels apart. */
+static sps_result spsi_sweep_refuse_fit(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep) {
+    const spsi_lamp *lamp = sweep->lamp;
+    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
+    if (lamp->is_point)
+        SPS_SNPRINTF(rest, sizeof rest,
+                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
+                     "middle; move it away, or set %s on it",
+                     spsi_gases(frame), spsi_unsliced(lamp));
+    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
+}
+
+/* Minimum cosine between s and a light's rays through the gas. */
+static double spsi_cosine_of_light(const spsi_frame *frame, const spsi_lamp *lamp, const double s[3]) {
+    double least = HUGE_VAL;
+    for (int i = 0; i < lamp->point_count; ++i) {
+        const spsi_lamp *point = &lamp->points[i];
+        least = fmin(least, !point->is_point ? spsi_dot(s, point->direction)
+                                             : spsi_cosine_to_bounds(s, point->position, &frame->content->bounds));
+    }
+    return least;
+}
+
+/* Turns the slabs of a sweep to suit its light, if it has one, and a middle direction of the eye's rays. Returns
+   whether they serve all rays. */
+static int spsi_sweep_turn(const spsi_frame *frame, const double eye[3], spsi_sweep *sweep) {
+    double toward[3], centre[3];
+    memcpy(sweep->slabs.normal, eye, sizeof sweep->slabs.normal);
     sweep->back_to_front = 0;
+    sweep->cosine_of_light = 1;
     if (sweep->lamp) {
-        const spsi_lamp *lamp = sweep->lamp;
         spsi_bounds_centre(&frame->content->bounds, centre);
-        spsi_lamp_direction(lamp, centre, toward);
+        spsi_lamp_direction(sweep->lamp, centre, toward);
         sweep->back_to_front = spsi_dot(eye, toward) < 0;
         spsi_along(toward, eye, sweep->back_to_front ? -1 : 1, sweep->slabs.normal);
         spsi_normalise(sweep->slabs.normal);
-        least = HUGE_VAL;
-        for (int i = 0; i < lamp->point_count; ++i) {
-            const spsi_lamp *point = &lamp->points[i];
-            least = fmin(least, !point->is_point ? spsi_dot(sweep->slabs.normal, point->direction)
-                                                 : spsi_cosine_to_bounds(sweep->slabs.normal, point->position,
-                                                                         &frame->content->bounds));
-        }
-        if (!(least >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep, least);
+        sweep->cosine_of_light = spsi_cosine_of_light(frame, sweep->lamp, sweep->slabs.normal);
     }
     for (int i = 0; i < 3; ++i) toward[i] = sweep->back_to_front ? -sweep->slabs.normal[i] : sweep->slabs.normal[i];
-    least = spsi_cosine_of_eye(frame, toward);
-    if (!(least >= SPSI_COSINE_MIN))
-        return spsi_sweep_refuse_camera(context, frame, sweep, least,
-                                        spsi_cosine_of_eye(frame, eye) >= SPSI_COSINE_MIN);
-    return SPS_OK;
+    sweep->cosine_of_eye = spsi_cosine_of_eye(frame, sweep, toward);
+    return sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye >= SPSI_COSINE_MIN;
+}
+
+/* Chooses s: towards the gas, or, where that does not serve, about the camera's axis; for a part of the image, about
+   its middle. Returns whether it serves. */
+static int spsi_sweep_direction(const spsi_frame *frame, spsi_sweep *sweep) {
+    double eye[3], axis[3];
+    if (!sweep->lamp && spsi_part_count(frame) > 1) {
+        spsi_part_direction(&sweep->eye, eye);
+        return spsi_sweep_turn(frame, eye, sweep);
+    }
+    spsi_eye_direction(frame, eye);
+    if (spsi_sweep_turn(frame, eye, sweep)) return 1;
+    spsi_eye_axis(&frame->content->eye, axis);
+    return spsi_sweep_turn(frame, axis, sweep) || spsi_sweep_turn(frame, eye, sweep);
 }
 
 /* The voxel edge that stands for particles: a ball has the variance of the kernel of a voxel of 0.7 radii (r^2 / 5 if
@@ -8837,21 +8989,19 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
     return 2 * lamp->extent.radius * (1 / near_by - 1 / far_off) / texel;
 }
 
-/* Fits the rays of the light's sheets. */
-static sps_result spsi_sweep_light(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+/* Fits the rays of the light's sheets. Returns whether that is possible. */
+static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
-    char rest[SPSI_SENTENCE_SIZE] = SPSI_TEXELS_ALIKE;
-    if (spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
-                      spsi_light_texels_most(frame), &sweep->rays)) {
-        sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
-        return SPS_OK;
-    }
-    if (lamp->is_point)
-        SPS_SNPRINTF(rest, sizeof rest,
-                     "is too close to the %s: as seen from it they do not lie within a cone of 78 degrees about their "
-                     "middle; move it away, or set %s on it",
-                     spsi_gases(frame), spsi_unsliced(lamp));
-    return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, lamp->index, "", 0, rest);
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
+                       spsi_light_texels_most(frame), &sweep->rays))
+        return 0;
+    sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
+    return 1;
+}
+
+/* Aims a sweep's slabs and its light's rays at the content's bounds. Returns whether they serve. */
+static int spsi_sweep_aim(const spsi_frame *frame, spsi_sweep *sweep) {
+    return spsi_sweep_direction(frame, sweep) && (!sweep->lamp || spsi_sweep_fit(frame, sweep));
 }
 
 /* Number of sweeps in a frame: one for each light that shades by sheets, and at least one. */
@@ -8875,17 +9025,52 @@ static int spsi_sweep_shadow_count(const spsi_frame *frame, int n) {
     return (n < frame->lamps.sliced_count) + (n == 0 ? frame->lamps.shadow_count - frame->lamps.sliced_count : 0);
 }
 
-/* Sets up the n-th sweep. Without gas there are no slabs, and nothing can prevent slicing. */
-static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, spsi_sweep *sweep) {
+/* Aims a sweep at the gas or, where that does not serve, at the bounds by which shadows were chosen: what serves these
+   serves all that lies within. */
+static sps_result spsi_sweep_place(sps_context *context, const spsi_frame *frame, spsi_sweep *sweep) {
+    const spsi_bounds tight = frame->content->bounds;
+    spsi_sweep wider = *sweep;
+    int serves;
+    if (spsi_sweep_aim(frame, sweep)) return SPS_OK;
+    frame->content->bounds = frame->content->outer;
+    serves = spsi_sweep_aim(frame, &wider);
+    frame->content->bounds = tight;
+    if (!serves && !(sweep->cosine_of_light >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_light(context, frame, sweep);
+    if (!serves && !(sweep->cosine_of_eye >= SPSI_COSINE_MIN)) return spsi_sweep_refuse_camera(context, frame, sweep);
+    if (!serves) return spsi_sweep_refuse_fit(context, frame, sweep);
+    *sweep = wider;
+    return SPS_OK;
+}
+
+/* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
+static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
-    memset(sweep, 0, sizeof *sweep);
-    sweep->lamp = spsi_sliced_lamp(frame, n);
+    spsi_sweep_clear(frame, spsi_sliced_lamp(frame, n), part, sweep);
     sweep->first = n == 0;
-    sweep->slabs.normal[2] = sweep->slabs.thickness = 1;
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
-    if (spsi_sweep_direction(context, frame, sweep)) return context->result;
-    if (spsi_slabs_cut(context, frame, &frame->content->eye, sweep->lamp, edge, &sweep->slabs)) return context->result;
-    return sweep->lamp ? spsi_sweep_light(context, frame, sweep) : SPS_OK;
+    if (spsi_sweep_place(context, frame, sweep)) return context->result;
+    return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, &sweep->slabs);
+}
+
+/* Cuts the image into as few parts as slabs can serve, for sweeps without a light's sheets. If even quarters cannot be
+   served, it stays whole, and is refused. */
+static void spsi_image_divide(const spsi_frame *frame) {
+    spsi_content *content = frame->content;
+    for (int parts = 0; parts < 4; ++parts) {
+        int serves = 1;
+        for (int k = 0; k < 2; ++k) {
+            content->parts[k] = 1 + (parts >> k & 1);
+            content->cut[k] = spsi_image_cut(&content->eye, k);
+            serves &= content->parts[k] == 1 || content->cut[k] > 0;
+        }
+        for (int n = 0; n < content->parts[0] * content->parts[1] && serves; ++n) {
+            spsi_sweep sweep;
+            spsi_sweep_clear(frame, NULL, n, &sweep);
+            serves = spsi_sweep_aim(frame, &sweep);
+        }
+        if (serves) return;
+    }
+    content->parts[0] = content->parts[1] = 1;
 }
 
 /* ================================================================================================ >>splat
@@ -12311,10 +12496,9 @@ static void spsi_shadow_table_hold(sps_context *context, sps_tmap *map) {
         spsi_tmap_release(map);
 }
 
-/* Aims the map by which gas casts a light's shadow, and takes its table, if that is held. `gas` is the fingerprint of
-   the gas. */
-static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
-                                       uint64_t gas, sps_tmap *map) {
+/* Aims the map by which gas casts a light's shadow. */
+static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                     sps_tmap *map) {
     memset(map, 0, sizeof *map);
     map->context = context;
     map->light = lamp->index;
@@ -12326,7 +12510,13 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
                               SPSI_TEXELS_ALIKE);
     map->has_range = spsi_settings_have_range(&map->settings);
     spsi_tmap_fit_range(map, &frame->content->bounds);
-    if (spsi_tmap_resolve(map)) return context->result;
+    return spsi_tmap_resolve(map);
+}
+
+/* Begins that map: takes its table, if it is held. `gas` is the fingerprint of the gas. */
+static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                       uint64_t gas, sps_tmap *map) {
+    if (spsi_lamp_tmap_aim(context, frame, lamp, map)) return context->result;
     if (!spsi_has_shadow_table(lamp)) return SPS_OK;
     if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_setting(context, SPS_ERROR_MEMORY, map->light, "components", map->settings.components,
@@ -12346,6 +12536,65 @@ static sps_result spsi_lamp_tmap_fill(sps_context *context, const spsi_frame *fr
     if (map->finished) return SPS_OK;
     if (spsi_tmap_fill(map, &occluders)) return context->result;
     return spsi_has_shadow_table(lamp) ? spsi_shadow_table_build(map) : SPS_OK;
+}
+
+/* --- its size, before anything is read --- */
+
+/* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
+   read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
+   2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
+static size_t spsi_lamp_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
+    spsi_rays rays[SPSI_CUBE_FACES];
+    const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
+    const int known = frame->particles.set_count == 0;
+    const int faces = known ? spsi_lamp_rays(frame, lamp, rays) : 0;
+    size_t six;
+    *side = most;
+    if (faces == 1) {
+        *side = (size_t)spsi_most(rays[0].width, rays[0].height);
+        return spsi_ray_count(&rays[0]);
+    }
+    if (faces == 0) return most * most * (lamp->is_point ? SPSI_CUBE_FACES : 1);
+    six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
+    if (lamp->map_omnidirectional) {
+        *side = (size_t)rays[0].width;
+        return six;
+    }
+    if (9 * (size_t)rays[0].width < most) *side = 9 * (size_t)rays[0].width;
+    return *side * *side > six ? *side * *side : six;
+}
+
+/* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
+static size_t spsi_lamp_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
+    const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
+    double across[3], planes;
+    if (!spsi_has_shadow_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
+    if (frame->particles.set_count > 0) return (size_t)most;
+    spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
+    planes = ceil(2 * spsi_length(across) / spsi_lamp_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
+    return (size_t)fmin(planes, most);
+}
+
+/* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
+   known, and what is fitted to them. A light's map holds no surfaces. */
+static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
+    size_t side;
+    const size_t texels = spsi_lamp_tmap_texels(frame, lamp, &side);
+    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    const size_t components = spsi_lamp_tmap_components(frame, lamp);
+    if (spsi_techniques[lamp->map.technique].lists)
+        *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
+    else
+        *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
+    if (spsi_has_shadow_table(lamp)) /* also the map that holds it for the next call, and blocks beyond two edges */
+        *held += sizeof(sps_tmap) + SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
+    *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
+    *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
+    *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
+    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
+    *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
+    if (spsi_has_shadow_table(lamp))
+        *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
 }
 
 /* ============================================================================================ >>penumbrae
@@ -13396,6 +13645,108 @@ static double spsi_shadow_depth(const spsi_shadow *shadow, int first_slab, const
     before = spsi_bilinear_at(planes->depth[k], planes->width, planes->height, q[0], q[1]);
     after = spsi_bilinear_at(planes->depth[k + 1], planes->width, planes->height, q[0], q[1]);
     return before + (slab - k) * (after - before);
+}
+
+/* --- the choice between sheets and a table --- */
+
+/* Whether a light's table, in place of sheets that are aimed already, has entries as fine as their texels, along the
+   light too. */
+static int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_sweep *sheets,
+                              const spsi_lamp *lamp) {
+    sps_tmap map;
+    const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
+    const spsi_rays *rays = &map.rays[0];
+    if (spsi_lamp_tmap_aim(context, frame, lamp, &map)) return 0;
+    if (map.face_count > 1 || rays->width < sheets->rays.width || rays->height < sheets->rays.height) return 0;
+    return ceil((*far_depth - *near_depth) / spsi_pixel_size_at(rays, 0.5 * (*near_depth + *far_depth))) <=
+           map.settings.components;
+}
+
+/* Upper bound of the bytes that a frame may need without tables, by the figures at the top of this file, had all voxels
+   to be kept: a table that is not needed must not be what exceeds the memory limit. It does not depend on what the
+   context holds, nor on the region, so that the same scene always looks the same. */
+static double spsi_bytes_without_tables(const sps_context *context, const spsi_frame *frame, const spsi_sweep *sheets) {
+    const double pixels = (double)(frame->eye.width + SPSI_TILE_WIDTH) * (frame->eye.height + SPSI_TILE_HEIGHT);
+    const double map = spsi_depth_map_size(frame), lights = frame->lamps.shadow_count;
+    const double triangles = (double)frame->meshes.triangle_count;
+    double bytes = (double)spsi_worker_count(context) * 3e5 * (frame->matter.material_count + 1);
+    for (int i = 0; i < frame->medium_count; ++i)
+        bytes += 20.0 * frame->media[i].size[0] * frame->media[i].size[1] * frame->media[i].size[2];
+    bytes += (32 + 264) * (double)frame->particles.count + (176 + 68) * triangles;
+    bytes += 60 * pixels + 68.0 * sheets->rays.width * sheets->rays.height;
+    return bytes + (triangles > 0 ? lights * (18 * map * map + 4 * pixels) : 0);
+}
+
+/* Makes a light shade gas by a table (1), or by sheets (0). */
+static void spsi_lamp_take(spsi_lamp *lamp, int table, spsi_choice choice) {
+    lamp->has_map = table;
+    lamp->sliced = !table;
+    lamp->choice = choice;
+}
+
+/* A table for a light that no slabs serve. It holds the shadow of a point: a light that has an extent keeps its sheets,
+   which are refused, unless its widest penumbra is narrower than half a texel. Where that cannot be known before
+   reading, it counts as wider. */
+static void spsi_choose_for_unserved(const spsi_frame *frame, spsi_sweep *sweep, spsi_lamp *lamp) {
+    const int known = frame->meshes.triangle_count == 0 && frame->particles.set_count == 0;
+    const int by_camera = sweep->cosine_of_light >= SPSI_COSINE_MIN && sweep->cosine_of_eye < SPSI_COSINE_MIN;
+    spsi_rays rays[SPSI_CUBE_FACES];
+    int faces;
+    spsi_lamp_take(lamp, 1, by_camera ? SPSI_CHOICE_TABLE_CAMERA : SPSI_CHOICE_TABLE_IN_GAS);
+    faces = spsi_lamp_rays(frame, lamp, rays);
+    sweep->rays = rays[0];
+    if (faces == 0 || (lamp->extent.exists && !(known && by_camera && spsi_penumbra_texels(frame, sweep) < 0.5)))
+        spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+}
+
+/* Chooses between sheets and a table for a light for which the caller has not. `others`: 1 if an earlier light has
+   sheets; `room`: bytes that tables may take, less those that they take already. */
+static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, int others, double *room,
+                                 spsi_lamp *lamp) {
+    spsi_sweep sweep;
+    size_t held, filling;
+    double bytes;
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
+    lamp->choice = SPSI_CHOICE_SHEETS;
+    if (!spsi_sweep_aim(frame, &sweep)) {
+        spsi_choose_for_unserved(frame, &sweep, lamp);
+        return;
+    }
+    if (!others || frame->matter.classifies || lamp->extent.exists) return;
+    spsi_lamp_take(lamp, 1, SPSI_CHOICE_TABLE_SHARED);
+    spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
+    bytes = (double)held + (double)filling;
+    if (spsi_table_is_fine(context, frame, &sweep, lamp) &&
+        bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
+        *room -= bytes;
+    else
+        spsi_lamp_take(lamp, 0, SPSI_CHOICE_SHEETS);
+}
+
+/* Chooses how gas is shaded by each light that leaves it open, and how the image is cut, from the volumes' boxes and
+   from the particles, if they have been read. So, without particles, the choice is the same before reading and after.
+ */
+static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
+    spsi_content *content = frame->content;
+    const spsi_bounds tight = content->bounds;
+    double room = context->config.memory_limit > 0 ? (double)context->config.memory_limit : HUGE_VAL;
+    if (spsi_bounds_empty(&tight)) return;
+    if (frame->medium_count > 0) {
+        spsi_bounds_add(&content->outer, tight.low);
+        spsi_bounds_add(&content->outer, tight.high);
+    } else {
+        content->outer = tight;
+    }
+    content->bounds = content->outer;
+    frame->lamps.sliced_count = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_lamp *lamp = &frame->lamps.list[i];
+        if (lamp->choice == SPSI_CHOICE_OPEN)
+            spsi_choose_for_lamp(context, frame, frame->lamps.sliced_count > 0, &room, lamp);
+        frame->lamps.sliced_count += lamp->sliced;
+    }
+    if (frame->lamps.sliced_count == 0) spsi_image_divide(frame);
+    content->bounds = tight;
 }
 
 /* --- maps of a sweep's shadows --- */
@@ -14866,6 +15217,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 typedef struct spsi_region {
     int x0, y0, columns, rows; /* in tiles */
     uint64_t *open;            /* per tile, bits: patches whose rays have not all ended */
+    int outside;               /* number of tiles without a pixel of the sweep's part of the image */
     float (*polygon_range)[3]; /* per tile: minimum and maximum slab coordinate of its polygons, and minimum depth */
 } spsi_region;
 
@@ -14898,6 +15250,15 @@ static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
                              spsi_least(SPSI_TILE_WIDTH, run->frame->content->eye.width - x0),
                              spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
+}
+
+/* Ends the rays of all pixels outside of the sweep's part of the image, which other sweeps serve. */
+static void spsi_run_end_others(const spsi_run *run, int rows) {
+    const int *part = run->sweep->part, x0 = run->shader.x_origin, y0 = run->shader.y_origin;
+    for (int y = 0; y < rows; ++y)
+        for (int x = 0; x < run->shader.pitch; ++x)
+            if (x0 + x < part[0] || x0 + x >= part[2] || y0 + y < part[1] || y0 + y >= part[3])
+                run->shader.depth[(size_t)y * (size_t)run->shader.pitch + (size_t)x] = SPSI_DEPTH_MAX;
 }
 
 /* Cuts a tile's sections at polygons, where any may lie in the chunk or nearer to the eye, and at the near plane, where
@@ -14998,7 +15359,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
     region->polygon_range[index][0] = low;
     region->polygon_range[index][1] = high;
     region->polygon_range[index][2] = nearest;
-    region->open[index] = ~UINT64_C(0);
+    region->open[index] = spsi_tile_open(run, left, top);
 }
 
 /* --- setting up a sweep --- */
@@ -15065,6 +15426,7 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     for (int c = 0; c < 3; ++c)
         shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
     shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
+    if (spsi_part_count(run->frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
     return SPS_OK;
 }
 
@@ -15109,6 +15471,7 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
         spsi_contents_add_particles(&run->contents))
         return context->result;
     spsi_parallel(context, run->region.columns * run->region.rows, spsi_polygon_range_task, run);
+    for (int i = 0; i < run->region.columns * run->region.rows; ++i) run->region.outside += run->region.open[i] == 0;
     return SPS_OK;
 }
 
@@ -15154,6 +15517,7 @@ static void spsi_run_count(spsi_run *run) {
         stats->light_fragments += run->sliced.target.counts[i][1];
     }
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
+    stats->tiles_finished -= (uint64_t)run->region.outside;
 }
 
 static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
@@ -15228,31 +15592,43 @@ static const float *spsi_behind(const spsi_shader *shader, int x, int y) {
     return layers->list[layers->first[pixel + 1] - 1].behind;
 }
 
-/* Adds a sweep's radiance to the total; the first sweep also contributes background, coverage and distance. */
-static sps_result spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
-    const spsi_frame *frame = run->frame;
-    const spsi_shader *shader = &run->shader;
-    const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
-    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
+/* Begins the total with the background. */
+static sps_result spsi_begin_total(sps_context *context, const spsi_frame *frame, float *total) {
+    const size_t width = (size_t)frame->view.region[2], floats = spsi_total_floats(frame);
+    float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, width, SPSI_ROW_FLOATS * sizeof(float));
     if (!rgb) return context->result;
-    for (int y = 0; y < region[3]; ++y) {
-        if (run->sweep->first && spsi_background_row(context, frame, y, rgb)) return context->result;
-        for (int x = 0; x < region[2]; ++x) {
-            const size_t at = (size_t)(region[1] + y - shader->y_origin) * (size_t)shader->pitch +
-                              (size_t)(region[0] + x - shader->x_origin);
-            float *pixel = total + ((size_t)y * (size_t)region[2] + (size_t)x) * (size_t)floats;
-            const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
-            const float *behind = spsi_behind(shader, region[0] + x, region[1] + y);
-            for (int c = 0; c < 3 && run->sweep->first; ++c)
-                pixel[c] = rgb[3 * x + c] * (1 - covered) * (behind ? behind[c] : 1);
-            for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
-            if (!run->sweep->first) continue;
-            pixel[3] = covered;
-            if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
-            if (frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
-        }
+    for (int y = 0; y < frame->view.region[3]; ++y) {
+        if (spsi_background_row(context, frame, y, rgb)) return context->result;
+        for (size_t x = 0; x < width; ++x)
+            memcpy(total + ((size_t)y * width + x) * floats, rgb + 3 * x, 3 * sizeof *rgb);
     }
     return SPS_OK;
+}
+
+/* Adds a sweep's radiance to a pixel of the total; the first sweep also covers the background, and contributes coverage
+   and distance. */
+static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
+    const spsi_shader *shader = &run->shader;
+    const size_t at = (size_t)(y - shader->y_origin) * (size_t)shader->pitch + (size_t)(x - shader->x_origin);
+    const float depth = shader->depth[at], covered = spsi_flush(depth < 86 ? -expm1f(-depth) : 1);
+    const float *behind = spsi_behind(shader, x, y);
+    for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
+    for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
+    if (!run->sweep->first) return;
+    pixel[3] = covered;
+    if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
+    if (run->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
+}
+
+/* The same for all pixels of the sweep's part of the image. */
+static void spsi_add_sweep(const spsi_run *run, float *total) {
+    const int *region = run->frame->view.region, *part = run->sweep->part;
+    const int x1 = spsi_least(part[2], region[0] + region[2]), y1 = spsi_least(part[3], region[1] + region[3]);
+    for (int y = spsi_most(part[1], region[1]); y < y1; ++y)
+        for (int x = spsi_most(part[0], region[0]); x < x1; ++x) {
+            const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
+            spsi_add_pixel(run, x, y, total + pixel * spsi_total_floats(run->frame));
+        }
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -15315,7 +15691,8 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     swept = spsi_clock(context);
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
-    if (spsi_run_sweep(run, part) || spsi_add_sweep(context, run, picture->total)) return context->result;
+    if (spsi_run_sweep(run, part)) return context->result;
+    spsi_add_sweep(run, picture->total);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
@@ -15362,14 +15739,27 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     return SPS_OK;
 }
 
+/* Renders the region's pixels in a part of the image, whose shadows are ready. */
+static sps_result spsi_render_part(sps_context *context, const spsi_picture *picture, const spsi_sweep *sweep,
+                                   spsi_run *run, const spsi_part_of_call *part) {
+    spsi_shadow *shadows = run->shadows;
+    const int count = run->shader.shadow_count;
+    if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
+    memset(run, 0, sizeof *run);
+    run->shadows = shadows;
+    run->shader.shadow_count = count;
+    return spsi_sweep_once(context, picture, sweep, run, part);
+}
+
 static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
+    const int parts = spsi_part_count(frame);
     spsi_part_of_call part = {0, (1 - SPSI_PROGRESS_GATHER) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
     double start;
     part.progress = SPSI_PROGRESS_GATHER + n * part.share;
     memset(run, 0, sizeof *run);
-    if (spsi_sweep_build(context, frame, n, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
+    if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
     start = spsi_clock(context);
     if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count) ||
@@ -15379,22 +15769,25 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     start = spsi_clock(context);
     spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
-    if (!context->result) spsi_sweep_once(context, picture, &sweep, run, &part);
+    part.share /= parts;
+    for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
+        if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
+            spsi_render_part(context, picture, &sweep, run, &part);
     spsi_shadow_maps_release(context, run->shadows, run->shader.shadow_count);
     return context->result;
 }
 
-static sps_result spsi_render_frame(sps_context *context, const spsi_frame *frame, const sps_image *image) {
+static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     const double start = spsi_clock(context);
     double gathered;
     spsi_picture picture;
     spsi_run *run;
     picture.frame = frame;
+    if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
+    spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
-    if (spsi_gather(context, frame) || spsi_gather_particles(context, frame) || spsi_gather_images(context, frame) ||
-        spsi_gather_faces(context, frame, &picture.faces))
-        return context->result;
+    if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
@@ -15408,7 +15801,7 @@ static sps_result spsi_render_frame(sps_context *context, const spsi_frame *fram
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
-    if (!picture.total || !run) return context->result;
+    if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
@@ -15539,13 +15932,77 @@ static sps_result spsi_plan_penumbra_bytes(sps_context *context, const spsi_fram
     return SPS_OK;
 }
 
+/* --- the choice between sheets and tables --- */
+
+/* Whether slabs about the camera's axis serve a directional light, wherever the gas is. */
+static int spsi_axis_serves(const spsi_frame *frame, const spsi_lamp *lamp) {
+    double axis[3], toward[3];
+    spsi_sweep sweep;
+    if (lamp->is_point) return 0;
+    spsi_sweep_clear(frame, lamp, 0, &sweep);
+    spsi_eye_axis(&frame->content->eye, axis);
+    spsi_sweep_turn(frame, axis, &sweep);
+    for (int i = 0; i < 3; ++i) toward[i] = sweep.back_to_front ? -sweep.slabs.normal[i] : sweep.slabs.normal[i];
+    return spsi_cosine_to_corners(toward, &frame->content->eye) >= SPSI_COSINE_MIN;
+}
+
+/* Chooses as a render does, except that particles have not been read: what depends on them stays open. */
+static void spsi_plan_choices(sps_context *context, spsi_frame *frame) {
+    int open = 0, sliced = 0;
+    spsi_choose_shadows(context, frame);
+    for (int i = 0; i < frame->lamps.count && frame->particles.set_count > 0; ++i) {
+        spsi_lamp *lamp = &frame->lamps.list[i];
+        const int is_known = lamp->choice == SPSI_CHOICE_CALLER || lamp->extent.exists ||
+                             (open + sliced == 0 && spsi_axis_serves(frame, lamp));
+        if (!is_known || lamp->choice == SPSI_CHOICE_OPEN)
+            lamp->choice = is_known ? SPSI_CHOICE_SHEETS : SPSI_CHOICE_OPEN;
+        open += !is_known;
+        sliced += is_known && lamp->sliced;
+    }
+}
+
+/* Number of lights that have sheets, or may. */
+static int spsi_plan_sliced_count(const spsi_frame *frame) {
+    int count = 0;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        count += frame->lamps.list[i].sliced || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
+    return count;
+}
+
+/* Number of sweeps, at most: of parts of the image in the region, where no light needs sheets. Particles may turn out
+   to call for all four where slabs about the camera's axis do not serve the whole image. */
+static int spsi_plan_sweep_count(const spsi_frame *frame) {
+    const int sliced = spsi_plan_sliced_count(frame);
+    double axis[3];
+    int parts = 0, part[4], sheets = 0;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        sheets |= frame->lamps.list[i].sliced && frame->lamps.list[i].choice != SPSI_CHOICE_OPEN;
+    spsi_eye_axis(&frame->content->eye, axis);
+    for (int n = 0; n < spsi_part_count(frame); ++n) {
+        spsi_part_place(frame, n, part);
+        parts += spsi_part_meets(part, frame->view.region);
+    }
+    if (frame->particles.set_count > 0 && !sheets)
+        parts = spsi_cosine_to_corners(axis, &frame->content->eye) >= SPSI_COSINE_MIN ? 1 : 4;
+    return spsi_most(parts, sliced);
+}
+
+/* Number of lights whose shadows the n-th sweep carries, at most. */
+static int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
+    int open = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) open |= frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
+    return open && n == 0 ? frame->lamps.shadow_count : spsi_sweep_shadow_count(frame, n);
+}
+
+/* --- sweeps --- */
+
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                         uint64_t bricks, sps_plan_report *report) {
     const size_t width = (size_t)frame->view.region[2], height = (size_t)frame->view.region[3];
     const size_t workers = (size_t)spsi_worker_count(context);
     const size_t side = spsi_plan_light_side(frame, sweep);
-    const int shadows = spsi_most(1, spsi_sweep_shadow_count(frame, n));
+    const int shadows = spsi_most(1, spsi_plan_shadow_count(frame, n));
     size_t eye = workers * (spsi_plan_sheet_floats(frame) * sizeof(float) + 48) +
                  spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
     spsi_region region;
@@ -15590,17 +16047,32 @@ static void spsi_plan_gather_pass(const spsi_frame *frame, const spsi_reading *r
                                             : "range_fn shows that no voxel matters");
 }
 
+/* Why lights have maps: the first of the library's reasons, or the caller's. */
+static const char *spsi_plan_map_reason(const spsi_frame *frame) {
+    static const char *const reasons[] = {"lights have a shadow_map or SPS_SHADOW_TABLE",
+                                          "a table, if particles turn out to call for one",
+                                          "",
+                                          "a table: the light is in the gas",
+                                          "a table: no slabs serve both the light and so wide a camera",
+                                          "a table: the light shares the sweep of another"};
+    for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_SHARED; ++choice)
+        for (int i = 0; i < frame->lamps.count && choice != SPSI_CHOICE_SHEETS; ++i)
+            if ((int)frame->lamps.list[i].choice == choice) return reasons[choice];
+    return reasons[SPSI_CHOICE_CALLER];
+}
+
 static void spsi_plan_shadow_passes(const spsi_frame *frame, int gases, sps_plan_report *report) {
     const int shade = frame->matter.extinguishes;
     const char *nothing = gases ? "nothing has extinction" : "no volume or particle that could be seen";
     int maps = 0;
-    for (int i = 0; i < frame->lamps.count; ++i) maps += frame->lamps.list[i].has_map;
-    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, frame->lamps.sliced_count, "volumes or particles cast shadows",
+    for (int i = 0; i < frame->lamps.count; ++i)
+        maps += frame->lamps.list[i].has_map || frame->lamps.list[i].choice == SPSI_CHOICE_OPEN;
+    spsi_plan_pass(report, SPS_PASS_LIGHT_SHEETS, spsi_plan_sliced_count(frame), "volumes or particles cast shadows",
                    !shade                      ? nothing
-                   : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map"
+                   : frame->lamps.shadow_count ? "every light that casts shadows has a shadow_map or a table"
                                                : "no light casts shadows on anything");
-    spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, "lights have a shadow_map",
-                   !shade ? nothing : "no light that casts shadows has a shadow_map");
+    spsi_plan_pass(report, SPS_PASS_LIGHT_MAPS, maps, spsi_plan_map_reason(frame),
+                   !shade ? nothing : "no light that casts shadows has a shadow_map or a table");
 }
 
 static void spsi_plan_penumbra_pass(const spsi_frame *frame, int gases, sps_plan_report *report) {
@@ -15639,15 +16111,17 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
 static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                              sps_plan_report *report) {
     const int gases = spsi_has_gas(frame), polygons = frame->meshes.triangle_count > 0;
-    const int sweeps = spsi_sweep_count(frame), lit = frame->lamps.count > 0;
+    const int sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
     spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lamps.image_count, "lights throw an image",
                    lit ? "no light throws an image" : "no light");
     spsi_plan_polygon_passes(frame, gases, held, report);
     spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps : 0,
-                   sweeps > 1 ? "volumes or particles are seen, one sweep for each light that shades by sheets"
-                              : "volumes or particles are seen, one sweep",
+                   sweeps == 1 ? "volumes or particles are seen, one sweep"
+                   : spsi_plan_sliced_count(frame) > 0
+                       ? "volumes or particles are seen, one sweep for each light that shades by sheets"
+                       : "volumes or particles are seen, one sweep for each part of an image too wide for one",
                    "no volume or particle that could be seen");
     spsi_plan_shadow_passes(frame, gases, report);
     spsi_plan_penumbra_pass(frame, gases, report);
@@ -15667,7 +16141,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
 static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading,
                             sps_plan_report *report) {
     const size_t size = (size_t)spsi_depth_map_size(frame);
-    const size_t lights = (size_t)spsi_sweep_shadow_count(frame, 0); /* at once */
+    const size_t lights = (size_t)spsi_plan_shadow_count(frame, 0); /* at once */
     size_t tables = 1, sum = sizeof *context + sizeof *frame + sizeof *frame->content;
     int shares = (int)lights;
     for (int i = 0; i < frame->medium_count; ++i)
@@ -15695,85 +16169,44 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->bytes = sum + (context->stats.bytes > sizeof *context ? context->stats.bytes - sizeof *context : 0);
 }
 
-/* Maximum size of a light's transmittance map: texels of all faces, and of the longer side. Particles have not been
-   read. A light amid the volumes' boxes may turn out to be in front of what they hold: a single face then, of up to
-   2 tan 78 degrees times its distance, which is up to sqrt(3) times as long as along an axis. */
-static size_t spsi_plan_tmap_texels(const spsi_frame *frame, const spsi_lamp *lamp, size_t *side) {
-    spsi_rays rays[SPSI_CUBE_FACES];
-    const size_t most = (size_t)(lamp->map_size > 0 ? lamp->map_size : spsi_map_texels_most(frame, lamp));
-    const int known = frame->particles.set_count == 0;
-    const int faces = known ? spsi_lamp_rays(frame, lamp, rays) : 0;
-    size_t six;
-    *side = most;
-    if (faces == 1) {
-        *side = (size_t)spsi_most(rays[0].width, rays[0].height);
-        return spsi_ray_count(&rays[0]);
-    }
-    if (faces == 0) return most * most * (lamp->is_point ? SPSI_CUBE_FACES : 1);
-    six = SPSI_CUBE_FACES * spsi_ray_count(&rays[0]);
-    if (lamp->map_omnidirectional) {
-        *side = (size_t)rays[0].width;
-        return six;
-    }
-    if (9 * (size_t)rays[0].width < most) *side = 9 * (size_t)rays[0].width;
-    return *side * *side > six ? *side * *side : six;
-}
-
-/* Maximum number of components. A table's planes are a texel apart in the middle of its depths. */
-static size_t spsi_plan_tmap_components(const spsi_frame *frame, const spsi_lamp *lamp) {
-    const int most = spsi_techniques[SPS_TMAP_TABLE].usual;
-    double across[3], planes;
-    if (!spsi_has_shadow_table(lamp) || lamp->map.components > 0) return (size_t)spsi_components_of(&lamp->map);
-    if (frame->particles.set_count > 0) return (size_t)most;
-    spsi_along(frame->content->bounds.high, frame->content->bounds.low, -1, across);
-    planes = ceil(2 * spsi_length(across) / spsi_lamp_texel(frame, lamp)) + spsi_techniques[SPS_TMAP_TABLE].least;
-    return (size_t)fmin(planes, most);
-}
-
-/* Bytes of a light's transmittance map, and those needed to fill it, except for lists of intervals, whose length is not
-   known, and what is fitted to them. A light's map holds no surfaces. */
-static void spsi_plan_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp, size_t *held, size_t *filling) {
-    size_t side;
-    const size_t texels = spsi_plan_tmap_texels(frame, lamp, &side);
-    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
-    const size_t components = spsi_plan_tmap_components(frame, lamp);
-    if (spsi_techniques[lamp->map.technique].lists)
-        *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
-    else
-        *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
-    if (spsi_has_shadow_table(lamp)) /* also the map that holds it for the next call, and blocks beyond two edges */
-        *held += sizeof(sps_tmap) + SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
-    *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
-    *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
-    *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
-    if (!spsi_techniques[lamp->map.technique].sums) *filling += spsi_balls_order_bytes(frame->particles.count);
-    *filling += (tiles * tiles * (1 + SPSI_BALL_TILES) + 2) * sizeof(uint32_t);
-    if (spsi_has_shadow_table(lamp))
-        *filling += (texels + 1) * components * sizeof(float); /* before they become a table */
-}
-
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
 static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
     size_t most = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_lamp lamp = frame->lamps.list[i];
         size_t held, filling;
-        if (!frame->lamps.list[i].has_map) continue;
-        spsi_plan_tmap_bytes(frame, &frame->lamps.list[i], &held, &filling);
+        lamp.has_map |= lamp.choice == SPSI_CHOICE_OPEN;
+        if (!lamp.has_map) continue;
+        spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
         if (filling > most) most = filling;
     }
     report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
 }
 
-static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame, sps_plan_report *report) {
-    spsi_reading reading;
-    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
-    for (int n = 0; n < spsi_sweep_count(frame); ++n) {
-        spsi_sweep sweep;
-        const uint64_t bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
-        if (spsi_sweep_build(context, frame, n, &sweep)) return context->result;
-        if (spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report)) return context->result;
+/* All sweeps, and those of lights that may turn out to need one. */
+static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame, uint64_t bricks,
+                                   sps_plan_report *report) {
+    spsi_sweep sweep;
+    for (int n = 0; n < spsi_sweep_count(frame); ++n)
+        for (int part = 0; part < spsi_part_count(frame); ++part)
+            if (spsi_sweep_build(context, frame, n, part, &sweep) ||
+                spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report))
+                return context->result;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        if (frame->lamps.list[i].choice != SPSI_CHOICE_OPEN || frame->lamps.list[i].sliced) continue;
+        spsi_sweep_clear(frame, &frame->lamps.list[i], 0, &sweep);
+        if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, report)) return context->result;
     }
+    return SPS_OK;
+}
+
+static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
+    spsi_reading reading;
+    spsi_plan_choices(context, frame);
+    if (spsi_plan_reading(context, frame, report, &reading) ||
+        spsi_plan_sweeps(context, frame, reading.held ? (uint64_t)context->brick_count : reading.bricks, report))
+        return context->result;
     spsi_plan_tmaps(frame, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=
@@ -15782,7 +16215,7 @@ static sps_result spsi_plan_frame(sps_context *context, const spsi_frame *frame,
         report->particle_calls += (frame->particles.sets[i].count + SPSI_PARTICLE_BATCH - 1) / SPSI_PARTICLE_BATCH;
     for (int i = 0; i < frame->lamps.count; ++i)
         report->projector_calls += (uint64_t)frame->lamps.list[i].projection.height;
-    report->sweep_count = spsi_sweep_count(frame);
+    report->sweep_count = spsi_plan_sweep_count(frame);
     report->color_channels = frame->channels;
     report->sheet_channels = frame->matter.material_count * (frame->gradients.splatted ? 3 : 1);
     spsi_plan_bytes(context, frame, &reading, report);

@@ -479,6 +479,11 @@ static inline int check_render(sps_context *context, const check_scene *s, float
     return check_render_depth(context, s, rgba, NULL);
 }
 
+/* Lights shade by sheets, whether or not slabs serve them and another one's sweep could carry them. */
+static inline void check_force_sheets(check_scene *s) {
+    for (int i = 0; i < s->scene.light_count; ++i) s->light[i].shadow_source = SPS_SHADOW_SHEETS;
+}
+
 /* Renders what must fail with this result and these words, and leave the image untouched. */
 static inline void check_fails(sps_context *context, const check_scene *s, float *rgba, sps_result result,
                                const char *words) {

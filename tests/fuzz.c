@@ -327,6 +327,7 @@ static void random_light(scenery *x, int n) {
     light->no_shadow = one_in(5);
     random_map(&x->maps[n]);
     if (one_in(3)) light->shadow_map = &x->maps[n];
+    if (one_in(light->shadow_map ? 60 : 2)) put_int(&light->shadow_source, one_in(30) ? below(5) - 1 : below(3));
     light->shadow_map_omnidirectional = one_in(light->kind == SPS_LIGHT_DIRECTIONAL ? 100 : 5);
     light->shadow_map_size = 1 + below(one_in(4) ? 100 : 20);
 }

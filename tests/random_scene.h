@@ -40,7 +40,7 @@ enum { SECOND_NONE, SECOND_GAS, SECOND_SURFACE, SECOND_COARSE, SECOND_TWO };
 enum { MESH_NONE, MESH_GROUND, MESH_PLAIN, MESH_WALL, MESH_BALL, MESH_HALL, MESH_SOUP, MESH_SLIVERS };
 enum { PARTICLES_NONE, PARTICLES_EVEN, PARTICLES_SOFT, PARTICLES_TWO };
 enum { LIGHT_NONE, LIGHT_SUN, LIGHT_LAMP, LIGHT_NEAR, LIGHT_WITHIN, LIGHT_WIDE_SUN, LIGHT_DISC, LIGHT_RECTANGLE };
-enum { SHADOW_SLABS, SHADOW_NONE, SHADOW_DEEP, SHADOW_COMPRESSED, SHADOW_OPACITY, SHADOW_TABLE };
+enum { SHADOW_SLABS, SHADOW_NONE, SHADOW_DEEP, SHADOW_COMPRESSED, SHADOW_OPACITY, SHADOW_TABLE, SHADOW_AUTO };
 enum { SIDE_BEHIND, SIDE_ACROSS, SIDE_AGAINST };
 enum { OTHERS_NONE, OTHERS_UNSHADOWED, OTHERS_SHADOWED, OTHERS_MAP, OTHERS_THREE };
 enum { CAMERA_USUAL, CAMERA_NARROW, CAMERA_WIDE, CAMERA_FLAT, CAMERA_MATRIX, CAMERA_FLAT_MATRIX, CAMERA_INSIDE };
@@ -63,7 +63,7 @@ static const struct {
     {"mesh", {"none", "ground", "plain", "wall", "ball", "hall", "soup", "slivers"}},
     {"particles", {"none", "even", "soft", "two"}},
     {"light", {"none", "sun", "lamp", "near", "within", "wide_sun", "disc", "rectangle"}},
-    {"shadow", {"slabs", "none", "deep", "compressed", "opacity", "table"}},
+    {"shadow", {"slabs", "none", "deep", "compressed", "opacity", "table", "auto"}},
     {"side", {"behind", "across", "against"}},
     {"others", {"none", "unshadowed", "shadowed", "map", "three"}},
     {"camera", {"usual", "narrow", "wide", "flat", "matrix", "flat_matrix", "inside"}},
@@ -662,7 +662,8 @@ static inline void set_shadow(random_scene *x, sps_light *light, int n, int shad
                                                     SPS_TMAP_TABLE};
     sps_tmap_settings *map = &x->maps[n];
     light->no_shadow = shadow == SHADOW_NONE;
-    if (shadow < SHADOW_DEEP) return;
+    light->shadow_source = shadow == SHADOW_SLABS ? SPS_SHADOW_SHEETS : SPS_SHADOW_AUTO;
+    if (shadow < SHADOW_DEEP || shadow == SHADOW_AUTO) return;
     light->shadow_map = map;
     map->technique = techniques[shadow - SHADOW_DEEP];
     if (map->technique == SPS_TMAP_COMPRESSED) map->epsilon = 0.003f;
@@ -712,7 +713,8 @@ static inline void add_lights(random_scene *x) {
     if (others == OTHERS_UNSHADOWED || others == OTHERS_THREE)
         add_scene_light(x, LIGHT_SUN, SHADOW_NONE, draw_below(random, 3));
     if (others == OTHERS_SHADOWED || others == OTHERS_THREE)
-        add_scene_light(x, LIGHT_LAMP, SHADOW_SLABS, draw_below(random, 3));
+        add_scene_light(x, LIGHT_LAMP, levels[SHADOW] == SHADOW_AUTO ? SHADOW_AUTO : SHADOW_SLABS,
+                        draw_below(random, 3));
     if (others == OTHERS_MAP || others == OTHERS_THREE) {
         const int map = SHADOW_DEEP + draw_below(random, 3); /* beside a table, another table */
         add_scene_light(x, LIGHT_SUN, levels[SHADOW] == SHADOW_TABLE ? SHADOW_TABLE : map, draw_below(random, 3));

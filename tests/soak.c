@@ -95,6 +95,13 @@ static void draw_table(check_random random, int levels[FEATURES]) {
         levels[SHADOW] = SHADOW_TABLE;
 }
 
+/* The library's own choice in the place of every other light by slabs or by a table; by a generator of its own. */
+static void draw_auto(check_random random, int levels[FEATURES]) {
+    for (int i = 0; i < 7; ++i) check_next(&random);
+    if ((levels[SHADOW] == SHADOW_SLABS || levels[SHADOW] == SHADOW_TABLE) && one_in(&random, 2))
+        levels[SHADOW] = SHADOW_AUTO;
+}
+
 /* Compatible levels, each as likely as the others; but few scenes are without a light. */
 static void draw_levels(check_random *random, int levels[FEATURES]) {
     int good;
@@ -107,6 +114,7 @@ static void draw_levels(check_random *random, int levels[FEATURES]) {
     } while (!good);
     draw_extent(*random, levels);
     draw_table(*random, levels);
+    draw_auto(*random, levels);
 }
 
 static void judge(soak *s, const outcome *o) {

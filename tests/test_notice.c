@@ -974,6 +974,7 @@ static void test_failed_plans(void) {
         volume->range_fn = range_until;
         ranges_left = n == 1 ? 0 : n == 2 ? 3 : 1000;
         if (n == 3) check_add_point(&s, 0.1, 0.2, 0.1, 1); /* amid what it lights */
+        check_force_sheets(&s);
         if (n == 4) s.view.camera.up[0] = s.view.camera.position[0] = HUGE_VAL;
         memset(&report, 0x55, sizeof report);
         result = sps_plan(context, &s.scene, &s.view, &report);

@@ -806,13 +806,14 @@ static const char *light_refused(stage *x) {
     return sps_error(context);
 }
 
-/* A light amid particles is refused as in a volume. */
+/* A light amid particles that is to shade by sheets is refused as in a volume. */
 static void test_light_inside(void) {
     stage x;
     stage_clear(&x, 13, 11);
     stage_add(&x, 0.5);
     fill(&x, 0, 100, 6);
     check_add_point(&x.s, 0, 0, 0, 1);
+    check_force_sheets(&x.s);
     CHECK(strstr(light_refused(&x), "light[0]") != NULL);
     x.s.light[0].no_shadow = 1;
     stage_render(&x, image_a);

@@ -604,24 +604,25 @@ static void test_beside_what_has_ended(void) {
 
 /* --------------------------------------------------------------------------------------------------------- refusals */
 
-/* A camera amid gas is refused if it sees more than 168.5 degrees, 2 acos(0.1), from the centre of one corner pixel to
-   that of the opposite one: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
+/* The image of a camera amid gas is cut into parts if it sees more than 168.5 degrees, 2 acos(0.1), from the centre of
+   one corner pixel to that of the opposite one: tan(fov / 2) sqrt(2) (SIDE - 1) / SIDE above tan(acos(0.1)). */
 static void test_widest_camera(void) {
     const double limit = 2 * atan(tan(acos(0.1)) / sqrt(2.0) * SIDE / (SIDE - 1));
     for (int wide = 0; wide < 2; ++wide) {
-        sps_image image = {image_a, NULL, 0};
+        sps_plan_report plan;
         check_scene s;
         check_clear(&s, SIDE, SIDE);
         add_slab(&s, 1);
         check_set3(s.view.camera.position, 0, 0, 0);
         check_set3(s.view.camera.target, 0, 0, -1);
         check_perspective(&s.view.camera, limit + (wide ? 1e-4 : -1e-4));
-        CHECK(sps_render(context, &s.scene, &s.view, &image) == (wide ? SPS_ERROR_UNSUPPORTED : SPS_OK));
+        CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+        CHECK((plan.sweep_count == 1) == !wide);
     }
 }
 
-/* A point light is accepted if it sees gas within 78.46 degrees, acos(0.2), of its central ray, and refused beyond. The
-   gas reaches 2.5 voxels beyond the centres of its outermost voxels. */
+/* A point light that shades by sheets is accepted if it sees gas within 78.46 degrees, acos(0.2), of its central ray,
+   and refused beyond. The gas reaches 2.5 voxels beyond the centres of its outermost voxels. */
 static void test_closest_light(void) {
     const double side = 1.7 + 0.25, limit = sqrt(2 * side * side) * 0.2 / sqrt(1 - 0.04);
     for (int close = 0; close < 2; ++close) {
@@ -630,6 +631,7 @@ static void test_closest_light(void) {
         check_clear(&s, 8, 8);
         check_color(add_slab(&s, 1)->albedo, 1, 1, 1);
         check_add_point(&s, 0, 0, 0.25 + 0.25 + limit * (close ? 0.999 : 1.001), 1);
+        check_force_sheets(&s);
         CHECK(sps_render(context, &s.scene, &s.view, &image) == (close ? SPS_ERROR_UNSUPPORTED : SPS_OK));
     }
 }

@@ -507,6 +507,7 @@ static void test_triangle_batches(void) {
     CHECK(o.triangle_calls == 4); /* 802 in batches of 256 */
     CHECK(o.stats.triangles == 802);
     check_add_directional(&t.s, -0.3, -1, -0.6, 2);
+    check_force_sheets(&t.s);
     o = measure(&t);
     CHECK(o.triangle_calls == 4); /* read once for any number of lights */
     CHECK(runs(&o, SPS_PASS_LIGHT_POLYGONS) == 2 && o.plan.sweep_count == 2);
@@ -516,7 +517,7 @@ static void test_triangle_batches(void) {
 /* Distances are kept only if the caller wants them. */
 static void test_depth_only_when_asked(const outcome *full) { CHECK(full->peak_without_depth < full->peak); }
 
-/* Each shadowing light has its own sweep; lights without shadow share one. */
+/* Each light that shades by sheets has its own sweep; lights without shadow share one. */
 static void test_sweeps(const outcome *full) {
     setup t;
     outcome o;
@@ -524,6 +525,7 @@ static void test_sweeps(const outcome *full) {
     check_add_directional(&t.s, -0.3, -1, -0.6, 2);
     check_add_directional(&t.s, -0.4, -1, -0.6, 2)->no_shadow = 1;
     check_add_directional(&t.s, -0.5, -1, -0.6, 0);
+    check_force_sheets(&t.s);
     o = measure(&t);
     CHECK(o.plan.sweep_count == 2 && runs(&o, SPS_PASS_EYE_SHEETS) == 2 && runs(&o, SPS_PASS_LIGHT_SHEETS) == 2);
     CHECK(runs(&o, SPS_PASS_EMISSION) == 1 && runs(&o, SPS_PASS_AMBIENT) == 1);

@@ -360,6 +360,7 @@ static void test_emission_once(void) {
     add_ground();
     shade(check_add_mesh(&s, &ground, 0.5), &seen);
     s.light[0].no_shadow = 0;
+    check_force_sheets(&s);
     seen.keeps = 0;
     for (int lit = 0; lit < 2; ++lit) {
         check_color(seen.emission, lit * 0.5, lit * 0.5, lit * 0.5);

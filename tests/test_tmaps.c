@@ -3258,8 +3258,10 @@ static void test_light_inside(void) {
     p.s.view.slab = 0.5;
     p.s.view.quality = SPS_QUALITY_HIGH;
     light->shadow_map_size = 32;
+    light->shadow_source = SPS_SHADOW_SHEETS;
     CHECK(sps_render(context, &p.s.scene, &p.s.view, &image) == SPS_ERROR_UNSUPPORTED);
-    CHECK(strstr(sps_error(context), "shadow_map") != NULL);
+    CHECK(strstr(sps_error(context), "shadow_source") != NULL);
+    light->shadow_source = SPS_SHADOW_AUTO;
     lit_by_map(&p, light);
     check_render(context, &p.s, image_a);
     check_march(context, &p.s, 0.25, image_b, NULL);
@@ -3308,6 +3310,7 @@ static void test_lights_together(void) {
     lit_by_map(&p, check_add_directional(&p.s, 1, -1, -0.5, 1));
     check_add_directional(&p.s, -0.2, -1, -2, 1);
     check_add_directional(&p.s, 0.2, -0.5, 1, 1); /* towards the eye: its sweep is composited back to front */
+    p.s.light[3].shadow_source = SPS_SHADOW_SHEETS;
     CHECK(render_lights(context, &p, 1, image_a) == 1 && render_lights(context, &p, 2, image_b) == 1);
     CHECK(render_lights(context, &p, 3, image_c) == 1);
     CHECK(brightest(image_a, PIXELS) > 0.05 && brightest(image_b, PIXELS) > 0.05);

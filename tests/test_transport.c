@@ -555,6 +555,7 @@ static void test_light_inside(void) {
         slab = add_slab(&s, 11, 5, 1);
         check_color(slab->albedo, 1, 1, 1);
         check_add_point(&s, 0, 0, 0, 1);
+        check_force_sheets(&s);
         s.view.slab = slabs[n % 3];
         CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_UNSUPPORTED);
         s.light[0].no_shadow = 1;

@@ -1,0 +1,368 @@
+/* How the library shades gas where the caller leaves it open: sheets where slabs serve light and camera, a table where
+   none do, and a table for further lights that can share a sweep. Plan and render agree; the caller can force either.
+ */
+
+#include "check.h"
+
+enum { SIDE = 40, COUNT = 4 * SIDE * SIDE, PARTICLES = 50 };
+static float image_a[COUNT], image_b[COUNT];
+static sps_context *context;
+static sps_tmap_settings table;
+
+static const char in_gas[] = "a table: the light is in the gas";
+static const char by_camera[] = "a table: no slabs serve both the light and so wide a camera";
+static const char shared[] = "a table: the light shares the sweep of another";
+
+/* --- scenes --- */
+
+static double puff(const void *user, const double p[3]) {
+    const double r = spsi_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
+    (void)user;
+    return fmin(fmax(2.5 * (0.8 + ripples - r), 0), 1);
+}
+
+static const check_field puff_field = {puff, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+
+static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.9f, 0.6f, 0.3f}, 6}};
+static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
+
+static sps_particle swarm[PARTICLES];
+
+static int read_swarm(void *user, size_t first, size_t count, sps_particle *out) {
+    (void)user;
+    memcpy(out, swarm + first, count * sizeof *out);
+    return 0;
+}
+
+enum { GAS, TISSUE, SWARM, KINDS };
+
+static void add_puff(check_scene *s) {
+    sps_volume *volume = check_add_volume(s, 25, 25, 25, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field;
+    volume->user = (void *)(size_t)&puff_field;
+    volume->extinction = 3;
+    check_color(volume->albedo, 0.9, 0.8, 0.7);
+}
+
+static void add_swarm(check_scene *s) {
+    static sps_particles set;
+    check_random random = {5};
+    for (int i = 0; i < PARTICLES; ++i) {
+        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.4 * check_next(&random) - 0.7);
+        swarm[i].radius = 0.25f;
+        swarm[i].optical_depth = 0.5f;
+    }
+    memset(&set, 0, sizeof set);
+    set.count = PARTICLES, set.read_fn = read_swarm;
+    check_color(set.albedo, 0.8, 0.7, 0.9);
+    s->scene.particles = &set, s->scene.particle_set_count = 1;
+}
+
+/* Something about the origin, without a light. */
+static void start(check_scene *s, int kind) {
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 1.5, 2, 5);
+    check_perspective(&s->view.camera, 0.5);
+    if (kind == SWARM)
+        add_swarm(s);
+    else
+        add_puff(s);
+    if (kind == TISSUE) s->volume[0].transfer = &tissue, s->volume[0].shading = SPS_SHADING_SURFACE;
+}
+
+static double mean_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < COUNT; ++i) sum += (double)image[i] / COUNT;
+    return sum;
+}
+
+/* --- plan and render --- */
+
+typedef struct outcome {
+    sps_plan_report plan;
+    sps_stats_report stats;
+} outcome;
+
+static outcome render_with(sps_context *with, const check_scene *s, float *image) {
+    outcome o;
+    CHECK_OK(with, sps_plan(with, &s->scene, &s->view, &o.plan));
+    check_render(with, s, image);
+    sps_get_stats(with, &o.stats);
+    return o;
+}
+
+/* Plans and renders. `sheets` and `tables`: the numbers of lights that shade by either, in both; without particles,
+   which a plan has not seen. `reason`: the plan's for its maps; NULL: any. */
+static outcome check_chosen(const check_scene *s, int sheets, int tables, const char *reason, float *image) {
+    const int seen = s->scene.particle_set_count == 0;
+    const outcome o = render_with(context, s, image);
+    const sps_pass_report *pass = o.plan.pass;
+    const int sweeps = sheets > 0 ? sheets : 1;
+    if (!CHECK((int)(o.stats.tables_made + o.stats.tables_held) == tables) ||
+        !CHECK((o.stats.light_fragments > 0) == (sheets > 0)))
+        printf("    %d tables\n", (int)o.stats.tables_made);
+    if (!CHECK(pass[SPS_PASS_LIGHT_SHEETS].runs == sheets || (!seen && pass[SPS_PASS_LIGHT_SHEETS].runs > sheets)) ||
+        !CHECK(pass[SPS_PASS_LIGHT_MAPS].runs == tables || (!seen && pass[SPS_PASS_LIGHT_MAPS].runs > tables)) ||
+        !CHECK(o.plan.sweep_count == sweeps || (!seen && o.plan.sweep_count > sweeps)))
+        printf("    sheets %d, maps %d, sweeps %d\n", pass[SPS_PASS_LIGHT_SHEETS].runs, pass[SPS_PASS_LIGHT_MAPS].runs,
+               o.plan.sweep_count);
+    CHECK(o.stats.bytes <= o.plan.bytes);
+    if (reason && !CHECK(strcmp(pass[SPS_PASS_LIGHT_MAPS].reason, reason) == 0))
+        printf("    %s\n", pass[SPS_PASS_LIGHT_MAPS].reason);
+    return o;
+}
+
+/* --- lights that no slabs serve --- */
+
+/* A lamp in whatever there is needs no setting. The picture is that of a table, to the bit. In the second round it is
+   at a voxel's very centre. */
+static void test_lamp_within(void) {
+    for (int n = 0; n < 2 * KINDS; ++n) {
+        check_scene s;
+        const int kind = n / 2, centred = n % 2;
+        start(&s, kind);
+        check_add_point(&s, centred ? 0 : 0.31, 0, centred ? 0 : -0.2, 3);
+        check_chosen(&s, 0, 1, kind == SWARM ? "a table, if particles turn out to call for one" : in_gas, image_a);
+        s.light[0].shadow_map = &table;
+        check_chosen(&s, 0, 1, "lights have a shadow_map or SPS_SHADOW_TABLE", image_b);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && mean_of(image_a) > 0.01);
+        s.light[0].shadow_map = NULL;
+        s.light[0].shadow_source = SPS_SHADOW_TABLE;
+        check_chosen(&s, 0, 1, "lights have a shadow_map or SPS_SHADOW_TABLE", image_b);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+        check_fails(context, &s, image_b, SPS_ERROR_UNSUPPORTED, "light[0] is inside or too close to the ");
+    }
+}
+
+/* What decides is the box of the volume, which is known before reading: a lamp in its empty corner has a table, and by
+   force sheets, which see that nothing is there. */
+static void test_empty_corner(void) {
+    check_scene s;
+    start(&s, GAS);
+    s.volume[0].placement = check_box(-3, -3, -3, 3, 3, 3);
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 75;
+    check_add_point(&s, 2.8, 2.8, 2.8, 30);
+    check_chosen(&s, 0, 1, in_gas, image_a);
+    s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+    check_render(context, &s, image_b);
+    CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * mean_of(image_b));
+}
+
+/* From close by, with 120 degrees, slabs half-way to a light from the side graze rays at the image's edge. */
+static void test_wide_camera(void) {
+    for (int kind = GAS; kind < SWARM; ++kind) {
+        check_scene s;
+        start(&s, kind);
+        check_set3(s.view.camera.position, 0, 0, 0.9);
+        check_perspective(&s.view.camera, 2.0944);
+        check_add_directional(&s, 1, 0, 0.2, 2);
+        check_chosen(&s, 0, 1, by_camera, image_a);
+        s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+        check_fails(context, &s, image_b, SPS_ERROR_UNSUPPORTED, "narrow it, or set shadow_source or no_shadow on");
+    }
+}
+
+/* A light with an extent has no table, unless its penumbrae could not be told from sharp shadows: within half a texel
+   of a 25th of the box's width, which is 3.5 units from corner to corner. A sun of 0.005 radians blurs by 0.0173 units,
+   half of 0.035; one of 0.02 by 0.069. */
+static void test_extents(void) {
+    static const double suns[] = {0.005, 0.02};
+    check_scene s;
+    start(&s, GAS);
+    check_set3(s.view.camera.position, 0, 0, 0.9);
+    check_perspective(&s.view.camera, 2.0944);
+    check_add_directional(&s, 1, 0, 0.2, 2);
+    for (int i = 0; i < 2; ++i) {
+        s.light[0].angular_diameter = suns[i];
+        if (i == 0) check_chosen(&s, 0, 1, by_camera, image_a);
+        if (i == 1) check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "or set no_shadow on light[0]");
+    }
+    start(&s, GAS);
+    check_add_point(&s, 0.1, 0, 0.1, 3);
+    s.light[0].kind = SPS_LIGHT_DISC;
+    for (int i = 0; i < 2; ++i) {
+        s.light[0].axes[0][0] = s.light[0].axes[1][1] = i ? 40 : 1e-3;
+        check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "move it away, or set no_shadow on it");
+    }
+    s.light[0].shadow_source = SPS_SHADOW_TABLE;
+    check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED,
+                "light[0].shadow_source is SPS_SHADOW_TABLE: a table holds");
+}
+
+/* --- lights that share a sweep --- */
+
+static void add_two(check_scene *s, int kind) {
+    start(s, kind);
+    check_add_directional(s, 0.5, -1, -0.4, 3);
+    check_add_point(s, -1.5, 3, 1.2, 30);
+}
+
+/* The first light keeps its sheets, the second takes a table; both together are within 0.5 % of two lights by sheets.
+ */
+static void test_two_lights(void) {
+    for (int kind = GAS; kind < KINDS; ++kind) {
+        check_scene s;
+        double off;
+        add_two(&s, kind);
+        check_chosen(&s, kind == TISSUE ? 2 : 1, kind != TISSUE,
+                     kind == GAS     ? shared
+                     : kind == SWARM ? "a table, if particles turn out to call for one"
+                                     : "no light that casts shadows has a shadow_map or a table",
+                     image_a);
+        check_force_sheets(&s);
+        check_chosen(&s, 2, 0, NULL, image_b);
+        off = check_rms(image_a, image_b, COUNT) / mean_of(image_b);
+        if (!CHECK(kind == TISSUE ? off <= 0 : off > 0 && off < 0.005)) printf("    kind %d: off by %g\n", kind, off);
+        s.light[1].shadow_source = SPS_SHADOW_TABLE;
+        check_chosen(&s, 1, 1, NULL, image_b);
+        CHECK((memcmp(image_a, image_b, sizeof image_a) == 0) == (kind != TISSUE));
+    }
+}
+
+/* Lights before the first by sheets do not count; lights of another kind neither take a table nor make others do. */
+static void test_order(void) {
+    check_scene s;
+    add_two(&s, GAS);
+    s.light[0].shadow_source = SPS_SHADOW_TABLE;
+    check_chosen(&s, 1, 1, "lights have a shadow_map or SPS_SHADOW_TABLE", image_a);
+    s.light[0].shadow_source = SPS_SHADOW_AUTO;
+    s.light[0].no_shadow = 1;
+    check_chosen(&s, 1, 0, NULL, image_a);
+    s.light[0].no_shadow = 0;
+    s.light[1].shadow_map_omnidirectional = 1; /* six faces take longer than a sweep */
+    check_chosen(&s, 2, 0, NULL, image_a);
+    s.light[1].shadow_map_omnidirectional = 0;
+    s.light[1].shadow_source = SPS_SHADOW_SHEETS;
+    check_chosen(&s, 2, 0, NULL, image_a);
+    s.light[1].shadow_source = SPS_SHADOW_AUTO;
+    s.light[1].kind = SPS_LIGHT_DISC;
+    s.light[1].axes[0][0] = s.light[1].axes[1][1] = 0.3;
+    check_chosen(&s, 2, 0, NULL, image_a);
+    check_add_point(&s, 0, 0, 0, 3);
+    check_chosen(&s, 2, 1, in_gas, image_a);
+    s.scene.light_count = 2;
+    s.view.no_shadows = 1;
+    check_chosen(&s, 0, 0, NULL, image_a);
+}
+
+/* A table that would need more than 256 entries on a side, or along the light, shows less than sheets. Where the caller
+   sets the size of both it counts, too. */
+static void test_capped(void) {
+    static const int sizes[3][3] = {{300, 6, 6}, {6, 300, 6}, {150, 6, 6}};
+    for (int n = 0; n < 5; ++n) {
+        check_scene s;
+        const int along = n % 3;
+        float value = 1;
+        start(&s, GAS);
+        s.volume[0].eval_fn = check_eval_constant, s.volume[0].user = &value;
+        for (int i = 0; i < 2; ++i) check_add_directional(&s, 0, -1, -1e-3 * i, 2);
+        if (n < 3) memcpy(s.volume[0].size, sizes[along], sizeof sizes[along]);
+        for (int k = 0; k < 3; ++k) s.volume[0].placement.axis[k][k] = n < 3 ? sizes[along][k] / 100.0 : 2;
+        if (n == 3) s.view.shadow_size = 100; /* 2 units in 100 texels, and as many planes */
+        if (n == 4) s.view.shadow_size = 100, s.light[1].shadow_map_size = 60;
+        check_chosen(&s, n == 2 || n == 3 ? 1 : 2, n == 2 || n == 3, NULL, image_a);
+    }
+}
+
+/* The least memory limit with which a scene's second light is planned to have a table. */
+static size_t find_limit(const check_scene *s) {
+    size_t low = 1 << 20, high = (size_t)1 << 30;
+    while (high - low > 1) {
+        check_hooks hooks;
+        sps_plan_report plan;
+        sps_context *limited;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.memory_limit = low + (high - low) / 2;
+        limited = check_context(&hooks);
+        if (sps_plan(limited, &s->scene, &s->view, &plan) == SPS_OK && plan.sweep_count == 1)
+            high = hooks.memory_limit;
+        else
+            low = hooks.memory_limit;
+        sps_destroy(limited);
+    }
+    return high;
+}
+
+/* Where the limit leaves no room for the table there are sheets, and the scene that fits with a table stays within it.
+   A second table needs more. What the context holds from before changes nothing. */
+static void test_memory(void) {
+    size_t limit[2];
+    check_scene s;
+    add_two(&s, GAS);
+    for (int n = 0; n < 2; ++n) {
+        if (n) check_add_directional(&s, -0.5, -1, -0.4, 3);
+        limit[n] = find_limit(&s);
+        for (int less = 0; less < 2; ++less) {
+            check_hooks hooks;
+            sps_context *limited;
+            outcome o;
+            memset(&hooks, 0, sizeof hooks);
+            hooks.memory_limit = limit[n] - (size_t)less;
+            limited = check_context(&hooks);
+            for (int again = 0; again < 2; ++again) {
+                o = render_with(limited, &s, image_a);
+                CHECK(o.plan.sweep_count == 1 + less && o.stats.tables_made == (uint64_t)(n + 1 - less));
+            }
+            CHECK(hooks.peak <= limit[n]);
+            sps_destroy(limited);
+        }
+    }
+    CHECK(limit[1] > limit[0] + 100000);
+}
+
+/* --- what a plan cannot know, and errors --- */
+
+/* The plan of particles is a bound, but a sun that any camera of moderate width serves has sheets for certain. */
+static void test_unread_particles(void) {
+    check_scene s;
+    start(&s, SWARM);
+    check_add_directional(&s, 0.5, -1, -0.4, 3);
+    check_chosen(&s, 1, 0, "no light that casts shadows has a shadow_map or a table", image_a);
+    check_add_point(&s, 0, 4, 0, 9);
+    CHECK(check_chosen(&s, 1, 1, "a table, if particles turn out to call for one", image_a).plan.sweep_count == 2);
+    add_puff(&s);
+    check_chosen(&s, 1, 1, "a table, if particles turn out to call for one", image_a);
+    check_set3(s.light[1].position, 0, 0, 0); /* in the volume, whatever the particles are */
+    check_chosen(&s, 1, 1, NULL, image_a);
+}
+
+static void test_refused(void) {
+    check_scene s;
+    sps_tmap_settings fourier;
+    memset(&fourier, 0, sizeof fourier);
+    fourier.technique = SPS_TMAP_FOURIER;
+    add_two(&s, GAS);
+    s.light[1].shadow_source = (sps_shadow_source)3;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT,
+                "light[1].shadow_source is 3; it must be an sps_shadow_source");
+    s.light[1].shadow_source = SPS_SHADOW_SHEETS;
+    s.light[1].shadow_map = &table;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT,
+                "light[1].shadow_source is SPS_SHADOW_SHEETS, and shadow_map is");
+    s.light[1].shadow_map = &fourier;
+    s.light[1].shadow_source = SPS_SHADOW_TABLE;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT,
+                "light[1].shadow_source is SPS_SHADOW_TABLE, and shadow_map is");
+    s.light[1].shadow_map = &table;
+    check_render(context, &s, image_a);
+    s.light[1].shadow_source = SPS_SHADOW_AUTO;
+    check_render(context, &s, image_b);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_lamp_within);
+    RUN(test_empty_corner);
+    RUN(test_wide_camera);
+    RUN(test_extents);
+    RUN(test_two_lights);
+    RUN(test_order);
+    RUN(test_capped);
+    RUN(test_memory);
+    RUN(test_unread_particles);
+    RUN(test_refused);
+    sps_destroy(context);
+    return check_report();
+}

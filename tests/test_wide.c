@@ -1,0 +1,313 @@
+/* Very wide cameras: images that slabs of one direction cannot serve are cut into parts. Against the reference, against
+   narrower cameras, across the seams; regions, workers and plans. */
+
+#include "check.h"
+
+enum { SIDE = 48, COUNT = 4 * SIDE * SIDE, PARTICLES = 80 };
+static float image_a[COUNT], image_b[COUNT], depth_a[COUNT], depth_b[COUNT];
+static sps_context *context;
+static check_triangles ground;
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+/* --- scenes around the eye --- */
+
+static double waves(const void *user, const double p[3]) {
+    (void)user;
+    return 0.6 + 0.2 * (sin(3 * p[0]) + sin(3 * p[1] + 1) + sin(3 * p[2] + 2));
+}
+
+static const check_field wave_field = {waves, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+static const sps_transfer_point points[] = {
+    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.9f, 0.6f, 0.3f}, 0}, {1.2f, {0.4f, 0.6f, 0.9f}, 2}};
+static const sps_transfer tissue = {points, 3, NULL, NULL, 0};
+static sps_particle swarm[PARTICLES];
+
+static int read_swarm(void *user, size_t first, size_t count, sps_particle *out) {
+    (void)user;
+    memcpy(out, swarm + first, count * sizeof *out);
+    return 0;
+}
+
+static void add_swarm(check_scene *s) {
+    static sps_particles set;
+    check_random random = {3};
+    for (int i = 0; i < PARTICLES; ++i) {
+        const double turn = 6.2831853 * check_next(&random), height = 2 * check_next(&random) - 1;
+        const double distance = 1 + check_next(&random), across = sqrt(1 - height * height);
+        swarm[i].position[0] = (float)(distance * across * cos(turn));
+        swarm[i].position[1] = (float)(distance * across * sin(turn));
+        swarm[i].position[2] = (float)(distance * height);
+        swarm[i].radius = 0.4f, swarm[i].optical_depth = 0.5f;
+    }
+    memset(&set, 0, sizeof set);
+    set.count = PARTICLES, set.read_fn = read_swarm, set.soft = 1;
+    check_color(set.albedo, 0.8, 0.7, 0.9);
+    s->scene.particles = &set, s->scene.particle_set_count = 1;
+}
+
+enum { GAS, TISSUE, SWARM, MIXED, KINDS };
+static const char *const names[] = {"gas", "surface", "particles", "gas and ground"};
+
+/* Something on all sides of the eye, under a sun. */
+static void start(check_scene *s, int kind, double angle) {
+    const double origin[3] = {-9, -0.6, -9}, u[3] = {18, 0, 0}, v[3] = {0, 0, 18};
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 0.05, 0.1, 0);
+    check_set3(s->view.camera.target, 0.25, 0.2, -1);
+    check_perspective(&s->view.camera, angle);
+    check_add_directional(s, 1, -2, 0.3, 3);
+    check_color(s->scene.background, 0.1, 0.2, 0.3);
+    if (kind == SWARM) {
+        add_swarm(s);
+        return;
+    }
+    {
+        sps_volume *volume = check_add_volume(s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
+        volume->eval_fn = check_eval_field;
+        volume->user = (void *)(size_t)&wave_field;
+        volume->extinction = 1.5;
+        check_color(volume->albedo, 0.9, 0.8, 0.7);
+        check_color(volume->emission, 0.05, 0, 0.02);
+        if (kind == TISSUE) volume->transfer = &tissue, volume->shading = SPS_SHADING_SURFACE;
+    }
+    if (kind != MIXED) return;
+    ground.count = 0;
+    check_add_quad(&ground, origin, u, v);
+    check_add_mesh(s, &ground, 0.5);
+}
+
+static double mean_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < COUNT; ++i) sum += (double)image[i] / COUNT;
+    return sum;
+}
+
+static sps_plan_report plan_of(const check_scene *s) {
+    sps_plan_report plan;
+    CHECK_OK(context, sps_plan(context, &s->scene, &s->view, &plan));
+    return plan;
+}
+
+/* --- how right they are --- */
+
+/* Root mean square change of the error from one pixel to the next: across the seam in the middle, or elsewhere. */
+static double error_step(int at_seam) {
+    double sum = 0;
+    int count = 0;
+    for (int y = 0; y < SIDE; ++y)
+        for (int x = 1; x < SIDE; ++x)
+            for (int c = 0; c < 3; ++c) {
+                const int i = 4 * (y * SIDE + x) + c;
+                const double here = (double)image_a[i] - (double)image_b[i];
+                const double before = (double)image_a[i - 4] - (double)image_b[i - 4];
+                if ((x == SIDE / 2) == at_seam) sum += (here - before) * (here - before), ++count;
+            }
+    return sqrt(sum / count);
+}
+
+/* 160 degrees in one sweep, 170 in four. Pixels in the middle are tan(85) / tan(80) = 2.02 times as wide, so that
+   errors may grow by as much. No seam: the error changes across it by at most 1.5 times as much as elsewhere, or as
+   there in one sweep. Gas, whose errors do not depend on pixels, is within 0.2 % at any angle, and changes by no more
+   than that, half a step of a display. */
+static void test_against_reference(void) {
+    static const double angles[] = {2.793, 2.967, 3.1};
+    for (int kind = GAS; kind < KINDS; ++kind) {
+        const int smooth = kind == GAS || kind == MIXED;
+        double off_one = 0, step_one = 0;
+        for (int n = 0; n < (smooth ? 3 : 2); ++n) {
+            check_scene s;
+            double mean, off, elsewhere, seam;
+            start(&s, kind, angles[n]);
+            CHECK(plan_of(&s).sweep_count == (n ? 4 : 1));
+            if (!check_render_depth(context, &s, image_a, depth_a)) continue;
+            check_march(context, &s, kind == TISSUE ? 0.125 : 0.25, image_b, depth_b);
+            mean = mean_of(image_b), off = check_rms(image_a, image_b, COUNT) / mean;
+            elsewhere = error_step(0) / mean, seam = error_step(1) / mean;
+            if (figures())
+                printf("%s, %.0f degrees: rms %.5f of the mean, error's step %.5f, at the seam %.5f\n", names[kind],
+                       angles[n] * 57.29578, off, elsewhere, seam);
+            if (n == 0) off_one = off, step_one = fmax(elsewhere, seam);
+            CHECK(mean > 0.05 && off <= 2.02 * off_one);
+            if (n < 2) CHECK(seam <= 1.5 * fmax(step_one, elsewhere));
+            if (n && smooth) CHECK(off < 0.002 && seam < 0.002 && check_rms(depth_a, depth_b, COUNT / 4) < 0.01);
+        }
+    }
+}
+
+/* The middle of a picture of 170 degrees, where four parts meet, is a picture of 125 degrees in one sweep. An error of
+   second order is 4/3 of what halving the slabs changes; the two differ by the sum of theirs at most, and by round-off.
+ */
+static void test_middle(void) {
+    for (int kind = GAS; kind < KINDS; ++kind) {
+        static float image[2][2][4 * 32 * 32];
+        double error[2];
+        if (kind == TISSUE)
+            continue; /* its gradients' error does not fall with the slabs, but is of the pixels' width */
+        for (int wide = 0; wide < 2; ++wide) {
+            for (int fine = 0; fine < 2; ++fine) {
+                check_scene s;
+                start(&s, kind, wide ? 2.967 : 2 * atan(32.0 / 192 * tan(0.5 * 2.967)));
+                s.light[0].shadow_source = SPS_SHADOW_TABLE;
+                s.view.width = s.view.height = wide ? 192 : 32;
+                s.view.slab = fine ? 0.25 : 0.5;
+                s.view.region[2] = s.view.region[3] = 32;
+                if (wide) s.view.region[0] = s.view.region[1] = 80;
+                CHECK(plan_of(&s).sweep_count == (wide ? 4 : 1));
+                check_render(context, &s, image[wide][fine]);
+            }
+            error[wide] = 4.0 / 3 * check_rms(image[wide][0], image[wide][1], 4 * 32 * 32);
+        }
+        if (figures())
+            printf("%s: differ by %.6f, errors %.6f and %.6f\n", names[kind],
+                   check_rms(image[0][0], image[1][0], 4 * 32 * 32), error[0], error[1]);
+        CHECK(check_rms(image[0][0], image[1][0], 4 * 32 * 32) <= error[0] + error[1] + 1e-5);
+    }
+}
+
+/* --- cuts --- */
+
+/* Cameras off their axis are cut where rays are perpendicular to the image, if that is inside; and no more than needed:
+   a wide strip into two. */
+static void test_matrices(void) {
+    static const double edges[][4] = {
+        {-20, 20, -0.5, 0.5}, {-0.5, 0.5, -20, 20}, {-3, 40, -9, 30}, {0.5, 60, -0.5, 0.5}};
+    static const int sweeps[] = {2, 2, 4, 1};
+    for (int n = 0; n < 4; ++n) {
+        const double *e = edges[n], w = e[1] - e[0], h = e[3] - e[2];
+        const double matrix[16] = {2 / w, 0, (e[0] + e[1]) / w, 0, 0, 2 / h, (e[2] + e[3]) / h, 0, 0, 0, -1, -0.1, 0, 0,
+                                   -1,    0};
+        check_scene s;
+        start(&s, GAS, 0);
+        check_matrix(&s.view.camera, matrix);
+        CHECK(plan_of(&s).sweep_count == sweeps[n]);
+        check_render(context, &s, image_a);
+        check_march(context, &s, 0.25, image_b, NULL);
+        if (!CHECK(check_rms(image_a, image_b, COUNT) < 0.002 * mean_of(image_b)))
+            printf("    camera %d: off by %g of %g\n", n, check_rms(image_a, image_b, COUNT), mean_of(image_b));
+    }
+}
+
+/* Images of few pixels are cut, too, between any of them. */
+static void test_few_pixels(void) {
+    for (int n = 0; n < 12; ++n) {
+        check_scene s;
+        start(&s, GAS, 3.1);
+        s.view.width = 1 + n % 4, s.view.height = 1 + n / 4 % 3;
+        check_render(context, &s, image_a);
+        check_march(context, &s, 0.25, image_b, NULL);
+        for (int i = 0; i < 4 * s.view.width * s.view.height; ++i) CHECK_NEAR(image_a[i], (double)image_b[i], 0.005);
+    }
+}
+
+static int count_rows(void *user, size_t count, const float *directions, float *out_rgb) {
+    *(int *)user += 1;
+    for (size_t i = 0; i < 3 * count; ++i) out_rgb[i] = 0.5f + 0.5f * directions[i];
+    return 0;
+}
+
+static const int region[4] = {41, 33, 77, 61};
+static float whole[4 * 150 * 130], part[4 * 77 * 61], part_depth[77 * 61], whole_depth[150 * 130];
+
+/* A region is that part of the whole to the bit, with a background by rows. A region within one part takes one sweep.
+ */
+static void test_region(void) {
+    for (int kind = GAS; kind < KINDS; ++kind) {
+        sps_stats_report stats;
+        int rows = 0;
+        uint64_t slabs;
+        check_scene s;
+        start(&s, kind, 2.967);
+        s.view.width = 150, s.view.height = 130;
+        s.scene.background_fn = count_rows, s.scene.background_user = &rows;
+        check_render_depth(context, &s, whole, whole_depth);
+        sps_get_stats(context, &stats);
+        CHECK(rows == 130 && stats.background_calls == 130);
+        slabs = stats.slabs;
+        memcpy(s.view.region, region, sizeof region);
+        check_render_depth(context, &s, part, part_depth);
+        for (int y = 0; y < region[3]; ++y) {
+            const int from = (region[1] + y) * 150 + region[0];
+            CHECK(memcmp(part + 4 * y * region[2], whole + 4 * from, 16 * (size_t)region[2]) == 0);
+            CHECK(memcmp(part_depth + y * region[2], whole_depth + from, 4 * (size_t)region[2]) == 0);
+        }
+        CHECK(plan_of(&s).sweep_count == 4);
+        s.view.region[2] = s.view.region[3] = 32; /* columns 41 to 72 of 150, rows 33 to 64 of 130 */
+        CHECK(plan_of(&s).sweep_count == (kind == SWARM ? 4 : 1));
+        check_render(context, &s, part);
+        sps_get_stats(context, &stats);
+        CHECK(stats.slabs < 0.5 * (double)slabs);
+        for (int y = 0; y < 32; ++y) CHECK(memcmp(part + 4 * y * 32, whole + 4 * ((33 + y) * 150 + 41), 16 * 32) == 0);
+    }
+}
+
+/* One worker and three; the plan is a bound of what is held. */
+static void test_workers(void) {
+    for (int kind = GAS; kind < KINDS; ++kind) {
+        for (int workers = 0; workers <= 3; workers += 3) {
+            check_hooks hooks;
+            sps_context *with;
+            sps_plan_report plan;
+            check_scene s;
+            start(&s, kind, 2.967);
+            s.view.width = 150, s.view.height = 130;
+            memset(&hooks, 0, sizeof hooks);
+            hooks.worker_count = workers;
+            with = check_context(&hooks);
+            CHECK_OK(with, sps_plan(with, &s.scene, &s.view, &plan));
+            check_render_depth(with, &s, workers ? whole : (float *)memset(whole, 0, sizeof whole), whole_depth);
+            CHECK(hooks.peak <= plan.bytes);
+            if (!workers) memcpy(part, whole, sizeof part);
+            if (workers) CHECK(memcmp(part, whole, sizeof part) == 0);
+            sps_destroy(with);
+        }
+    }
+}
+
+/* Tiles that become opaque count once, in the part that they belong to: 128 pixels are four tiles and four parts. */
+static void test_tiles(void) {
+    for (int dense = 0; dense < 2; ++dense) {
+        sps_stats_report stats;
+        check_scene s;
+        start(&s, GAS, 2.967);
+        s.view.width = s.view.height = 128;
+        s.volume[0].extinction = dense ? 500 : 1;
+        check_render(context, &s, whole);
+        sps_get_stats(context, &stats);
+        CHECK(stats.tiles_finished == (uint64_t)(4 * dense));
+    }
+}
+
+/* Shadows are made once for all parts. */
+static void test_shadows_once(void) {
+    sps_stats_report stats, narrow;
+    sps_plan_report plan;
+    check_scene s;
+    start(&s, MIXED, 2.967);
+    plan = plan_of(&s);
+    CHECK(plan.pass[SPS_PASS_LIGHT_MAPS].runs == 1 && plan.pass[SPS_PASS_SHADOW_RAYS].runs == 1);
+    CHECK(plan.pass[SPS_PASS_EYE_SHEETS].runs == 4);
+    CHECK(strstr(plan.pass[SPS_PASS_EYE_SHEETS].reason, "one sweep for each part of an image too wide for one"));
+    check_render(context, &s, image_a);
+    sps_get_stats(context, &stats);
+    CHECK(stats.tables_made == 1 && stats.shadow_rays == stats.pixels_of_polygons);
+    check_perspective(&s.view.camera, 2.6);
+    check_render(context, &s, image_a);
+    sps_get_stats(context, &narrow);
+    CHECK(narrow.shadow_rays == narrow.pixels_of_polygons && narrow.slabs < stats.slabs);
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_against_reference);
+    RUN(test_middle);
+    RUN(test_matrices);
+    RUN(test_few_pixels);
+    RUN(test_region);
+    RUN(test_workers);
+    RUN(test_tiles);
+    RUN(test_shadows_once);
+    check_free_triangles(&ground);
+    sps_destroy(context);
+    return check_report();
+}

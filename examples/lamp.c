@@ -43,8 +43,8 @@ static void set_cloud(sps_volume *cloud) {
 
 /* The flame, a ball that glows and hardly shades. */
 static void set_flame(sps_particles *flame, sps_particle *ball) {
-    const float depth = 0.02f;
-    ball->radius = 0.12f, ball->optical_depth = depth;
+    const double depth = 0.02;
+    ball->radius = 0.12f, ball->optical_depth = (float)depth;
     ex_store(ball->position, lamp_place);
     flame->count = 1, flame->read_fn = ex_particles_read, flame->user = ball;
     flame->soft = 1;

@@ -90,7 +90,11 @@ static int load_mesh(mesh_arguments *from, sps_mesh *mesh, ex_error *error) {
 
 /* Sets the technique by which all lights cast the shadows of gas. */
 static void set_shadows(arguments *all, sps_light *lights) {
-    for (int i = 0; i < all->light_count; ++i) lights[i].no_shadow = shadow_is(all, "none");
+    for (int i = 0; i < all->light_count; ++i) {
+        lights[i].no_shadow = shadow_is(all, "none");
+        if (shadow_is(all, "sheets")) lights[i].shadow_source = SPS_SHADOW_SHEETS;
+        lights[i].shadow_map_size = all->table_size; /* of tables that the library chooses */
+    }
     if (!has_maps(all)) return;
     all->map.technique = (sps_tmap_technique)all->shadow; /* the names are in their order */
     all->map.window = (sps_tmap_window)all->map_window;
@@ -306,8 +310,9 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT)
         way_out = all->lights[why.index].size.count > 0 || all->lights[why.index].angle > 0
                       ? " (--no-shadows and --reference have no such limit)"
-                      : " (--shadow with a map, --no-shadows and --reference have no such limit)";
-    if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW) way_out = " (--reference has no such limit)";
+                      : " (--shadow auto, --no-shadows and --reference have no such limit)";
+    if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
+        way_out = " (--no-shadows and --reference have no such limit)";
     ex_fail(error, "%s%s%s", subject, why.sentence, way_out);
     return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? EX_MISTAKEN : EX_FAILED;
 }
@@ -326,7 +331,8 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
 #define PRINT_COUNT(field) printf("%-16s %" PRIu64 "\n", #field, (uint64_t)plan.field);
     PLAN_COUNTS(PRINT_COUNT)
 #undef PRINT_COUNT
-    printf("%-16s %d\n", "tables_made", shadow_is(all, "table") ? plan.pass[SPS_PASS_LIGHT_MAPS].runs : 0);
+    printf("%-16s %d\n", "tables_made",
+           has_maps(all) && !shadow_is(all, "table") ? 0 : plan.pass[SPS_PASS_LIGHT_MAPS].runs);
     return 0;
 }
 
@@ -388,8 +394,8 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
     memset(&image, 0, sizeof image);
     image.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof *image.rgba);
     const sps_result result =
-        all->reference ? sps_reference(session->context, scene, view, all->slab > 0 ? all->slab : 0.5, &image)
-                       : sps_render(session->context, scene, view, &image);
+        is_marched(all) ? sps_reference(session->context, scene, view, all->slab > 0 ? all->slab : 0.5, &image)
+                        : sps_render(session->context, scene, view, &image);
     ex_progress_end(&session->progress);
     int status = EX_OK;
     if (result != SPS_OK)
@@ -428,6 +434,7 @@ static void begin_arguments(arguments *all, const settings *given) {
     all->width = all->height = 512;
     all->up[1] = 1;
     all->fov = 40;
+    all->shadow = ex_find_name(shadow_names, "auto");
     default_volume(all->volumes);
     default_particles(all->particles);
     default_mesh(all->meshes);

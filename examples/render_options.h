@@ -121,10 +121,10 @@ typedef struct option_rule {
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
-/* sps_tmap_technique, after sheets; and none. */
-static const char *const shadow_names[] = {"sheets",       "deep",    "compressed", "depth",  "opacity",
-                                           "deep-opacity", "fourier", "cosine",     "moment", "adaptive",
-                                           "beer",         "table",   "none",       NULL};
+/* sps_tmap_technique, after sheets; and what is not one. */
+static const char *const shadow_names[] = {"sheets",  "deep",    "compressed", "depth",    "opacity", "deep-opacity",
+                                           "fourier", "cosine",  "moment",     "adaptive", "beer",    "table",
+                                           "auto",    "samples", "none",       NULL};
 static const char *const window_names[] = {"none", "lanczos", "fejer", NULL};
 static const char *const falloff_names[] = {"inverse-square", "none", NULL}; /* in the order of sps_falloff */
 
@@ -437,10 +437,10 @@ static const option_rule options[] = {
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
-    {"--shadow", "sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer|table|none", "what gas shades by: sheets, or this kind of map; none: as --no-shadows; default sheets", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
+    {"--shadow", "auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},
     {"--map-components", "N", "floats a texel of that map, planes of a table; default by --shadow", set_integers, OF_SCENE(map.components), 1, 1, 1024, NULL},
     {"--map-size", "N", "texels along the map's longer side; default as --shadow-size, or by --quality", set_integers, OF_SCENE(map_size), 1, 1, 16384, NULL},
-    {"--table-size", "N", "the same for --shadow table, in place of --map-size; default by --quality, up to 256", set_integers, OF_SCENE(table_size), 1, 1, 16384, NULL},
+    {"--table-size", "N", "the same for tables (--shadow table, auto); default by --quality, up to 256", set_integers, OF_SCENE(table_size), 1, 1, 16384, NULL},
     {"--map-window", "none|lanczos|fejer", "weights of harmonics, for fourier and cosine; default none", set_choice, OF_SCENE(map_window), 1, 0, 0, window_names},
     {"--map-epsilon", "E", "largest error of transmittance, for compressed; default 0.01", set_reals, OF_SCENE(map_epsilon), 1, 1e-6, 0.5, NULL},
     {"--map-cubic", NULL, "monotone cubics between planes instead of straight lines, for opacity and deep-opacity", set_flag, OF_SCENE(map.cubic), NO_NUMBERS},
@@ -448,7 +448,7 @@ static const option_rule options[] = {
     {"--map-running-maximum", NULL, "shadows never grow lighter with depth: slow, for fourier", set_flag, OF_SCENE(map.running_maximum), NO_NUMBERS},
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
-    {"--reference", NULL, "brute-force ray marching: slow; of --quality, --shadow-size, --shadow sees only none", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -754,8 +754,14 @@ static int check_outputs(const arguments *all, ex_error *error) {
 
 static int shadow_is(const arguments *all, const char *name) { return strcmp(shadow_names[all->shadow], name) == 0; }
 
-/* Whether lights have transmittance maps. */
-static int has_maps(const arguments *all) { return !shadow_is(all, "sheets") && !shadow_is(all, "none"); }
+/* Whether all lights have transmittance maps. */
+static int has_maps(const arguments *all) {
+    static const char *const others[] = {"auto", "sheets", "samples", "none", NULL};
+    return ex_find_name(others, shadow_names[all->shadow]) < 0;
+}
+
+/* Whether shadows are traced from every step of every ray. */
+static int is_marched(const arguments *all) { return all->reference || shadow_is(all, "samples"); }
 
 /* Options for transmittance maps must match the technique. */
 static int check_map(const arguments *all, ex_error *error) {
@@ -764,11 +770,12 @@ static int check_map(const arguments *all, ex_error *error) {
         const char *other;             /* but this one */
     } about[] = {
         {"--map-components", {NULL, NULL, NULL}, ""},       {"--map-size", {NULL, NULL, NULL}, "table"},
-        {"--table-size", {"table", NULL, NULL}, ""},        {"--map-window", {"fourier", "cosine", NULL}, ""},
+        {"--table-size", {"table", "auto", NULL}, ""},      {"--map-window", {"fourier", "cosine", NULL}, ""},
         {"--map-epsilon", {"compressed", NULL, NULL}, ""},  {"--map-cubic", {"opacity", "deep-opacity", NULL}, ""},
         {"--map-texel-range", {"fourier", NULL, NULL}, ""}, {"--map-running-maximum", {"fourier", NULL, NULL}, ""}};
     const char *kind = shadow_names[all->shadow];
-    if (has_maps(all) && all->no_shadows) return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);
+    if ((has_maps(all) || shadow_is(all, "samples")) && all->no_shadows)
+        return ex_fail(error, "--shadow %s says nothing with --no-shadows", kind);
     for (size_t i = 0; i < sizeof about / sizeof *about; ++i) {
         const int fits = about[i].kinds[0] ? ex_find_name(about[i].kinds, kind) >= 0
                                            : has_maps(all) && !shadow_is(all, about[i].other);
@@ -815,9 +822,9 @@ static int check(const arguments *all, ex_error *error) {
         return 1;
     if (has(all->given, "--fov") && has(all->given, "--ortho"))
         return ex_fail(error, "--fov (perspective) and --ortho (orthographic) exclude each other: give one of them");
-    if (all->plan && all->reference)
-        return ex_fail(error, "--plan and --reference exclude each other: a plan is about sheets and sweeps, and "
-                              "--reference has none");
+    if (all->plan && is_marched(all))
+        return ex_fail(error, "--plan and %s exclude each other: a plan is about sheets and sweeps, and there are none",
+                       all->reference ? "--reference" : "--shadow samples");
     if (has(all->given, "--region")) {
         if (region[2] < 1 || region[3] < 1 || region[0] + region[2] > all->width || region[1] + region[3] > all->height)
             return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],

@@ -163,6 +163,53 @@ static void test_wide_camera(void) {
     }
 }
 
+/* A cube's half edges about its centre. */
+static double cube(const void *user, const double p[3]) {
+    const double *at = (const double *)user;
+    int inside = 1;
+    for (int i = 0; i < 3; ++i) inside &= fabs(p[i] - at[i]) <= at[3 + i];
+    return inside;
+}
+
+/* Gas in a part of its box, seen and lit from beside it. Slabs half-way between the directions of light and of the eye
+   towards the gas do not serve the first three, and slabs about the camera's axis do. In the last two, neither serves
+   what has been read, but slabs for the whole box do, by which sheets were planned: all render. Errors at medium
+   quality are within 3 %, as in soak. */
+static void test_other_directions(void) {
+    static const struct {
+        double gas[6], eye[3], target[3], angle, light[3];
+        int kind; /* 0: none, 1: directional, 2: point */
+    } views[] = {
+        {{-0.28, -0.28, 0.25, 0.5, 0.42, 0.58}, {0.17, -1.2, -0.08}, {-0.4, 0.99, 0.14}, 2.47, {0, 0, 0}, 0},
+        {{-0.56, 0.51, -0.22, 0.39, 0.32, 0.52}, {-0.43, -0.65, -0.62}, {-0.07, 0.58, 0.52}, 1.21, {1.5, 0.8, -1.9}, 1},
+        {{-0.35, -0.24, -0.27, 0.35, 0.53, 0.29},
+         {0.53, -0.37, -1.05},
+         {-0.41, -0.25, -0.74},
+         0.67,
+         {-1.3, 1.4, -1.9},
+         2},
+        {{0.54, 0.18, 0.06, 0.46, 0.24, 0.52}, {1.01, -0.62, 0.46}, {-0.68, -0.39, -0.8}, 1.22, {1.91, 1.54, -1.26}, 2},
+        {{0.27, 0.15, 0.02, 0.48, 0.58, 0.45}, {1.21, 0.74, -0.65}, {0.52, -0.35, -0.59}, 1.43, {-1.9, 1.58, 0.24}, 2}};
+    for (size_t n = 0; n < sizeof views / sizeof *views; ++n) {
+        const double *l = views[n].light;
+        check_field field = puff_field;
+        check_scene s;
+        field.value_fn = cube, field.user = views[n].gas;
+        start(&s, GAS);
+        s.volume[0].user = &field;
+        memcpy(s.view.camera.position, views[n].eye, sizeof views[n].eye);
+        memcpy(s.view.camera.target, views[n].target, sizeof views[n].target);
+        check_perspective(&s.view.camera, views[n].angle);
+        if (views[n].kind == 1) check_add_directional(&s, l[0], l[1], l[2], 3);
+        if (views[n].kind == 2) check_add_point(&s, l[0], l[1], l[2], 9);
+        if (views[n].kind == 0) check_color(s.scene.ambient, 1, 1, 1);
+        check_chosen(&s, views[n].kind > 0, 0, NULL, image_a);
+        check_march(context, &s, 0.25, image_b, NULL);
+        if (!CHECK(check_rms(image_a, image_b, COUNT) < 0.03 * mean_of(image_b)) || !CHECK(mean_of(image_b) > 1e-3))
+            printf("    view %d: off by %g of %g\n", (int)n, check_rms(image_a, image_b, COUNT), mean_of(image_b));
+    }
+}
+
 /* A light with an extent has no table, unless its penumbrae could not be told from sharp shadows: within half a texel
    of a 25th of the box's width, which is 3.5 units from corner to corner. A sun of 0.005 radians blurs by 0.0173 units,
    half of 0.035; one of 0.02 by 0.069. */
@@ -356,6 +403,7 @@ int main(void) {
     RUN(test_lamp_within);
     RUN(test_empty_corner);
     RUN(test_wide_camera);
+    RUN(test_other_directions);
     RUN(test_extents);
     RUN(test_two_lights);
     RUN(test_order);

@@ -1401,16 +1401,20 @@ static void test_shadow_option(void) {
     static const complaint all[] = {
         {VOLUME "--shadow fourier --map-components 4 " SMALL "--light directional,0,0,-1,1,1,1 --out a.png", 2,
          "--map-components: light[0].shadow_map.components is 4; a Fourier map has 3, 5 .. 65"},
-        {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow sheets"},
+        {VOLUME "--map-size 8 --plan", 2, "--map-size says nothing about --shadow auto"},
         {VOLUME "--shadow deep --no-shadows --plan", 2, "--shadow deep says nothing with --no-shadows"},
         {VOLUME "--shadow opacity --map-window fejer --plan", 2, "--map-window says nothing about --shadow opacity"},
         {VOLUME "--shadow deep --map-epsilon 0.1 --plan", 2, "--map-epsilon says nothing about --shadow deep"},
         {VOLUME "--shadow fourier --map-cubic --plan", 2, "--map-cubic says nothing about --shadow fourier"},
-        {VOLUME "--map-cubic --plan", 2, "--map-cubic says nothing about --shadow sheets"},
+        {VOLUME "--map-cubic --shadow sheets --plan", 2, "--map-cubic says nothing about --shadow sheets"},
         {VOLUME "--map-texel-range --shadow cosine --plan", 2, "--map-texel-range says nothing about --shadow cosine"},
         {VOLUME "--shadow opacity --map-running-maximum --plan", 2,
          "--map-running-maximum says nothing about --shadow opacity"},
-        {VOLUME "--table-size 8 --plan", 2, "--table-size says nothing about --shadow sheets"},
+        {VOLUME "--table-size 8 --shadow sheets --plan", 2, "--table-size says nothing about --shadow sheets"},
+        {VOLUME "--table-size 8 --plan >plan", 0, NULL},
+        {VOLUME "--shadow samples --no-shadows --out a.png", 2, "--shadow samples says nothing with --no-shadows"},
+        {VOLUME "--shadow samples --plan", 2, "--plan and --shadow samples exclude each other"},
+        {VOLUME "--shadow samples --light directional,0,0,1,1,1,1 --light-angle 1 --out a.png", 0, NULL},
         {VOLUME "--shadow deep --table-size 8 --plan", 2, "--table-size says nothing about --shadow deep"},
         {VOLUME "--shadow table --map-size 8 --plan", 2, "--map-size says nothing about --shadow table"},
         {VOLUME "--shadow table --map-cubic --plan", 2, "--map-cubic says nothing about --shadow table"},
@@ -1419,7 +1423,7 @@ static void test_shadow_option(void) {
          "--map-components: light[0].shadow_map.components is 7; a shadow table has 8, 9 .. 1024"},
         {VOLUME "--shadow none --map-components 8 --plan", 2, "--map-components says nothing about --shadow none"},
         {VOLUME "--shadow none --light point,9,9,9,1,1,1 --light-size 1 --plan >plan", 0, NULL},
-        {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not sheets|deep"},
+        {VOLUME "--shadow hairy --plan", 2, "--shadow: 'hairy' is not auto|sheets|deep"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --shadow opacity --map-size 9 " SMALL "--out a.png", 0, NULL},
         {VOLUME "--shadow cosine --map-window lanczos --map-components 6 --light directional,0,0,-1,1,1,1 " SMALL
                 "--out a.png",
@@ -1439,7 +1443,8 @@ static void test_shadow_option(void) {
     CHECK_COMPLAINTS(all);
 }
 
-#define CAST VOLUME "--extinction 15 --light directional,1,-1,-1,9,9,9 "
+#define CAST   VOLUME "--extinction 15 --light directional,1,-1,-1,9,9,9 "
+#define INSIDE "--light point,0.5,0.5,0.5,1,1,1 "
 
 /* Renders both into shadow.pfm. */
 static int same_shadows(const char *line_a, const char *line_b) {
@@ -1454,6 +1459,23 @@ static int says(const char *file, const char *words) {
     static char text[8000];
     CHECK(read_file(file, text, sizeof text) > 0);
     return strstr(text, words) != NULL;
+}
+
+/* By default the first light has sheets, and one in the gas has a table, as large as it is to be; all have sheets where
+   they are forced. Samples are those of the reference. */
+static void test_chosen_option(void) {
+    CHECK(run_render(CAST INSIDE "--stats stats.json --out a.png").status == 0);
+    CHECK(says("stats.json", "\"tables_made\": 1,"));
+    CHECK(run_render(CAST INSIDE "--plan >plan").status == 0);
+    CHECK(says("plan", "a table: the light is in the gas") && says("plan", "tables_made      1\n"));
+    CHECK(same_shadows(CAST INSIDE "--pfm shadow.pfm", CAST INSIDE "--shadow auto --pfm shadow.pfm"));
+    CHECK(!same_shadows(CAST INSIDE "--pfm shadow.pfm", CAST INSIDE "--table-size 8 --pfm shadow.pfm"));
+    CHECK(run_render(CAST "--light directional,1,0,-1,9,9,9 --plan >plan").status == 0);
+    CHECK(says("plan", "a table: the light shares the sweep of another"));
+    CHECK(run_render(CAST "--light directional,1,0,-1,9,9,9 --shadow sheets --plan >plan").status == 0);
+    CHECK(says("plan", "tables_made      0\n") && says("plan", "sweep_count      2\n"));
+    CHECK(same_shadows(CAST "--shadow samples --pfm shadow.pfm", CAST "--reference --pfm shadow.pfm"));
+    CHECK(!same_shadows(CAST "--shadow samples --pfm shadow.pfm", CAST "--pfm shadow.pfm"));
 }
 
 /* The size of a table and its planes change the picture; plan and statistics count tables; --shadow none is
@@ -1472,6 +1494,7 @@ static void test_table_option(void) {
     CHECK(says("plan", "tables_made      1\n"));
     CHECK(run_render(CAST "--shadow deep --plan >plan").status == 0);
     CHECK(says("plan", "tables_made      0\n"));
+    test_chosen_option();
 }
 
 /* Runs a line that writes extent.pfm, and compares it with the same picture of 5 x 4 pixels by the library. Floats
@@ -1763,6 +1786,8 @@ static void test_light_options(void) {
     test_projector_options();
 }
 
+#define WIDE "--camera .5,.5,.5,.5,.5,0 --fov 170 --light directional,1,0,0.1,1,1,1 "
+
 /* Errors that only the library detects name the option. */
 static void test_library_errors(void) {
     static const complaint library[] = {
@@ -1773,10 +1798,12 @@ static void test_library_errors(void) {
         {VOLUME "--ortho 1e-15 --camera 1e15,0,0,0,0,0 --out a.png", 1,
          "--box of two.raw: volume[0].placement's voxel edge"},
         {"--volume nan.raw --type f32 --size 1,1,1 " SMALL "--out a.png", 2, "--volume nan.raw: volume[0].value is "},
-        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--light point,0.5,0.5,0.5,1,1,1: light[0]"},
-        {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --out a.png", 1, "--no-shadows and --reference have no such limit"},
-        {VOLUME "--fov 170 --no-shadows --out a.png", 1, "--fov: view.camera.field_of_view is 2.96706: one of"},
-        {VOLUME "--fov 170 --no-shadows --out a.png", 1, "(--reference has no such limit)"},
+        {VOLUME INSIDE "--shadow sheets --out a.png", 1, "--light point,0.5,0.5,0.5,1,1,1: light[0]"},
+        {VOLUME INSIDE "--shadow sheets --out a.png", 1, "(--shadow auto, --no-shadows and --reference have no such"},
+        {VOLUME INSIDE "--out a.png", 0, NULL},
+        {VOLUME WIDE "--shadow sheets --out a.png", 1, "--fov: view.camera.field_of_view is 2.96706: one of"},
+        {VOLUME WIDE "--shadow sheets --out a.png", 1, "(--no-shadows and --reference have no such limit)"},
+        {VOLUME WIDE "--out a.png", 0, NULL},
         {"--particles nan.f32 " SMALL "--out a.png", 2, "--particles nan.f32: particles[0].particle[0].radius is nan"},
         {VOLUME "--light point,0.5,0.5,0.5,1,1,1 --no-shadows --out a.png", 0, NULL}};
     const float not_a_number = (float)sqrt(-1.0), none[5] = {0, 0, 0, not_a_number, 1};
@@ -1890,8 +1917,8 @@ static void test_help(void) {
                                         "--region x,y,w,h",
                                         "--slab VOXELS",
                                         "--shadow-size N",
-                                        "--shadow sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|"
-                                        "moment|adaptive|beer|table|none",
+                                        "--shadow auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|"
+                                        "cosine|moment|adaptive|beer|table|samples|none",
                                         "--map-components N",
                                         "--map-size N",
                                         "--table-size N",

@@ -59,8 +59,10 @@ CONTENTS (search for the tag)
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light).
-    One sample per pixel: render larger and downsample where the edges of polygons matter, or those of a classified
-    volume whose voxels are smaller than pixels. Gas is filtered: a pixel shows its mean.
+    No refraction, no mirrors: light passes translucent polygons straight on.
+    Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
+    volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
+    filtered: a pixel shows its mean.
 
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
@@ -99,9 +101,10 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     while one is made, by default up to 256^3 entries per face. A light with an extent adds 64 bytes per texel of its
     shadow buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light
     throws takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add
-    28 bytes per triangle of theirs, 24 per pixel of the region, and 0.6 MB. sps_plan returns an upper bound
-    beforehand, without the lists that maps are made from, which may be several times as much; memory_limit is never
-    exceeded.
+    28 bytes per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples
+    add 4 bytes per pixel, 84 per layer of a pixel and more per light, and a band of samples per worker. sps_plan
+    returns an upper bound beforehand, without these layers and the lists that maps are made from, which may be several
+    times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -161,8 +164,8 @@ typedef enum sps_result {
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (sps_light), numbers exceed the range of
-                              floats, or a mesh to be rendered lets light pass */
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (sps_light), or numbers exceed the range of
+                              floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -351,9 +354,9 @@ typedef struct sps_surface {
     float emission[3]; /* the point's own radiance, 0..1e18; seen by the eye, lights nothing else */
 } sps_surface;
 
-/* Opaque triangles, lit on both sides. Their shadows on each other are found by exact rays to the light; the sharpness
-   of their shadows in gas is set by sps_view.shadow_size. Degenerate triangles are skipped; non-finite ones are an
-   error. */
+/* Triangles, lit on both sides: what is seen of them is lit from the eye's side. Their shadows on each other are found
+   by exact rays to the light; the sharpness of their shadows in gas is set by sps_view.shadow_size. Degenerate
+   triangles are skipped; non-finite ones are an error. */
 typedef struct sps_mesh {
     uint32_t start_canary; /* leave 0 */
     size_t triangle_count; /* 0: no mesh; at most 2^29, over all meshes of a scene */
@@ -366,14 +369,19 @@ typedef struct sps_mesh {
     int has_normals, has_colors;
     /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
        region that shows the mesh, even through gas, is passed once, in rows from the top, whatever the number of
-       workers; light is added later. `out` holds the mesh's own color beforehand, or that of the corners, and no
+       workers; where it shows several of its triangles (through translucent ones, or at sampled edges), once for each.
+       Light is added later. `out` holds the mesh's own color beforehand, or that of the corners, and no
        emission. A point's appearance must not depend on the other points of a call, which depend on the region. Values
        out of the ranges of sps_surface are SPS_ERROR_DATA. Maps do not call it. Returns non-zero on failure. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Share of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest of what
-       arrives is reflected, by `color`, or absorbed; for energy to be conserved, the two add up to at most 1.
-       Transmittance maps use the mean of the three. */
+       arrives is reflected, by `color`, or absorbed; for energy to be conserved, the two add up to at most 1. A pixel
+       shows any number of translucent triangles, in order with each other and with gas, and light that passes them
+       colors what it falls on. Cost: of the eye's pixels and, if gas scatters, of the texels of lights' depth maps, 24
+       to 84 bytes per triangle on the ray; each that a pixel shows is shaded, and found by shadow rays, as an opaque
+       one is. From a light with an extent, gas receives the mean of what translucent polygons let pass times the mean
+       of what everything else does. Transmittance maps use the mean of the three colors. */
     float transmittance[3];
     /* Non-zero: the triangles of all meshes, and the tree through which their shadows are traced, are kept for the next
        call, provided that every mesh has a revision and nothing about any of them has changed; otherwise all are read
@@ -741,7 +749,7 @@ typedef enum sps_pass {
 typedef struct sps_pass_report {
     int runs;           /* number of times that the pass runs; 0: skipped */
     const char *reason; /* why it runs or is skipped; a static string */
-    size_t bytes;       /* upper bound held for this pass, without the lists that maps are made from */
+    size_t bytes;       /* upper bound held for this pass, without the lists that maps are made from, and layers */
 } sps_pass_report;
 
 typedef struct sps_plan_report {
@@ -754,11 +762,11 @@ typedef struct sps_plan_report {
     int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
-    /* Upper bound of all that the context will hold, with image.depth, but without the lists that maps are made from,
-       which may be several times as much. Often 2 or 3 times the actual size. With particles, whose extents are not
-       known, lights' sheets and maps count with their maximum size, and the bound is far higher, unless shadow_size or
-       shadow_map_size sets it. Then it holds for lights with an extent if, from none of their points, gas looks more
-       than twice as wide as from their centre. */
+    /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
+       lights) and the lists that maps are made from, which may be several times as much. Often 2 or 3 times the actual
+       size. With particles, whose extents are not known, lights' sheets and maps count with their maximum size, and the
+       bound is far higher, unless shadow_size or shadow_map_size sets it. Then it holds for lights with an extent if,
+       from none of their points, gas looks more than twice as wide as from their centre. */
     size_t bytes;
 } sps_plan_report;
 

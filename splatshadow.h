@@ -16362,9 +16362,10 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
     double low[3], high[3], range[2], room = 0;
     for (int i = 0; i < 3; ++i)
         room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
+    room *= 1e-12;
     for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - 1e-12 * room;
-        high[i] = tree->centre[i] + (double)node->high[i] + 1e-12 * room;
+        low[i] = tree->centre[i] + (double)node->low[i] - room;
+        high[i] = tree->centre[i] + (double)node->high[i] + room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
 }

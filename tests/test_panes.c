@@ -381,6 +381,34 @@ static void shared_edges(const renderer *r) {
 }
 static void test_shared_edges(void) { EACH_RENDERER(shared_edges); }
 
+/* A net seen from anywhere, in perspective or not, with a corner in the middle pixel, up to round-off: each ray passes
+   it once. */
+static void seen_edges(const renderer *r) {
+    check_random random = {5};
+    for (int n = 0; n < 100; ++n) {
+        check_scene s;
+        start(&s, 9, 9);
+        add_net(&lists[0], 16, 0, 0, n % 3 * 0.5);
+        add_mesh(&s, 0.5, 0.25, 0.75);
+        for (int i = 0; i < 3; ++i) {
+            const double at = n % 4 ? 2 * check_next(&random) - 1 : i == 1;
+            s.view.camera.target[i] = i < 2 ? (n * (i + 3) % 9 - 4) * 0.125 : n % 3 * 0.5;
+            s.view.camera.position[i] = s.view.camera.target[i] + (i < 2 ? at : 2 + n % 5);
+        }
+        check_orthographic(&s.view.camera, 9.0 / 16);
+        check_perspective(&s.view.camera, n % 2 ? 0.125 : 0);
+        check_color(s.scene.background, 1, 1, 1);
+        if (!render_into(r, &s, image)) return;
+        for (int i = 0; i < 81; ++i)
+            for (int c = 0; c < 3; ++c)
+                if (!CHECK((double)image[4 * i + c] == (double)s.mesh[0].transmittance[c])) {
+                    printf("    %s, view %d, pixel %d %d: %g\n", r->name, n, i % 9, i / 9, (double)image[4 * i + c]);
+                    return;
+                }
+    }
+}
+static void test_seen_edges(void) { EACH_RENDERER(seen_edges); }
+
 /* A closed net whose corners lie anywhere, seen from within: whatever is inside is lit through it once, and the
    background is seen through it once. The light's color makes the ground 0.5, where its light comes straight down. */
 static void closed_net(const renderer *r) {
@@ -790,6 +818,7 @@ int main(void) {
     RUN(test_sides_of_a_pane);
     RUN(test_penumbra_of_a_pane);
     RUN(test_shared_edges);
+    RUN(test_seen_edges);
     RUN(test_closed_net);
     RUN(test_glowing_fog);
     RUN(test_lit_fog);

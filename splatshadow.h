@@ -894,11 +894,11 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
    each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
    has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
    times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
-   light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle. Particles smaller
-   than a pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas as
-   well; only the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all pixels,
-   then for those seen through these, and so on; all of it again for each sample. The image is written only if SPS_OK is
-   returned. Any sps_result can occur. */
+   light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle, and 144 bytes per
+   pixel of the region. Particles smaller than a pixel are not widened. With coverage_samples, each of a pixel's rays is
+   marched by itself, through gas as well; only the background is that at the pixel's centre. shade_fn is called for the
+   nearest polygons of all pixels, then for those seen through these, and so on; all of it again for each sample. The
+   image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
                                  const sps_image *image);
 
@@ -16370,9 +16370,10 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
     double low[3], high[3], range[2], room = 0;
     for (int i = 0; i < 3; ++i)
         room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
+    room *= 1e-12;
     for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - 1e-12 * room;
-        high[i] = tree->centre[i] + (double)node->high[i] + 1e-12 * room;
+        low[i] = tree->centre[i] + (double)node->low[i] - room;
+        high[i] = tree->centre[i] + (double)node->high[i] + room;
     }
     return spsi_ray_meets_box(ray, low, high, range);
 }

@@ -381,6 +381,34 @@ static void shared_edges(const renderer *r) {
 }
 static void test_shared_edges(void) { EACH_RENDERER(shared_edges); }
 
+/* A net seen from anywhere, in perspective or not, with a corner in the middle pixel, up to round-off: each ray passes
+   it once. */
+static void seen_edges(const renderer *r) {
+    check_random random = {5};
+    for (int n = 0; n < 100; ++n) {
+        check_scene s;
+        start(&s, 9, 9);
+        add_net(&lists[0], 16, 0, 0, n % 3 * 0.5);
+        add_mesh(&s, 0.5, 0.25, 0.75);
+        for (int i = 0; i < 3; ++i) {
+            const double at = n % 4 ? 2 * check_next(&random) - 1 : i == 1;
+            s.view.camera.target[i] = i < 2 ? (n * (i + 3) % 9 - 4) * 0.125 : n % 3 * 0.5;
+            s.view.camera.position[i] = s.view.camera.target[i] + (i < 2 ? at : 2 + n % 5);
+        }
+        check_orthographic(&s.view.camera, 9.0 / 16);
+        check_perspective(&s.view.camera, n % 2 ? 0.125 : 0);
+        check_color(s.scene.background, 1, 1, 1);
+        if (!render_into(r, &s, image)) return;
+        for (int i = 0; i < 81; ++i)
+            for (int c = 0; c < 3; ++c)
+                if (!CHECK((double)image[4 * i + c] == (double)s.mesh[0].transmittance[c])) {
+                    printf("    %s, view %d, pixel %d %d: %g\n", r->name, n, i % 9, i / 9, (double)image[4 * i + c]);
+                    return;
+                }
+    }
+}
+static void test_seen_edges(void) { EACH_RENDERER(seen_edges); }
+
 /* A closed net whose corners lie anywhere, seen from within: whatever is inside is lit through it once, and the
    background is seen through it once. The light's color makes the ground 0.5, where its light comes straight down. */
 static void closed_net(const renderer *r) {
@@ -505,12 +533,32 @@ static void lit_fog(const renderer *r) {
 }
 static void test_lit_fog(void) { EACH_RENDERER(lit_fog); }
 
-/* The eye is in the fog, at z = 1, before a pane at 0.5 and another one at -0.5: with an extinction of s, optical
-   depths are 0.5 s up to the first, s up to the second, and half of the fog's minus 0.5 s behind that. Inside the fog,
-   ripple along a ray adds 4.8e-4 / (2 pi) of a voxel at each end of a part: 1.6e-5 s, less than 4e-5 of any. */
+/* Fog of extinction sigma in front of polygons k = 0..2, which are `away[k]` from the eye and let T[k] pass: the color
+   behind the first k parts of the fog adds surface[k], and the fog S (1 - e^-tau). *distance: mean distance of what is
+   taken away, of one color; a part of length L from distance d on has d (1 - e^-tau) + (1 - e^-tau (1 + tau)) /
+   sigma. */
+static double fog_and_polygons(double sigma, const double away[3], const double T[3], const double surface[3], double S,
+                               double *distance) {
+    double color = 0, through = 1;
+    *distance = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double start = k > 0 ? away[k - 1] : 0, tau = sigma * (away[k] - start);
+        color += through * S * -expm1(-tau);
+        *distance += through * (start * -expm1(-tau) + (1 - exp(-tau) * (1 + tau)) / sigma);
+        through *= exp(-tau);
+        color += through * surface[k];
+        *distance += through * (1 - T[k]) * away[k];
+        through *= T[k];
+    }
+    return color;
+}
+
+/* The eye is in the fog, before two panes and an opaque polygon. Inside the fog, ripple along a ray adds 4.8e-4 / (2
+   pi) of a voxel at each end of a part, relatively less than 4e-5 of any part. Distance is that of the middle of a
+   step, or slab, h <= 0.05: the mean is sigma h^2 / 12 = 1.1e-4 before it. */
 static void eye_in_fog(const renderer *r) {
-    static const double T[2][3] = {{0.5, 0.25, 0.75}, {0.9, 0.6, 0.3}};
-    double exact[3], slack[3];
+    static const double T[3][3] = {{0.5, 0.25, 0.75}, {0.9, 0.6, 0.3}, {0, 0, 0}}, away[3] = {0.5, 1.5, 2.5};
+    double exact[3], slack[3], mean[2] = {0, 0};
     check_scene s;
     start(&s, 3, 3);
     {
@@ -518,22 +566,26 @@ static void eye_in_fog(const renderer *r) {
         check_color(fog->albedo, 0, 0, 0);
         check_color(fog->emission, 0.5, 0.25, 1);
         check_set3(s.view.camera.position, 0, 0, 1);
-        for (int k = 0; k < 2; ++k) add_pane(&s, 0.5 - k, T[k][0], T[k][1], T[k][2]);
-        check_color(s.scene.background, 1, 2, 3);
+        for (int k = 0; k < 3; ++k)
+            check_color(add_pane(&s, 1 - away[k], T[k][0], T[k][1], T[k][2])->color, 0.25, 0.125 * k, 0.5);
+        check_color(s.scene.ambient, 2, 1, 1);
         for (int c = 0; c < 3; ++c) {
-            const double S = (double)(fog->emission[c] / fog->extinction);
-            double at[2];
-            for (int n = 0; n < 2; ++n) {
-                const double sigma = 0.5 * (1 + n * r->ripple), tau[3] = {0.5 * sigma, sigma, 1.5 * sigma};
-                at[n] = c + 1;
-                for (int k = 2; k >= 0; --k) at[n] = S * -expm1(-tau[k]) + exp(-tau[k]) * (k < 2 ? T[k][c] : 1) * at[n];
-            }
-            exact[c] = at[0];
-            slack[c] = fabs(at[1] - at[0]) + 4e-5 * at[0] + EXACT;
+            const double S = (double)(fog->emission[c] / fog->extinction), t[3] = {T[0][c], T[1][c], T[2][c]};
+            double surface[3], distance, change;
+            for (int k = 0; k < 3; ++k) surface[k] = (double)(s.mesh[k].color[c] * s.scene.ambient[c]);
+            exact[c] = fog_and_polygons(0.5, away, t, surface, S, &distance);
+            mean[0] += distance / 3;
+            change = fog_and_polygons(0.5 * (1 + r->ripple), away, t, surface, S, &distance) - exact[c];
+            mean[1] += distance / 3;
+            slack[c] = fabs(change) + 4e-5 * exact[c] + EXACT;
         }
     }
     if (!render_into(r, &s, image)) return;
     check_pixels(r, &s, exact, slack);
+    for (int i = 0; i < 9; ++i) {
+        CHECK_NEAR((double)image[4 * i + 3], 1, EXACT);
+        CHECK_NEAR((double)depths[i], mean[0], fabs(mean[1] - mean[0]) + 4e-5 + 1.1e-4);
+    }
 }
 static void test_eye_in_fog(void) { EACH_RENDERER(eye_in_fog); }
 
@@ -766,6 +818,7 @@ int main(void) {
     RUN(test_sides_of_a_pane);
     RUN(test_penumbra_of_a_pane);
     RUN(test_shared_edges);
+    RUN(test_seen_edges);
     RUN(test_closed_net);
     RUN(test_glowing_fog);
     RUN(test_lit_fog);

@@ -164,8 +164,8 @@ typedef enum sps_result {
     SPS_ERROR_MEMORY,      /* the allocator returned NULL, or memory_limit would be exceeded */
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
-    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light (sps_light), or numbers exceed the range of
-                              floats */
+    SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light has an extent or is to shade by
+                              sheets (sps_light); or numbers exceed the range of floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -587,11 +587,14 @@ typedef struct sps_projector {
    scatters its light as if it came from the centre, and that a surface takes the mean of what polygons let pass times
    the mean of what gas does. Where the extent is 0, shadows are sharp, to the same bits as those of a point. Where gas
    cannot cast or receive a penumbra of half a texel of the light's sheets, by the bounds of all gas and polygons, its
-   shadows are left sharp. Shadows of volumes and particles come from slabs perpendicular to the half-way vector between
-   eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a cosine of at
-   least 0.1; otherwise (a point light inside or close to a volume, a very wide camera) rendering fails with
-   SPS_ERROR_UNSUPPORTED. With no_shadow, slabs are perpendicular to the eye's central ray: only a camera that sees
-   volumes across more than 168 degrees (2.94) from corner to corner is refused then. Polygons have no such limit. */
+   shadows are left sharp. Shadows of volumes and particles by sheets come from slabs perpendicular to the half-way
+   vector between eye and light, so every eye ray and every light ray through the volumes must cross those slabs with a
+   cosine of at least 0.1. Where that cannot be (a point light inside or close to a volume, a very wide camera), the
+   light takes a table (shadow_source). A light with an extent cannot, unless its penumbrae are narrower than half a
+   texel and there are neither polygons nor particles: rendering fails with SPS_ERROR_UNSUPPORTED then. Where no light
+   shades by sheets, slabs are perpendicular to the eye's central ray; the image of a camera that sees volumes across
+   more than 168 degrees (2.94) from corner to corner is rendered in two or four parts, each with slabs of its own.
+   Polygons have no such limit. */
 typedef struct sps_light {
     uint32_t start_canary; /* leave 0 */
     sps_light_kind kind;
@@ -621,7 +624,7 @@ typedef struct sps_light {
        number of points for each sample, 64 if this is 0, and other ones. */
     int samples;
     int no_shadow; /* 1: shines through everything */
-    /* NULL: shadows of gas come from slabs. Otherwise from a transmittance map made with these settings, which has no
+    /* NULL: see shadow_source. Otherwise from a transmittance map made with these settings, which has no
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0. By
        default it is a table. If all volumes have a revision, a table is held for the next call, and used there if
@@ -677,7 +680,7 @@ typedef enum sps_quality {
    several is an error. */
 typedef struct sps_camera {
     double position[3], target[3], up[3]; /* up zero or along the view: an axis across the view is chosen */
-    double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 (volumes: sps_light) */
+    double field_of_view;                 /* perspective: the vertical angle, above 0, up to 3.1 */
     double ortho_height;                  /* orthographic: world height of the image, above 0 */
     /* Instead of all above: 16 numbers, row-major, clip = matrix * (x, y, z, 1), +y up in the image. In perspective,
        depth may run either way and over any range. In an orthographic matrix it must increase away from the eye;
@@ -734,9 +737,9 @@ typedef enum sps_pass {
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
     SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep */
-    SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a shadow_map */
-    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map; counts tables that
-                                turn out to be held */
+    SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a map */
+    SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
+                                tables that turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
@@ -754,7 +757,10 @@ typedef struct sps_pass_report {
 
 typedef struct sps_plan_report {
     sps_pass_report pass[SPS_PASS_COUNT];
-    int sweep_count;                 /* passes over the slabs: one per light that shades by sheets, but at least one */
+    /* Passes over the slabs: one per light that shades by sheets; without such lights, one per part of the image that
+       has pixels in the region, but at least one. With particles, the choice between sheets and tables, and parts, may
+       depend on where they are: then an upper bound, as are runs of the passes that depend on it. */
+    int sweep_count;
     int color_channels;              /* 3, or 1 if every color that plays a part is grey */
     int sheet_channels;              /* values splatted per pixel and slab for the eye */
     int slab_count;                  /* of the longest sweep */
@@ -878,9 +884,9 @@ SPS_API void sps_get_error(const sps_context *context, sps_error_info *info);
 
 /* Reports what sps_render would run for this scene and view, and why. Calls range_fn, but reads no voxels, triangles or
    particles: slab_count is that of the volumes alone, and with particles shadow_width and shadow_height are upper
-   bounds. `report` is filled on SPS_OK and zeroed otherwise. Volumes count with their whole boxes, so UNSUPPORTED, or
-   too many slabs, may be reported where sps_render, which knows the voxels, succeeds. Errors: ARGUMENT, MEMORY,
-   CALLBACK (range_fn), UNSUPPORTED. */
+   bounds. `report` is filled on SPS_OK and zeroed otherwise. How lights shade gas is chosen as by sps_render. Volumes
+   count with their whole boxes, so UNSUPPORTED (of lights without that choice), or too many slabs, may be reported
+   where sps_render, which knows the voxels, succeeds. Errors: ARGUMENT, MEMORY, CALLBACK (range_fn), UNSUPPORTED. */
 SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const sps_view *view,
                             sps_plan_report *report);
 

@@ -107,6 +107,7 @@ static outcome check_chosen(const check_scene *s, int sheets, int tables, const 
         printf("    sheets %d, maps %d, sweeps %d\n", pass[SPS_PASS_LIGHT_SHEETS].runs, pass[SPS_PASS_LIGHT_MAPS].runs,
                o.plan.sweep_count);
     CHECK(o.stats.bytes <= o.plan.bytes);
+    CHECK((pass[SPS_PASS_LIGHT_MAPS].bytes > 0) == (pass[SPS_PASS_LIGHT_MAPS].runs > 0));
     if (reason && !CHECK(strcmp(pass[SPS_PASS_LIGHT_MAPS].reason, reason) == 0))
         printf("    %s\n", pass[SPS_PASS_LIGHT_MAPS].reason);
     return o;
@@ -331,12 +332,15 @@ static size_t find_limit(const check_scene *s) {
     return high;
 }
 
-/* Where the limit leaves no room for the table there are sheets, and the scene that fits with a table stays within it.
-   A second table needs more. What the context holds from before changes nothing. */
+/* Where the limit leaves no room for the table there are sheets, and the scene that fits with a table stays within it:
+   its pixels take more than the table. A second table needs more. What the context holds from before changes nothing.
+ */
 static void test_memory(void) {
+    static float image[4 * 300 * 300];
     size_t limit[2];
     check_scene s;
     add_two(&s, GAS);
+    s.view.width = s.view.height = 300;
     for (int n = 0; n < 2; ++n) {
         if (n) check_add_directional(&s, -0.5, -1, -0.4, 3);
         limit[n] = find_limit(&s);
@@ -348,7 +352,7 @@ static void test_memory(void) {
             hooks.memory_limit = limit[n] - (size_t)less;
             limited = check_context(&hooks);
             for (int again = 0; again < 2; ++again) {
-                o = render_with(limited, &s, image_a);
+                o = render_with(limited, &s, image);
                 CHECK(o.plan.sweep_count == 1 + less && o.stats.tables_made == (uint64_t)(n + 1 - less));
             }
             CHECK(hooks.peak <= limit[n]);

@@ -80,10 +80,8 @@ int main(int argc, char **argv) {
     sps_particles mist = {.count = PUFFS, .read_fn = read_mist, .user = puffs, .soft = 1};
     for (int c = 0; c < 3; ++c) mist.albedo[c] = 0.95f;
 
-    const sps_tmap_settings settings = {.technique = SPS_TMAP_DEFAULT}; /* a shadow table */
     sps_light lights[2] = {{.direction = {0.8, -0.7, -0.5}, .color = {0.8f, 1.1f, 1.8f}}, /* the moon */
                            {.kind = SPS_LIGHT_POINT, .position = {0, 0.6, 0}, .color = {16, 10, 4.5f}}};
-    lights[1].shadow_map = &settings; /* this lamp is in the mist: no slabs serve it */
 
     sps_scene scene = {.meshes = &mesh, .mesh_count = 1, .particles = &mist, .particle_set_count = 1};
     scene.lights = lights, scene.light_count = 2;

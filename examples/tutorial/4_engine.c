@@ -125,7 +125,6 @@ static void parallel_for(void *user, int count, sps_task_fn task, void *data) {
 /* A frame within `seconds`. What can be mended by looking at the error is mended, and the frame begun again. */
 static sps_result render_frame(engine *e, sps_context *context, sps_scene *scene, sps_light *light, sps_image *image,
                                double seconds) {
-    static const sps_tmap_settings settings = {.technique = SPS_TMAP_DEFAULT};
     sps_view view = {.width = WIDTH, .height = HEIGHT};
     sps_error_info why;
     sps_stats_report stats;
@@ -138,8 +137,9 @@ static sps_result render_frame(engine *e, sps_context *context, sps_scene *scene
     printf("%s: %.3f s, %llu blocks read, %llu skipped, %.1f MB\n", why.result == SPS_OK ? "rendered" : why.sentence,
            stats.seconds_total, (unsigned long long)stats.read_calls, (unsigned long long)stats.blocks_skipped,
            1e-6 * (double)e->bytes_peak);
-    if (why.result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT && !light[why.index].shadow_map) {
-        light[why.index].shadow_map = &settings; /* instead of slabs */
+    if (why.result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_LIGHT &&
+        light[why.index].kind != SPS_LIGHT_POINT) {
+        light[why.index].kind = SPS_LIGHT_POINT; /* a point can be amid gas */
         return render_frame(e, context, scene, light, image, seconds);
     }
     return why.result;
@@ -158,7 +158,8 @@ int main(int argc, char **argv) {
     sps_mesh mesh = {.triangle_count = 1, .read_fn = sps_indexed_mesh_read, .user = &ground, .revision = 1};
     mesh.color[0] = mesh.color[1] = mesh.color[2] = 0.3f;
     sps_light lights[2] = {{.direction = {1, -1, -0.7}, .color = {5, 5.5f, 6}},
-                           {.kind = SPS_LIGHT_POINT, .position = {0, 0.35, 0}, .color = {1.5f, 0.6f, 0.2f}}};
+                           {.kind = SPS_LIGHT_DISC, .position = {0, 0.35, 0}, .color = {1.5f, 0.6f, 0.2f}}};
+    lights[1].axes[0][0] = lights[1].axes[1][2] = 0.05; /* a flame */
     sps_scene scene = {.volumes = &smoke, .volume_count = 1, .meshes = &mesh, .mesh_count = 1};
     scene.lights = lights, scene.light_count = 2;
     scene.background[0] = 0.05f, scene.background[1] = 0.07f, scene.background[2] = 0.1f;

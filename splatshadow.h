@@ -96,7 +96,7 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     about 20 bytes per relevant voxel, 32 per particle and 264 more for those in the fullest 16 slabs, 176 per triangle
     and 68 more if lights cast shadows, 24 to 60 per pixel, 68 per texel of shadow buffer, and per worker a tile of
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
-    depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its shadow_map; the maps of
+    depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
     while one is made, by default up to 256^3 entries per face. A light with an extent adds 64 bytes per texel of its
     shadow buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light

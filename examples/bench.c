@@ -1200,6 +1200,7 @@ static void bench_lights(void) {
         for (int k = 0; k < 2; ++k) {
             lights[i][k] = frames[i].light;
             if (i < 2) lights[i][k].shadow_map = &settings;
+            if (i >= 2) lights[i][k].shadow_source = SPS_SHADOW_SHEETS;
         }
         lights[i][1].direction[0] = 0.5, lights[i][1].direction[2] = -0.5;
         frames[i].scene.lights = lights[i], frames[i].scene.light_count = 1 + i % 2;

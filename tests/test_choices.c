@@ -211,6 +211,28 @@ static void test_other_directions(void) {
     }
 }
 
+/* A wall of gas beside the camera fills its box, all of it before the eye and none of it in the middle of the picture:
+   slabs across the way to its middle, 73 degrees from the camera's axis, do not serve the rays at the other edge. Slabs
+   about the axis do, for all of the image, and for a sun. */
+static void test_wall(void) {
+    for (int sun = 0; sun < 2; ++sun) {
+        float value = 1;
+        check_scene s;
+        start(&s, GAS);
+        s.volume[0].placement = check_box(0.4, -2, -1, 4, 2, -0.6);
+        s.volume[0].size[0] = s.volume[0].size[1] = 40, s.volume[0].size[2] = 4;
+        s.volume[0].eval_fn = check_eval_constant, s.volume[0].user = &value;
+        check_set3(s.view.camera.position, 0, 0, 0);
+        check_set3(s.view.camera.target, 0, 0, -1);
+        check_perspective(&s.view.camera, 1.4);
+        if (sun) check_add_directional(&s, 0.3, -0.2, -1, 3);
+        check_color(s.scene.ambient, 1, 1, 1);
+        check_chosen(&s, sun, 0, NULL, image_a);
+        check_march(context, &s, 0.25, image_b, NULL);
+        CHECK(check_rms(image_a, image_b, COUNT) < 0.01 * mean_of(image_b) && mean_of(image_b) > 0.01);
+    }
+}
+
 /* A light with an extent has no table, unless its penumbrae could not be told from sharp shadows: within half a texel
    of a 25th of the box's width, which is 3.5 units from corner to corner. A sun of 0.005 radians blurs by 0.0173 units,
    half of 0.035; one of 0.02 by 0.069. */
@@ -408,6 +430,7 @@ int main(void) {
     RUN(test_empty_corner);
     RUN(test_wide_camera);
     RUN(test_other_directions);
+    RUN(test_wall);
     RUN(test_extents);
     RUN(test_two_lights);
     RUN(test_order);

@@ -269,6 +269,12 @@ static inline int check_read_array(void *user, const int lo[3], const int size[3
     return 0;
 }
 
+/* sps_particles.read_fn of an array. */
+static inline int check_read_particles(void *user, size_t first, size_t count, sps_particle *out) {
+    memcpy(out, (const sps_particle *)user + first, count * sizeof *out);
+    return 0;
+}
+
 /* ---------------------------------------------------------------------------------------- where triangles come from */
 
 typedef struct check_triangles {

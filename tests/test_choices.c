@@ -28,12 +28,6 @@ static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
 
 static sps_particle swarm[PARTICLES];
 
-static int read_swarm(void *user, size_t first, size_t count, sps_particle *out) {
-    (void)user;
-    memcpy(out, swarm + first, count * sizeof *out);
-    return 0;
-}
-
 enum { GAS, TISSUE, SWARM, KINDS };
 
 static void add_puff(check_scene *s) {
@@ -53,7 +47,7 @@ static void add_swarm(check_scene *s) {
         swarm[i].optical_depth = 0.5f;
     }
     memset(&set, 0, sizeof set);
-    set.count = PARTICLES, set.read_fn = read_swarm;
+    set.count = PARTICLES, set.read_fn = check_read_particles, set.user = swarm;
     check_color(set.albedo, 0.8, 0.7, 0.9);
     s->scene.particles = &set, s->scene.particle_set_count = 1;
 }

@@ -30,12 +30,6 @@ static int read_blob(void *user, const int low[3], const int size[3], float *out
 
 static sps_particle swarm[PARTICLES];
 
-static int read_swarm(void *user, size_t first, size_t count, sps_particle *out) {
-    (void)user;
-    memcpy(out, swarm + first, count * sizeof *out);
-    return 0;
-}
-
 static const sps_transfer_point points[] = {
     {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 12}};
 static const sps_transfer_point other_points[] = {
@@ -66,7 +60,7 @@ static sps_light *start(check_scene *s, int kind, sps_light_kind light) {
         }
         memset(&set, 0, sizeof set);
         set.count = PARTICLES;
-        set.read_fn = read_swarm;
+        set.read_fn = check_read_particles, set.user = swarm;
         check_color(set.albedo, 0.8, 0.7, 0.9);
         s->scene.particles = &set, s->scene.particle_set_count = 1;
     } else {

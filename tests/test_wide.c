@@ -23,12 +23,6 @@ static const sps_transfer_point points[] = {
 static const sps_transfer tissue = {points, 3, NULL, NULL, 0};
 static sps_particle swarm[PARTICLES];
 
-static int read_swarm(void *user, size_t first, size_t count, sps_particle *out) {
-    (void)user;
-    memcpy(out, swarm + first, count * sizeof *out);
-    return 0;
-}
-
 static void add_swarm(check_scene *s) {
     static sps_particles set;
     check_random random = {3};
@@ -41,7 +35,7 @@ static void add_swarm(check_scene *s) {
         swarm[i].radius = 0.4f, swarm[i].optical_depth = 0.5f;
     }
     memset(&set, 0, sizeof set);
-    set.count = PARTICLES, set.read_fn = read_swarm, set.soft = 1;
+    set.count = PARTICLES, set.read_fn = check_read_particles, set.user = swarm, set.soft = 1;
     check_color(set.albedo, 0.8, 0.7, 0.9);
     s->scene.particles = &set, s->scene.particle_set_count = 1;
 }
@@ -264,10 +258,12 @@ static void test_workers(void) {
     }
 }
 
-/* Tiles that become opaque count once, in the part that they belong to: 128 pixels are four tiles and four parts. */
+/* 128 pixels are four tiles and four parts. Tiles that become opaque count once, in the part that they belong to, and
+   the four parts are as much work together as each by itself, as a region. */
 static void test_tiles(void) {
     for (int dense = 0; dense < 2; ++dense) {
         sps_stats_report stats;
+        uint64_t shaded = 0, whole_shaded;
         check_scene s;
         start(&s, GAS, 2.967);
         s.view.width = s.view.height = 128;
@@ -275,6 +271,15 @@ static void test_tiles(void) {
         check_render(context, &s, whole);
         sps_get_stats(context, &stats);
         CHECK(stats.tiles_finished == (uint64_t)(4 * dense));
+        whole_shaded = stats.pixels_shaded;
+        s.view.region[2] = s.view.region[3] = 64;
+        for (int n = 0; n < 4; ++n) {
+            s.view.region[0] = n % 2 * 64, s.view.region[1] = n / 2 * 64;
+            check_render(context, &s, part);
+            sps_get_stats(context, &stats);
+            shaded += stats.pixels_shaded;
+        }
+        CHECK(shaded == whole_shaded && shaded > 0);
     }
 }
 

@@ -394,6 +394,46 @@ static void test_unread_particles(void) {
     check_chosen(&s, 1, 1, NULL, image_a);
 }
 
+static double between(check_random *random, double low, double high) { return low + (high - low) * check_next(random); }
+
+/* Gas in a part of its box, an eye, and up to three lights without extent, anywhere and of any direction: all is
+   rendered, as it was planned. */
+static void test_anywhere(void) {
+    check_random random = {21};
+    int tables = 0, parts = 0, sheets = 0;
+    for (int n = 0; n < 250; ++n) {
+        double gas[6];
+        check_field field = puff_field;
+        check_scene s;
+        outcome o;
+        start(&s, GAS);
+        s.view.width = 13, s.view.height = 9;
+        for (int i = 0; i < 3; ++i) {
+            gas[3 + i] = between(&random, 0.2, 0.9), gas[i] = between(&random, gas[3 + i] - 1, 1 - gas[3 + i]);
+            s.volume[0].size[i] = 12;
+            s.view.camera.position[i] = between(&random, -1.6, 1.6);
+            s.view.camera.target[i] = between(&random, -1, 1);
+        }
+        field.value_fn = cube, field.user = gas;
+        s.volume[0].user = &field;
+        check_perspective(&s.view.camera, between(&random, 0.3, 3.1));
+        for (int i = (int)between(&random, 0, 4); i > 0; --i) {
+            const double x = between(&random, -2, 2), y = between(&random, -2, 2), z = between(&random, -2, 2);
+            if (i % 2)
+                check_add_point(&s, x, y, z, 3);
+            else
+                check_add_directional(&s, x, y, z, 3);
+        }
+        o = render_with(context, &s, image_a);
+        if (!CHECK((int)o.stats.tables_made == o.plan.pass[SPS_PASS_LIGHT_MAPS].runs) ||
+            !CHECK((o.stats.light_fragments > 0) == (o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs > 0)))
+            printf("    scene %d: %d tables\n", n, (int)o.stats.tables_made);
+        tables += o.stats.tables_made > 0, sheets += o.stats.light_fragments > 0;
+        parts += o.plan.sweep_count > 1 && o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs == 0;
+    }
+    CHECK(tables > 80 && sheets > 30 && parts > 10);
+}
+
 static void test_refused(void) {
     check_scene s;
     sps_tmap_settings fourier;
@@ -431,6 +471,7 @@ int main(void) {
     RUN(test_capped);
     RUN(test_memory);
     RUN(test_unread_particles);
+    RUN(test_anywhere);
     RUN(test_refused);
     sps_destroy(context);
     return check_report();

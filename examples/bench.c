@@ -5,6 +5,7 @@
    bench speed      without the tables of error against time
    bench lights     one light and more, by maps, sheets and shadow tables; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
+   bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
 
@@ -1094,6 +1095,145 @@ static void bench_polygons(void) {
     for (int i = 0; i < 2; ++i) ex_session_end(&sessions[i]);
 }
 
+/* =================================================================================================== edges */
+
+/* The truth is rendered at so many times the size, with 2 x 2 samples of edges in each of its pixels, none of which is
+   where those of coverage_samples 8 are; and averaged. */
+enum { EDGE_TRUTH = 8 };
+
+/* A way to render edges: samples along a side of a pixel, and how many times as large before averaging. */
+typedef struct edge_way {
+    const char *name;
+    int samples, times;
+} edge_way;
+
+static const edge_way edge_ways[] = {{"one sample", 1, 1},         {"coverage_samples 2", 2, 1},
+                                     {"coverage_samples 4", 4, 1}, {"coverage_samples 8", 8, 1},
+                                     {"twice the size", 1, 2},     {"4 times the size", 1, 4}};
+enum { EDGE_WAYS = sizeof edge_ways / sizeof *edge_ways };
+
+/* Averages n x n pixels into one, in place. */
+static void frame_average(frame *f, int n) {
+    const int width = f->view.width / n, height = f->view.height / n;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            for (int c = 0; c < 4; ++c) {
+                double sum = 0;
+                for (int i = 0; i < n * n; ++i)
+                    sum += (double)f->rgba[4 * ((y * n + i / n) * f->view.width + x * n + i % n) + c];
+                f->rgba[4 * (y * width + x) + c] = (float)(sum / (n * n));
+            }
+    f->view.width = width, f->view.height = height;
+}
+
+/* The root mean square differences of two pictures: of color, and of alpha. */
+static void edge_errors(const frame *a, const frame *b, double rms[2]) {
+    const size_t count = (size_t)a->view.width * (size_t)a->view.height;
+    double sums[2] = {0, 0};
+    for (size_t i = 0; i < 4 * count; ++i) sums[i % 4 == 3] += pow((double)a->rgba[i] - (double)b->rgba[i], 2);
+    rms[0] = sqrt(sums[0] / (3 * (double)count)), rms[1] = sqrt(sums[1] / (double)count);
+}
+
+static void frame_at_times(frame *f, const frame *from, int times) {
+    frame sized = *from;
+    sized.view.width *= times, sized.view.height *= times;
+    frame_copy(f, &sized);
+}
+
+/* Prints the rows of a scene: time is that of the frame, without averaging. */
+static void bench_edges_of(const char *name, ex_session *session, const frame *from) {
+    frame ways[EDGE_WAYS], truth;
+    contender c[EDGE_WAYS];
+    for (int i = 0; i < EDGE_WAYS; ++i) {
+        frame_at_times(&ways[i], from, edge_ways[i].times);
+        ways[i].view.coverage_samples = edge_ways[i].samples;
+        contender_set(&c[i], session, &ways[i], 0);
+    }
+    race(c, EDGE_WAYS, REPEATS);
+    frame_at_times(&truth, from, EDGE_TRUTH);
+    truth.view.coverage_samples = 2;
+    render_seconds(session, &truth, &truth.view);
+    frame_average(&truth, EDGE_TRUTH);
+    for (int i = 0; i < EDGE_WAYS; ++i) {
+        double rms[2];
+        frame_average(&ways[i], edge_ways[i].times);
+        edge_errors(&ways[i], &truth, rms);
+        printf("| %s | %s | %.4f | %.4f | %.2f |\n", i == 0 ? name : "", edge_ways[i].name, rms[0], rms[1],
+               c[i].seconds / c[0].seconds);
+        frame_end(&ways[i]);
+    }
+    frame_end(&truth);
+}
+
+static void build_mushrooms(ex_mesh *mesh) {
+    static const float red[3] = {0.6f, 0.05f, 0.03f}, brown[3] = {0.36f, 0.17f, 0.07f}, ochre[3] = {0.7f, 0.4f, 0.1f};
+    ex_shape_quad(mesh, ex_vec_of(-2, 0, -2), ex_vec_of(-2, 0, 2), ex_vec_of(2, 0, 2), ex_vec_of(2, 0, -2), grey);
+    ex_shape_mushroom(mesh, ex_vec_of(-0.25, 0, -0.25), ex_vec_of(-0.06, 1, 0), 1.45, 0.82, red, NULL);
+    ex_shape_mushroom(mesh, ex_vec_of(0.85, 0, 0.25), ex_vec_of(0.16, 1, 0.06), 0.90, 0.50, ochre, NULL);
+    ex_shape_mushroom(mesh, ex_vec_of(-0.62, 0, 0.85), ex_vec_of(-0.14, 1, 0.12), 0.58, 0.36, brown, NULL);
+}
+
+/* 320 x 240 pixels of a mesh, held, before a background. */
+static void edge_frame(frame *f, ex_mesh *mesh, const double position[3], const double target[3]) {
+    land_frame(f, mesh, position, target);
+    f->view.width = 320, f->view.height = 240;
+    f->view.camera.field_of_view = 0.52;
+    f->mesh.revision = 1;
+    f->light.direction[1] = -1.1;
+    for (int c = 0; c < 3; ++c) f->scene.ambient[c] = 0.2f, f->scene.background[c] = 0.8f;
+}
+
+/* Three mushrooms, under lights with and without shadows, and in haze of optical depth 1 or so. */
+static void bench_mushrooms(ex_session *session) {
+    const double position[3] = {0.5, 2.3, 5.9}, target[3] = {0, 0.34, 0.05};
+    ex_mesh mesh = {0};
+    frame f;
+    build_mushrooms(&mesh);
+    edge_frame(&f, &mesh, position, target);
+    f.light.no_shadow = 1;
+    bench_edges_of("mushrooms, no shadows", session, &f);
+    f.light.no_shadow = 0;
+    bench_edges_of("mushrooms, hard shadows", session, &f);
+    f.scene.volume_count = 1;
+    f.volume.read_fn = haze, f.volume.extinction = 0.3f, f.volume.revision = 1;
+    for (int i = 0; i < 3; ++i) {
+        f.volume.size[i] = 32, f.volume.albedo[i] = 0.9f;
+        f.volume.placement.origin[i] = i == 1 ? -0.2 : -2, f.volume.placement.axis[i][i] = i == 1 ? 2 : 4;
+    }
+    bench_edges_of("... and haze", session, &f);
+    frame_end(&f);
+    ex_mesh_free(&mesh);
+}
+
+static void bench_teapot(ex_session *session) {
+    const double position[3] = {2, 5, 11}, target[3] = {0.2, 1.4, 0};
+    const char *folder = getenv("SPLATSHADOW_DATA");
+    char path[4096];
+    ex_mesh mesh = {0};
+    ex_error error;
+    frame f;
+    snprintf(path, sizeof path, "%s/utah_teapot.obj", folder ? folder : "");
+    if (!folder) ex_fail(&error, "SPLATSHADOW_DATA does not say where utah_teapot.obj is");
+    if (scan_failed(!folder || ex_mesh_load(&mesh, path, 60, &error), &error)) return;
+    edge_frame(&f, &mesh, position, target);
+    f.mesh.has_colors = 0, f.mesh.color[0] = f.mesh.color[1] = f.mesh.color[2] = 0.5f;
+    bench_edges_of("teapot, hard shadows", session, &f);
+    frame_end(&f);
+    ex_mesh_free(&mesh);
+}
+
+/* How far pictures are from the truth by samples of edges, and by rendering larger, and what that costs. */
+static void bench_edges(void) {
+    ex_session session;
+    ex_session_measure(&session, program, WORKERS);
+    printf("\nEdges of polygons, 320 x 240, 2 workers, against %d times the size with coverage_samples 2, averaged\n\n",
+           EDGE_TRUTH);
+    printf("| scene | rendered with | rms of color | rms of alpha | time / one sample |\n|---|---|---|---|---|\n");
+    bench_mushrooms(&session);
+    bench_teapot(&session);
+    ex_session_end(&session);
+}
+
 /* ================================================================================================== lights */
 
 /* The root mean square difference of the colors of two frames. */
@@ -1308,9 +1448,11 @@ int main(int argc, char **argv) {
     const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
     const int maps = speed || (argc == 2 && strcmp(argv[1], "maps") == 0);
     const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
+    const int edges = speed || (argc == 2 && strcmp(argv[1], "edges") == 0);
     const int lights = speed || (argc == 2 && strcmp(argv[1], "lights") == 0);
-    if (!maps && !accuracy && !polygons && !lights) {
-        fprintf(stderr, "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `maps`, or `accuracy`\n",
+    if (!maps && !accuracy && !polygons && !edges && !lights) {
+        fprintf(stderr,
+                "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `edges`, or `maps`, or `accuracy`\n",
                 argv[0]);
         return 2;
     }
@@ -1327,6 +1469,7 @@ int main(int argc, char **argv) {
         bench_penumbrae();
     }
     if (polygons) bench_polygons();
+    if (edges) bench_edges();
     if (maps) bench_maps();
     if (accuracy) {
         bench_accuracy();

@@ -40,7 +40,8 @@ int main(int argc, char **argv) {
     const sps_mesh mesh = ex_shape_mesh(&polygons);
     scene.volumes = &bonsai, scene.volume_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
-    const int status = ex_scene_program(argc, argv, "bonsai.png", &scene, &view, NULL);
+    /* Classified voxels are smaller than pixels. */
+    const int status = ex_scene_program(argc, argv, "bonsai.png", &scene, &view, EX_SAMPLE_ALL);
     ex_mesh_free(&polygons);
     ex_grid_free(&grid);
     return status;

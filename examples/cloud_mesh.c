@@ -74,7 +74,7 @@ int main(int argc, char **argv) {
     scene.meshes = meshes, scene.mesh_count = 2;
     ex_color(scene.ambient, 0.22, 0.27, 0.35);
     scene.background_user = sky;
-    const int status = ex_scene_program(argc, argv, "cloud_mesh.png", &scene, &view, NULL);
+    const int status = ex_scene_program(argc, argv, "cloud_mesh.png", &scene, &view, EX_SAMPLE_EDGES);
     ex_mesh_free(&cloud);
     ex_mesh_free(&country);
     return status;

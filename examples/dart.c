@@ -108,7 +108,8 @@ int main(int argc, char **argv) {
     const sps_mesh mesh = ex_shape_mesh(&dart);
     scene.volumes = volumes, scene.volume_count = 4;
     scene.meshes = &mesh, scene.mesh_count = 1;
-    const int status = ex_scene_program(argc, argv, "dart.png", &scene, &view, NULL);
+    /* Classified voxels are hardly larger than pixels. */
+    const int status = ex_scene_program(argc, argv, "dart.png", &scene, &view, EX_SAMPLE_ALL);
     ex_mesh_free(&dart);
     return status;
 }

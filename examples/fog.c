@@ -100,6 +100,7 @@ int main(int argc, char **argv) {
     ex_mesh stone_circle = {0};
     fog ground_fog = {{NULL, 0, {0, 0, 0}, {0, 0, 0}}, 1.0, {0.66f, 0.62f, 0.57f}};
     const ex_finish finish = {lay_fog, &ground_fog};
+    const ex_panels panel = {&scene, 1, EX_SAMPLE_ALL, &finish}; /* fog is laid over each pixel of a larger picture */
     build_stones(&stone_circle);
     ex_shape_field(&ground_fog.mesh, fog_field, NULL, 0, ex_vec_of(-5, -0.9, -6), ex_vec_of(5, 1.2, 4), 130,
                    ground_fog.glow);
@@ -107,7 +108,7 @@ int main(int argc, char **argv) {
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.14, 0.17, 0.22);
     scene.background_user = dawn;
-    const int status = ex_scene_program(argc, argv, "fog.png", &scene, &view, &finish);
+    const int status = ex_panels_program(argc, argv, "fog.png", &panel, &view);
     ex_mesh_free(&stone_circle);
     ex_mesh_free(&ground_fog.mesh);
     return status;

@@ -108,7 +108,7 @@ int main(int argc, char **argv) {
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.010, 0.014, 0.025);
     scene.background_user = night;
-    const int status = ex_scene_program(argc, argv, "lamp.png", &scene, &view, NULL);
+    const int status = ex_scene_program(argc, argv, "lamp.png", &scene, &view, EX_SAMPLE_EDGES);
     ex_mesh_free(&stones);
     return status;
 }

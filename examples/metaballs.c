@@ -52,7 +52,7 @@ int main(int argc, char **argv) {
     const sps_mesh mesh = ex_shape_mesh(&floor_tiles);
     scene.volumes = &gas, scene.volume_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
-    const int status = ex_scene_program(argc, argv, "metaballs.png", &scene, &view, NULL);
+    const int status = ex_scene_program(argc, argv, "metaballs.png", &scene, &view, EX_SAMPLE_EDGES);
     ex_mesh_free(&floor_tiles);
     return status;
 }

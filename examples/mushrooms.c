@@ -53,7 +53,8 @@ int main(int argc, char **argv) {
     build_mushrooms(&mushrooms);
     const sps_mesh mesh = ex_shape_mesh(&mushrooms);
     scene.meshes = &mesh, scene.mesh_count = 1;
-    const int status = ex_scene_program(argc, argv, "mushrooms.png", &scene, &view, NULL);
+    /* Classified voxels, and hard shadows on the mushrooms. */
+    const int status = ex_scene_program(argc, argv, "mushrooms.png", &scene, &view, EX_SAMPLE_ALL);
     ex_mesh_free(&mushrooms);
     return status;
 }

@@ -56,7 +56,7 @@ int main(int argc, char **argv) {
     static float dusk[2][3] = {{0.30f, 0.27f, 0.25f}, {0.05f, 0.07f, 0.11f}};
     sps_light lights[PANELS][2];
     sps_scene scenes[PANELS];
-    const ex_panels panels = {scenes, PANELS, NULL};
+    const ex_panels panels = {scenes, PANELS, EX_SAMPLE_ALL, NULL}; /* hard shadows on polygons would show steps */
     sps_view view = ex_view(ex_vec_of(0.4, 2.7, 5.4), ex_vec_of(0.35, 0.55, 0), 28);
     sps_volume smoke = {0};
     ex_mesh gate = {0};

@@ -67,7 +67,8 @@ int main(int argc, char **argv) {
     meshes[0].placement = ex_turned(0.5, ex_vec_of(-0.1, 0, 0.35));
     scene.volumes = &haze, scene.volume_count = 1;
     scene.meshes = meshes, scene.mesh_count = 2;
-    const int status = ex_scene_program(argc, argv, "pot.png", &scene, &view, NULL);
+    /* The pot's hard shadow on polygons would show steps. */
+    const int status = ex_scene_program(argc, argv, "pot.png", &scene, &view, EX_SAMPLE_ALL);
     ex_mesh_free(&pot);
     ex_mesh_free(&table);
     return status;

@@ -47,7 +47,7 @@ int main(int argc, char **argv) {
     scene.particles = &smoke, scene.particle_set_count = 1;
     scene.meshes = &mesh, scene.mesh_count = 1;
     ex_color(scene.ambient, 0.16, 0.20, 0.27);
-    const int status = ex_scene_program(argc, argv, "puff.png", &scene, &view, NULL);
+    const int status = ex_scene_program(argc, argv, "puff.png", &scene, &view, EX_SAMPLE_EDGES);
     ex_mesh_free(&ground);
     return status;
 }

@@ -241,6 +241,7 @@ static void make_view(const arguments *all, sps_view *view) {
     if (!has(all->given, "--camera")) frame_scene(all, view);
     memcpy(view->region, all->region, sizeof view->region);
     view->quality = (sps_quality)all->quality;
+    view->coverage_samples = all->coverage;
     view->slab = all->slab;
     view->shadow_size = all->shadow_size;
     view->no_shadows = all->no_shadows;
@@ -262,6 +263,7 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
         sps_object object;
         const char *field, *option;
     } fields[] = {{SPS_OBJECT_VIEW, "slab", "--slab"},
+                  {SPS_OBJECT_VIEW, "coverage_samples", "--coverage"},
                   {SPS_OBJECT_VIEW, "camera.field_of_view", "--fov"},
                   {SPS_OBJECT_VIEW, "camera.ortho_height", "--ortho"},
                   {SPS_OBJECT_VIEW, "camera.position", "--camera"},
@@ -344,7 +346,7 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls) X(projector_calls)                  \
     X(background_calls) X(shade_calls) X(blocks_skipped)                                                               \
     X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced)                                                     \
-    X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(surface_points) X(shadow_rays)                \
+    X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(surface_points) X(layers) X(shadow_rays)              \
     X(particles) X(slabs) X(slabs_empty)                                                                               \
     X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
     X(tables_made) X(tables_held) X(soft_texels) X(pixels_shaded) X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)

@@ -101,7 +101,7 @@ typedef struct arguments {
     light_arguments *lights;
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
-    int width, height, region[4], shadow_size, quality, no_shadows, reference, threads, plan, help;
+    int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, threads, plan, help;
     int shadow, map_size, table_size, map_window;
     double map_epsilon;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
@@ -435,6 +435,7 @@ static const option_rule options[] = {
     {"--light-falloff", "inverse-square|none", "by distance, of any but a directional light; default inverse-square", set_choice, OF_LIGHT(falloff), 1, 0, 0, falloff_names},
     {"--ambient", "r,g,b", "radiance from everywhere, unshadowed; default 0,0,0", set_reals, OF_SCENE(ambient), 3, POSITIVE},
     {"--background", "r,g,b", "radiance behind everything; default 0,0,0", set_reals, OF_SCENE(background), 3, POSITIVE},
+    {"--coverage", "N", "N x N samples of polygons' edges per pixel, up to 8; default 0: one, at its centre", set_integers, OF_SCENE(coverage), 1, 0, 8, NULL},
     {"--slab", "VOXELS", "sheet thickness, the main knob; the step of --reference; default by --quality, or 0.5", set_reals, OF_SCENE(slab), 1, 1e-6, 1e6, NULL},
     {"--shadow-size", "N", "texels along a shadow buffer's longer side; default by --quality", set_integers, OF_SCENE(shadow_size), 1, 1, 16384, NULL},
     {"--shadow", "auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|cosine|moment|adaptive|beer|table|samples|none", "what gas shades by; auto, the default: sheets or a table; samples: as --reference", set_choice, OF_SCENE(shadow), 1, 0, 0, shadow_names},

@@ -36,7 +36,17 @@ static inline int ex_scene_options_read(int argc, char **argv, ex_scene_options 
     return ex_check_writable(options->out, error);
 }
 
-/* Changes the large picture before it is made small. If there is one, image.depth is rendered, too. */
+/* What a picture is averaged from. */
+typedef enum ex_sampling {
+    EX_SAMPLE_EDGES = 0, /* 4 x 4 samples of polygons' edges per pixel; all else is sampled once, or filtered */
+    /* A picture of twice the size, with 2 x 2 samples of edges per pixel. Also smooths the hard shadows of polygons on
+       each other, fine textures, and classified volumes whose voxels are hardly larger than pixels, and takes about
+       three times as long. */
+    EX_SAMPLE_ALL
+} ex_sampling;
+
+/* Changes the large picture before it is made small. If there is one, image.depth is rendered, too, and edges are not
+   sampled, so that each pixel has the depth of one surface. */
 typedef struct ex_finish {
     void (*apply_fn)(void *user, const sps_view *view, const sps_image *image);
     void *user;
@@ -46,7 +56,8 @@ typedef struct ex_finish {
 typedef struct ex_panels {
     const sps_scene *scenes;
     int count;
-    const ex_finish *finish; /* of a single panel; may be NULL */
+    ex_sampling sampling;
+    const ex_finish *finish; /* of a single panel that samples all; may be NULL */
 } ex_panels;
 
 /* For --soft: twice as many panels, each beside itself under suns of another extent. */
@@ -75,7 +86,8 @@ static inline int ex_soften(ex_softened *out, const ex_panels *panels, int degre
             softened = 1;
         }
     }
-    out->panels.scenes = out->scenes, out->panels.count = 2 * panels->count, out->panels.finish = NULL;
+    out->panels = *panels;
+    out->panels.scenes = out->scenes, out->panels.count = 2 * panels->count;
     return softened ? 0 : ex_fail(error, "--soft: there is no directional light");
 }
 
@@ -84,38 +96,48 @@ static inline void ex_softened_free(ex_softened *softened) {
     free(softened->lights);
 }
 
-/* The view of a panel at twice the size, which smooths the edges of polygons. --width is that of all panels. */
-static inline sps_view ex_scene_large_view(const sps_view *view, int panels, const ex_scene_options *options) {
-    sps_view large = *view;
-    int width = view->width, height = view->height;
+/* The view of a panel of the picture. --width is that of all panels. */
+static inline sps_view ex_scene_view(const sps_view *view, int panels, const ex_scene_options *options) {
+    sps_view sized = *view;
     if (options->width) {
-        width = options->width > panels ? options->width / panels : 1;
-        height = (int)((double)height * width / view->width + 0.5);
+        sized.width = options->width > panels ? options->width / panels : 1;
+        sized.height = (int)((double)view->height * sized.width / view->width + 0.5);
     }
-    if (height < 1) height = 1;
-    large.width = 2 * width, large.height = 2 * height;
-    if (options->quality) large.quality = (sps_quality)options->quality;
-    return large;
+    if (sized.height < 1) sized.height = 1;
+    sized.coverage_samples = 4;
+    if (options->quality) sized.quality = (sps_quality)options->quality;
+    return sized;
 }
 
-/* Renders all panels into the large picture. */
-static inline int ex_scene_render_panels(sps_context *context, const ex_panels *panels, const sps_view *large,
+/* The same as it is rendered. */
+static inline sps_view ex_scene_rendered_view(const ex_panels *panels, const sps_view *view,
+                                              const ex_scene_options *options) {
+    sps_view rendered = ex_scene_view(view, panels->count, options);
+    if (panels->sampling == EX_SAMPLE_EDGES) return rendered;
+    rendered.width *= 2, rendered.height *= 2;
+    rendered.coverage_samples = panels->finish ? 0 : 2;
+    return rendered;
+}
+
+/* Renders all panels into one picture. */
+static inline int ex_scene_render_panels(sps_context *context, const ex_panels *panels, const sps_view *view,
                                          const sps_image *picture, ex_error *error) {
     for (int i = 0; i < panels->count; ++i) {
         sps_image image = *picture;
-        image.rgba += (size_t)i * (size_t)large->width * 4;
-        if (sps_render(context, &panels->scenes[i], large, &image) != SPS_OK)
+        image.rgba += (size_t)i * (size_t)view->width * 4;
+        if (sps_render(context, &panels->scenes[i], view, &image) != SPS_OK)
             return ex_fail(error, "%s", sps_error(context));
     }
-    if (panels->finish) panels->finish->apply_fn(panels->finish->user, large, picture);
+    if (panels->finish) panels->finish->apply_fn(panels->finish->user, view, picture);
     return 0;
 }
 
-/* Renders the large picture, makes it small, and writes it. */
+/* Renders the picture, makes it small if it is large, and writes it. */
 static inline int ex_scene_render(const ex_panels *panels, const sps_view *view, const ex_scene_options *options,
                                   ex_error *error) {
-    const sps_view large = ex_scene_large_view(view, panels->count, options);
-    const int width = panels->count * large.width, height = large.height;
+    const sps_view rendered = ex_scene_rendered_view(panels, view, options);
+    const int shrink = panels->sampling == EX_SAMPLE_ALL ? 2 : 1;
+    const int width = panels->count * rendered.width, height = rendered.height;
     const size_t pixels = (size_t)width * (size_t)height;
     ex_session session;
     sps_image image;
@@ -125,14 +147,14 @@ static inline int ex_scene_render(const ex_panels *panels, const sps_view *view,
     image.row_pixels = (size_t)width;
     if (panels->finish) image.depth = (float *)ex_allocate(pixels, sizeof(float));
     const double start = ex_now(NULL);
-    int failed = ex_scene_render_panels(session.context, panels, &large, &image, error);
+    int failed = ex_scene_render_panels(session.context, panels, &rendered, &image, error);
     const double seconds = ex_now(NULL) - start;
     ex_session_end(&session);
     if (!failed) {
-        ex_halve(image.rgba, width, height, 4, image.rgba);
-        failed = ex_write_png(options->out, image.rgba, width / 2, height / 2, error);
+        if (shrink == 2) ex_halve(image.rgba, width, height, 4, image.rgba);
+        failed = ex_write_png(options->out, image.rgba, width / shrink, height / shrink, error);
     }
-    if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, width / 2, height / 2, seconds);
+    if (!failed) printf("%s: %d x %d in %.2f s\n", options->out, width / shrink, height / shrink, seconds);
     free(image.rgba);
     free(image.depth);
     return failed;
@@ -161,12 +183,12 @@ static inline int ex_panels_program(int argc, char **argv, const char *name, con
     return status;
 }
 
-/* The rest of a scene program: reads --out FILE.png --width W --threads N --quality Q, and without a
-   `finish`, which may be NULL, --soft DEGREES (ex_panels_program), and renders the picture. `name` is the file without
-   --out, and the view's width that without --width. Returns the exit status. */
+/* The rest of a scene program: reads --out FILE.png --width W --threads N --quality Q --soft DEGREES
+   (ex_panels_program), and renders the picture. `name` is the file without --out, and the view's width that without
+   --width. Returns the exit status. */
 static inline int ex_scene_program(int argc, char **argv, const char *name, const sps_scene *scene,
-                                   const sps_view *view, const ex_finish *finish) {
-    const ex_panels panel = {scene, 1, finish};
+                                   const sps_view *view, ex_sampling sampling) {
+    const ex_panels panel = {scene, 1, sampling, NULL};
     return ex_panels_program(argc, argv, name, &panel, view);
 }
 

@@ -73,7 +73,7 @@ int main(int argc, char **argv) {
     sps_light lamps[PANELS];
     sps_scene scenes[PANELS];
     sps_projector projectors[PANELS];
-    const ex_panels panels = {scenes, PANELS, NULL};
+    const ex_panels panels = {scenes, PANELS, EX_SAMPLE_EDGES, NULL};
     sps_view view = ex_view(ex_vec_of(-3.6, 2.1, 9), ex_vec_of(-0.4, 1.15, 0), 24);
     sps_volume smoke = {0};
     ex_mesh room = {0};

@@ -161,24 +161,22 @@ static int make_picture(sps_scene *scene, sps_volume *steam, const sps_view *vie
     static const char *const names[WAYS] = {"no shadows", "shadows on surfaces only", "a shadow table",
                                             "rays (sps_reference)"};
     static const int minutes[WAYS] = {80, 101, 127, 1800}; /* of the paper */
-    const sps_view large = ex_scene_large_view(view, WAYS, options);
-    const int width = WAYS * large.width, height = 2 * large.height;
+    sps_view panel = ex_scene_view(view, WAYS, options);
+    const int width = WAYS * panel.width, height = 2 * panel.height;
     double seconds[WAYS];
     ex_session session;
     sps_image picture;
+    panel.coverage_samples = 2; /* sps_reference marches a ray through the steam for each */
     if (ex_session_begin(&session, options->threads, error)) return 1;
     memset(&picture, 0, sizeof picture);
     picture.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
     picture.row_pixels = (size_t)width;
-    int failed = render_panels(&session, scene, steam, &large, &picture, seconds, error);
+    int failed = render_panels(&session, scene, steam, &panel, &picture, seconds, error);
     ex_session_end(&session);
-    if (!failed) {
-        ex_halve(picture.rgba, width, height, 4, picture.rgba);
-        failed = ex_write_png(options->out, picture.rgba, width / 2, height / 2, error);
-    }
+    if (!failed) failed = ex_write_png(options->out, picture.rgba, width, height, error);
     free(picture.rgba);
     if (failed) return 1;
-    printf("%s: %d x %d, panels of %d x %d\n", options->out, width / 2, height / 2, large.width, large.height);
+    printf("%s: %d x %d, panels of %d x %d\n", options->out, width, height, panel.width, panel.height);
     for (int i = 0; i < WAYS; ++i)
         printf("  %-26s %8.2f s, %7.2f times the first (Ebert and Parent: %4d minutes, %5.2f)\n", names[i], seconds[i],
                seconds[i] / seconds[0], minutes[i], minutes[i] / 80.0);

@@ -150,7 +150,8 @@ int main(int argc, char **argv) {
     meshes[1].shade_fn = shade_globe, meshes[1].shade_user = &map;
     scene.volumes = &smoke, scene.volume_count = 1;
     scene.meshes = meshes, scene.mesh_count = 2;
-    const int status = ex_scene_program(argc, argv, "textured.png", &scene, &view, NULL);
+    /* The image's texels and the ball's hard shadow would show steps. */
+    const int status = ex_scene_program(argc, argv, "textured.png", &scene, &view, EX_SAMPLE_ALL);
     for (int i = 0; i < 2; ++i) ex_mesh_free(&shapes[i]);
     return status;
 }

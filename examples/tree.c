@@ -99,7 +99,8 @@ int main(int argc, char **argv) {
     const sps_mesh mesh = ex_shape_mesh(&mushrooms);
     scene.volumes = volumes, scene.volume_count = 3;
     scene.meshes = &mesh, scene.mesh_count = 1;
-    const int status = ex_scene_program(argc, argv, "tree.png", &scene, &view, NULL);
+    /* Classified voxels are hardly larger than pixels. */
+    const int status = ex_scene_program(argc, argv, "tree.png", &scene, &view, EX_SAMPLE_ALL);
     ex_grid_free(&grid);
     ex_mesh_free(&mushrooms);
     return status;

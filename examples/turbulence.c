@@ -49,5 +49,5 @@ int main(int argc, char **argv) {
     scene.volumes = &cloud, scene.volume_count = 1;
     ex_color(scene.ambient, 0.15, 0.18, 0.24);
     scene.background_user = sky;
-    return ex_scene_program(argc, argv, "turbulence.png", &scene, &view, NULL);
+    return ex_scene_program(argc, argv, "turbulence.png", &scene, &view, EX_SAMPLE_EDGES);
 }

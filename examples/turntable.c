@@ -82,11 +82,11 @@ static int render_turn(ex_session *session, const sps_scene *scene, sps_view *vi
     return failed;
 }
 
-/* Renders the turn at twice the size, makes the picture small, and writes it. */
+/* Renders the turn and writes the picture. */
 static int make_picture(const sps_scene *scene, const sps_view *view, const ex_scene_options *options,
                         ex_error *error) {
-    sps_view large = ex_scene_large_view(view, PANELS, options);
-    const int width = PANELS * large.width, height = large.height;
+    sps_view panel = ex_scene_view(view, PANELS, options);
+    const int width = PANELS * panel.width, height = panel.height;
     ex_session session;
     sps_image picture;
     turn took = {0, 0, 0, 0};
@@ -94,17 +94,14 @@ static int make_picture(const sps_scene *scene, const sps_view *view, const ex_s
     memset(&picture, 0, sizeof picture);
     picture.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
     picture.row_pixels = (size_t)width;
-    int failed = render_turn(&session, scene, &large, &picture, &took, error);
+    int failed = render_turn(&session, scene, &panel, &picture, &took, error);
     ex_session_end(&session);
-    if (!failed) {
-        ex_halve(picture.rgba, width, height, 4, picture.rgba);
-        failed = ex_write_png(options->out, picture.rgba, width / 2, height / 2, error);
-    }
+    if (!failed) failed = ex_write_png(options->out, picture.rgba, width, height, error);
     free(picture.rgba);
     if (failed) return 1;
     printf("%s: %d frames of %d x %d; the first, with %d tables made, in %.3f s; the others in %.3f s on average, "
            "with %d tables held\n",
-           options->out, FRAMES, large.width, large.height, (int)took.made, took.first, took.others / (FRAMES - 1),
+           options->out, FRAMES, panel.width, panel.height, (int)took.made, took.first, took.others / (FRAMES - 1),
            (int)took.held / (FRAMES - 1));
     return 0;
 }

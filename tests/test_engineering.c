@@ -1191,6 +1191,7 @@ static void test_any_order(void) {
                                        "--region 0,1,5,3",
                                        "--width 5",
                                        "--height 4",
+                                       "--coverage 3",
                                        "--slab 0.5",
                                        "--shadow-size 9",
                                        "--quality high",
@@ -1203,7 +1204,7 @@ static void test_any_order(void) {
                      "--emission 0.1,0,0 --phase 0.5,-0.3,0.2 --mesh corner.obj --mesh-color 1,0.2,0 --width 5 "
                      "--height 4 --camera 1,2,5,0,0,0 --up 1,1,0 --fov 30 --light directional,-1,-1,-1,2,2,2 "
                      "--light point,9,9,9,50,40,30 --ambient 0.1,0.1,0.2 --background 0,0,0.1 --region 0,1,5,3 "
-                     "--slab 0.5 --shadow-size 9 --quality high --pfm order.pfm")
+                     "--coverage 3 --slab 0.5 --shadow-size 9 --quality high --pfm order.pfm")
               .status == 0);
     CHECK(read_file("order.pfm", picture, sizeof picture) == 12 + 4 * 3 * 15);
     for (int first = 0; first < count; ++first) {
@@ -1542,6 +1543,45 @@ static void test_translucent_mesh(void) {
     check_free_triangles(&triangles);
     sps_destroy(context);
 }
+
+#define EDGES SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 --ambient 1,1,1 --pfm extent.pfm "
+
+/* Edges of corner.obj, sampled and not, by both renderers, against the library's pictures; 0 and 1 are the same. */
+static void test_coverage_option(void) {
+    static const complaint all[] = {{"--coverage 9", 2, "--coverage: '9' is out of range: N must be within 0..8"},
+                                    {"--coverage -1", 2, "--coverage: '-1' is out of range: N must be within 0..8"},
+                                    {"--coverage 2.5", 2, "--coverage: '2.5' is not N"},
+                                    {EDGES "--coverage 8 --plan >sampled", 0, NULL},
+                                    {EDGES "--coverage 4 --stats sampled.json", 0, NULL},
+                                    {EDGES "--coverage 1 --plan >single", 0, NULL},
+                                    {EDGES "--coverage 1 --stats single.json", 0, NULL}};
+    check_triangles triangles = {0};
+    sps_context *context = check_context(NULL);
+    float rgba[4][4 * 20];
+    check_scene s;
+    start_corner(&s, &triangles);
+    for (int c = 0; c < 3; ++c) s.scene.ambient[c] = 1;
+    for (int i = 0; i < 4; ++i) {
+        const int samples = i & 1 ? 4 : 0, by_reference = i >> 1;
+        char line[300];
+        s.view.coverage_samples = samples;
+        if (by_reference)
+            check_march(context, &s, 0.5, rgba[i], NULL);
+        else
+            check_render(context, &s, rgba[i]);
+        snprintf(line, sizeof line, EDGES "%s --coverage %d", by_reference ? "--reference" : "", samples);
+        check_same_pfm(line, rgba[i]);
+    }
+    CHECK(memcmp(rgba[0], rgba[1], sizeof rgba[0]) != 0 && memcmp(rgba[2], rgba[3], sizeof rgba[2]) != 0);
+    CHECK(same_shadows(VOLUME "--mesh corner.obj --pfm shadow.pfm",
+                       VOLUME "--mesh corner.obj --coverage 1 --pfm shadow.pfm"));
+    CHECK_COMPLAINTS(all);
+    CHECK(says("sampled", "coverage_samples is set") && says("single", "coverage_samples is not set"));
+    CHECK(says("single.json", "\"layers\": 0,") && !says("sampled.json", "\"layers\": 0,"));
+    check_free_triangles(&triangles);
+    sps_destroy(context);
+}
+#undef EDGES
 
 /* A disc and a rectangle before the middle of corner.obj (0.5, 1, -0.5), and a sun, against the same lights in the
    library: W lies along x, which is perpendicular to --up and to the way from light to middle, and H along y. */
@@ -1915,6 +1955,7 @@ static void test_help(void) {
                                         "--width W",
                                         "--height H",
                                         "--region x,y,w,h",
+                                        "--coverage N",
                                         "--slab VOXELS",
                                         "--shadow-size N",
                                         "--shadow auto|sheets|deep|compressed|depth|opacity|deep-opacity|fourier|"
@@ -1976,6 +2017,7 @@ static void test_command_line(void) {
     test_table_option();
     test_light_options();
     test_translucent_mesh();
+    test_coverage_option();
     test_library_errors();
     test_bad_files();
     test_precious_files();

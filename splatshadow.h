@@ -712,6 +712,11 @@ typedef struct sps_view {
        straight edge covers a pixel to within 1 / 2N of the area, 0.5 / N^1.5 rms. Cost: that of rasterising N x N times
        as many pixels; every polygon beyond one that a pixel shows is shaded by itself. */
     int coverage_samples;
+    /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
+       up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would
+       scatter without shadow, mostly far less; 0.01 spares most lookups of thin gas. Shadows of polygons are never
+       skipped. */
+    float lookup_threshold;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
@@ -4571,6 +4576,9 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (view->coverage_samples < 0 || view->coverage_samples > SPSI_COVERAGE_MAX)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "coverage_samples",
                                view->coverage_samples, "it must be 0..8");
+    if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
+                               (double)view->lookup_threshold, "it must be 0..1");
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
@@ -13906,6 +13914,7 @@ typedef struct spsi_arrival {
     spsi_v light[2];        /* optical depth from the light to the start and end of the ray's path through the slab */
     int plane;              /* plane of the last lookup; -1: none */
     spsi_v plane_light;     /* optical depth found there */
+    spsi_v skipped;         /* optical depth of the gas that was passed since */
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
 } spsi_arrival;
 
@@ -14497,15 +14506,25 @@ static inline spsi_v spsi_pixels_shadow(const spsi_shadow *shadow, const spsi_pi
     return spsi_shadow_lookup(shadow, at, k);
 }
 
+/* Whether the light at the last lookup serves a slab, too. */
+static int spsi_slab_skips(const spsi_shader *shader, const spsi_slab *slab, spsi_arrival *arrival) {
+    const spsi_v most = spsi_set(shader->frame->view.lookup_threshold);
+    if (!(shader->frame->view.lookup_threshold > 0) || arrival->plane < 0) return 0;
+    arrival->skipped = spsi_add(arrival->skipped, slab->depth);
+    return spsi_bits(spsi_less(most, arrival->skipped)) == 0;
+}
+
 /* Looks up one light where the ray enters and leaves a slab. */
 static void spsi_slab_light(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                             const spsi_slab *slab, spsi_arrival *arrival) {
-    const spsi_v d1 = spsi_plane_depth(&p->line, slab->k + 1);
-    const spsi_v a1 = spsi_pixels_shadow(shadow, p, slab->k + 1, d1);
-    spsi_v a0 = arrival->plane_light;
-    if (arrival->plane != slab->k) a0 = spsi_pixels_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
-    arrival->plane = slab->k + 1;
-    arrival->plane_light = a1;
+    spsi_v a0 = arrival->plane_light, a1 = a0;
+    if (!spsi_slab_skips(shader, slab, arrival)) {
+        a1 = spsi_pixels_shadow(shadow, p, slab->k + 1, spsi_plane_depth(&p->line, slab->k + 1));
+        if (arrival->plane != slab->k) a0 = spsi_pixels_shadow(shadow, p, slab->k, spsi_plane_depth(&p->line, slab->k));
+        arrival->plane = slab->k + 1;
+        arrival->plane_light = a1;
+        arrival->skipped = spsi_set(0);
+    }
     arrival->light[0] = spsi_mix(a0, a1, slab->first);
     arrival->light[1] = spsi_mix(a0, a1, slab->last);
     spsi_lit_shares(shader, &shadow->depth_map, p, slab, arrival->lit);

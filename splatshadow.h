@@ -127,11 +127,12 @@ LIMITS   Images and shadow buffers up to 16384 on a side, images that lights thr
 PAPERS
     C. Zhang, R. Crawfis, "Light Propagation for Mixed Polygonal and Volumetric Data Using Splatting" >>slicing
     D. Ebert, R. Parent, "Rendering and Animation of Gaseous Phenomena by Combining Fast Volume and Scanline
-      A-buffer Techniques", SIGGRAPH 1990 >>transfer >>tmaps
+      A-buffer Techniques", SIGGRAPH 1990 >>transfer >>layers >>tmaps
+    L. Carpenter, "The A-buffer, an Antialiased Hidden Surface Method", SIGGRAPH 1984 >>layers
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
-    J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>polygons
+    J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>surfaces
     T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
     T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
     C. Yuksel, J. Keyser, "Deep Opacity Maps", Eurographics 2008 >>transmittance

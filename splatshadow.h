@@ -5471,11 +5471,12 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
 static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_brick *brick) {
     const spsi_segment *segment = spsi_segment_at(context, brick->segment);
     uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
-    for (int i = brick->first; i < brick->first + brick->count; ++i) {
-        const uint64_t place = (uint64_t)(segment->x[i] + SPSI_BRICK * (segment->y[i] + SPSI_BRICK * segment->z[i]));
+    for (int i = 0; i < brick->count; ++i) {
+        const int at = brick->first + i;
+        const float place = segment->x[at] + SPSI_BRICK * (segment->y[at] + SPSI_BRICK * segment->z[at]);
         uint32_t value;
-        memcpy(&value, &segment->value[i], sizeof value);
-        sums[i & 3] = spsi_fingerprint_word(sums[i & 3], place << 32 | value);
+        memcpy(&value, &segment->value[at], sizeof value);
+        sums[i & 3] = spsi_fingerprint_word(sums[i & 3], (uint64_t)place << 32 | value);
     }
     for (int i = 1; i < 4; ++i) sums[0] = spsi_fingerprint_word(sums[0], sums[i]);
     for (int i = 0; i < 3; ++i) sums[0] = spsi_fingerprint_word(sums[0], (uint64_t)brick->base[i]);

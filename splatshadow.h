@@ -98,13 +98,14 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
-    while one is made, by default up to 256^3 entries per face. A light with an extent adds 64 bytes per texel of its
-    shadow buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light
-    throws takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add
-    28 bytes per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples
-    add 4 bytes per pixel, 84 per layer of a pixel and more per light, and a band of samples per worker. sps_plan
-    returns an upper bound beforehand, without these layers and the lists that maps are made from, which may be several
-    times as much; memory_limit is never exceeded.
+    while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
+    patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
+    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
+    takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
+    per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
+    bytes per pixel, 84 per layer of a pixel and more per light, and a band of samples per worker. sps_plan returns an
+    upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
+    much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -495,7 +496,8 @@ typedef enum sps_tmap_technique {
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark. By
        default entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
        side. n 8..1024; the default makes entries as long as they are wide, but at most 256 planes. At most 2^28
-       entries. 4 bytes per texel and plane, twice that while it is made; cheapest of all maps to look up. */
+       entries. 4 bytes per texel and plane, twice that while it is made; cheapest of all maps to look up. Held for the
+       next call, and updated there where gas has changed (sps_light.shadow_map). */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
@@ -628,9 +630,12 @@ typedef struct sps_light {
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0. By
        default it is a table. If all volumes have a revision, a table is held for the next call, and used there if
-       nothing that it was made from has changed; the camera is not part of that. Volumes that are shaded as surfaces,
-       or dense, show the errors of maps of few components as blotches near the terminator. A light with an extent
-       cannot have one. Borrowed for the call. */
+       nothing that it was made from has changed; the camera is not part of that. If only gas has changed, and as a
+       whole reaches as far as before, the table is updated, to the same bits as a new one: only patches of 8 x 8 texels
+       are filled whose rays pass bricks of 8^3 voxels, or particles, that have changed. Volumes are read and compared
+       as a whole: a revision need not say where. A call that fails may release it. Volumes that are shaded
+       as surfaces, or dense, show the errors of maps of few components as blotches near the terminator. A light with an
+       extent cannot have one. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
        SPS_SHADOW_TABLE beside one of another technique. */
@@ -10720,8 +10725,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    that is first counted, then filled, sorted, and made into a curve to which the technique is fitted. Volumes are
    splatted into slabs perpendicular to the light's axis, which takes one visit of all voxels for plain sums and two for
    the rest. A light's shadow table is an opacity map whose planes are packed into pairs of 16 bits, and held for the
-   next call. Cost: occluders times texels under them times components; 4 bytes per texel and component in a band of 64
-   rows, or 16 per interval in it. */
+   next call; there, only patches of texels are filled whose fingerprints have changed. Cost: occluders times texels
+   under them times components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval in it. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none: no point is so far behind far_depth */
 #define SPSI_GUARD_BAND 0.05  /* share of the depth range, free at either end of a Fourier series: it is periodic */
@@ -12116,7 +12121,6 @@ static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
     hash = spsi_fingerprint(hash, frame->lattices[i].corner, sizeof frame->lattices[i].corner);
     hash = spsi_fingerprint(hash, &material->extinction, sizeof material->extinction);
     hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
-    hash = spsi_fingerprint(hash, &frame->media[i].light_channel, sizeof(int));
     if (material->table) hash = spsi_fingerprint(hash, material->table->entry, sizeof material->table->entry);
     return hash;
 }
@@ -12194,16 +12198,13 @@ static void spsi_print_task(void *data, int index, int worker) {
 static void spsi_print_face(const spsi_filling *filling) {
     const spsi_frame *frame = filling->occluders->frame;
     const spsi_map_volumes *volumes = filling->occluders->volumes;
-    const int kinds[] = {frame->matter.light_channel_count, frame->matter.classifies};
     spsi_print_job job;
     job.filling = filling;
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
     for (int i = 0; i < frame->medium_count && volumes; ++i) job.media[i] = spsi_medium_fingerprint(frame, i);
     if (volumes) {
-        job.start = spsi_fingerprint(job.start, kinds, sizeof kinds);
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
         job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
-        job.start = spsi_fingerprint(job.start, &volumes->slabs.count, sizeof volumes->slabs.count);
     }
     spsi_parallel(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]), spsi_print_task,
                   &job);
@@ -12730,17 +12731,19 @@ static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uin
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
-/* Moves a table that is held into the map: one with its key or, to be brought up to date, one with its rays. */
+/* Moves a table that is held and has the map's rays into the map: as its own or, if the gas is another, to be brought
+   up to date. All tables that are held show the same gas. */
 static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
-    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data, *best = NULL;
-    for (int i = 0; i < context->shadow_table_count && map->key; ++i)
-        if (held[i].data.table.data && held[i].aim == map->aim && (!best || held[i].key == map->key)) best = &held[i];
-    if (!best) return;
-    map->finished = best->key == map->key;
-    *(map->finished ? &map->data.table : &map->past) = best->data.table;
-    map->data.prints = best->data.prints;
-    memset(best, 0, sizeof *best);
-    best->context = context;
+    sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
+    const sps_tmap *end = held + context->shadow_table_count;
+    if (!map->key) return;
+    while (held < end && !(held->data.table.data && held->aim == map->aim)) ++held;
+    if (held == end) return;
+    map->finished = held->key == map->key;
+    *(map->finished ? &map->data.table : &map->past) = held->data.table;
+    map->data.prints = held->data.prints;
+    memset(held, 0, sizeof *held);
+    held->context = context;
     if (!map->finished) return;
     context->stats.tables_held += 1;
     spsi_shadow_table_count(map, 1);
@@ -16439,8 +16442,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
 }
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
-static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    size_t most = 0;
+static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
+    size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp lamp = frame->lamps.list[i];
         size_t held, filling;
@@ -16449,8 +16452,9 @@ static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
         spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
         if (filling > most) most = filling;
+        if (spsi_has_shadow_table(&lamp)) prints = (size_t)bricks * sizeof(uint64_t);
     }
-    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
+    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
 }
 
 /* All sweeps, and those of lights that may turn out to need one. */
@@ -16472,11 +16476,12 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
+    uint64_t bricks;
     spsi_plan_choices(context, frame);
-    if (spsi_plan_reading(context, frame, report, &reading) ||
-        spsi_plan_sweeps(context, frame, reading.held ? (uint64_t)context->brick_count : reading.bricks, report))
-        return context->result;
-    spsi_plan_tmaps(frame, report);
+    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
+    bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
+    if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
+    spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=
             (frame->meshes.list[i].triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;

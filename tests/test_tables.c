@@ -34,7 +34,10 @@ static const sps_transfer_point points[] = {
     {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 12}};
 static const sps_transfer_point other_points[] = {
     {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 9}};
+static const sps_transfer_point wide_points[] = {
+    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.8f, {0.9f, 0.6f, 0.3f}, 0}, {1.4f, {0.3f, 0.6f, 0.9f}, 12}};
 static const sps_transfer tissue = {points, 3, NULL, NULL, 0}, other_tissue = {other_points, 3, NULL, NULL, 0};
+static const sps_transfer wide_tissue = {wide_points, 3, NULL, NULL, 0}; /* that of `tissue` at half the value */
 
 enum { GAS, SURFACE, SWARM, KINDS };
 static const char *const names[] = {"gas", "surface", "particles"};
@@ -467,16 +470,81 @@ static void test_updated_transfer(void) {
     sps_volume *within;
     check_scene s;
     start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
+    check_render(holder, &s, image_a);
     within = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
     within->read_fn = read_full;
     within->revision = 1;
     within->extinction = 1;
     within->transfer = &tissue;
-    check_render(holder, &s, image_a);
+    check_part(holder, &s, ALL, "a classified volume, whose slabs are thinner");
     within->transfer = &other_tissue;
     check_part(holder, &s, PART, "the transfer function of a part");
+    within->transfer = &tissue;
+    check_part(holder, &s, PART, "the first transfer function");
+    within->transfer = &wide_tissue;
+    check_part(holder, &s, PART, "the same colors at other values");
     move_lump(&s, GAS);
     check_part(holder, &s, PART, "the lump beside it");
+    sps_destroy(holder);
+}
+
+/* Six faces: their rays do not depend on how far gas reaches, but their slabs do, and their range if it reaches farther
+   than anything before. */
+static void test_updated_bounds(void) {
+    sps_context *holder = check_context(NULL);
+    sps_volume *aside;
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_POINT, 1);
+    aside = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
+    aside->read_fn = read_full;
+    aside->revision = 1;
+    aside->extinction = 2;
+    check_render(holder, &s, image_a);
+    aside->placement.origin[0] = 1.1;
+    check_part(holder, &s, PART, "wider on the near side");
+    aside->placement.origin[0] = -1.7;
+    check_part(holder, &s, ALL, "wider on the far side");
+    sps_destroy(holder);
+}
+
+/* Voxels of 1 in the corners of 40^3, and others of 1 from `low` to `high`. */
+typedef struct single {
+    int low[3], high[3];
+} single;
+
+static int read_single(void *user, const int low[3], const int size[3], float *out) {
+    const single *box = (const single *)user;
+    for (int z = low[2]; z < low[2] + size[2]; ++z)
+        for (int y = low[1]; y < low[1] + size[1]; ++y)
+            for (int x = low[0]; x < low[0] + size[0]; ++x) {
+                const int at[3] = {x, y, z};
+                int corner = 1, inside = 1;
+                for (int k = 0; k < 3; ++k) {
+                    corner &= at[k] == 0 || at[k] == 39;
+                    inside &= at[k] >= box->low[k] && at[k] <= box->high[k];
+                }
+                *out++ = corner || inside ? 1.0f : 0.0f;
+            }
+    return 0;
+}
+
+/* Light straight down: where voxels are along its rays counts too. A brick moves by its height, a voxel within its
+   brick. */
+static void test_updated_along(void) {
+    sps_context *holder = check_context(NULL);
+    single moved = {{16, 8, 16}, {23, 15, 23}};
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
+    check_set3(s.light[0].direction, 0, -1, 0);
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 40;
+    s.volume[0].read_fn = read_single, s.volume[0].user = &moved;
+    check_render(holder, &s, image_a);
+    moved.low[1] = 16, moved.high[1] = 23, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "a brick");
+    moved.low[1] = moved.high[1] = 18, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "a layer of it");
+    moved.low[1] = moved.high[1] = 21, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "another layer");
     sps_destroy(holder);
 }
 
@@ -760,6 +828,8 @@ int main(void) {
     RUN(test_updated);
     RUN(test_updated_changes);
     RUN(test_updated_transfer);
+    RUN(test_updated_bounds);
+    RUN(test_updated_along);
     RUN(test_updated_particles);
     RUN(test_updated_several);
     RUN(test_updated_failures);

@@ -98,13 +98,14 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     sheets (0.3 MB per kind of gas or classified volume). Each light that casts shadows adds 18 bytes per texel of its
     depth map if polygons shade gas, 4 per pixel of the image if there are polygons, and its map or table; those of
     lights that share a sweep are held at the same time. Shadow tables stay for the next call: 4 bytes per entry, 8
-    while one is made, by default up to 256^3 entries per face. A light with an extent adds 64 bytes per texel of its
-    shadow buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light
-    throws takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add
-    28 bytes per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples
-    add 4 bytes per pixel, 84 per layer of a pixel and more per light, and a band of samples per worker. sps_plan
-    returns an upper bound beforehand, without these layers and the lists that maps are made from, which may be several
-    times as much; memory_limit is never exceeded.
+    while one is made or updated, by default up to 256^3 entries per face; if all volumes have a revision, also 8 per
+    patch of 8 x 8 texels, and 8 per brick of 8^3 voxels. A light with an extent adds 64 bytes per texel of its shadow
+    buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
+    takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
+    per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
+    bytes per pixel, 84 per layer of a pixel and more per light, and a band of samples per worker. sps_plan returns an
+    upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
+    much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -496,7 +497,8 @@ typedef enum sps_tmap_technique {
        interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark. By
        default entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
        side. n 8..1024; the default makes entries as long as they are wide, but at most 256 planes. At most 2^28
-       entries. 4 bytes per texel and plane, twice that while it is made; cheapest of all maps to look up. */
+       entries. 4 bytes per texel and plane, twice that while it is made; cheapest of all maps to look up. Held for the
+       next call, and updated there where gas has changed (sps_light.shadow_map). */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
@@ -629,9 +631,12 @@ typedef struct sps_light {
        slicing limit: around a point light amid what it lights, the map has six faces. Its depth range is fitted to the
        gas, and shadows of polygons are the same as without it: near_depth, far_depth and surface_bias must be 0. By
        default it is a table. If all volumes have a revision, a table is held for the next call, and used there if
-       nothing that it was made from has changed; the camera is not part of that. Volumes that are shaded as surfaces,
-       or dense, show the errors of maps of few components as blotches near the terminator. A light with an extent
-       cannot have one. Borrowed for the call. */
+       nothing that it was made from has changed; the camera is not part of that. If only gas has changed, and as a
+       whole reaches as far as before, the table is updated, to the same bits as a new one: only patches of 8 x 8 texels
+       are filled whose rays pass bricks of 8^3 voxels, or particles, that have changed. Volumes are read and compared
+       as a whole: a revision need not say where. A call that fails may release it. Volumes that are shaded
+       as surfaces, or dense, show the errors of maps of few components as blotches near the terminator. A light with an
+       extent cannot have one. Borrowed for the call. */
     const sps_tmap_settings *shadow_map;
     /* How gas is shaded where shadow_map is NULL. SPS_SHADOW_SHEETS beside a shadow_map is an error, and so is
        SPS_SHADOW_TABLE beside one of another technique. */
@@ -806,7 +811,10 @@ typedef struct sps_stats_report {
        (particles: the pixels of their boxes). */
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
-    uint64_t tables_made, tables_held; /* shadow tables that were made, and taken over from the last call */
+    uint64_t tables_made, tables_held; /* shadow tables that were made or updated, and taken over from the last call */
+    /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
+       kept from the last call. */
+    uint64_t table_patches_made, table_patches_held;
     /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
@@ -1546,6 +1554,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_IMAGES,      /* that lights throw, >>projectors */
     SPSI_BUFFER_BLOCK,       /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
+    SPSI_BUFFER_BRICK_PRINTS,  /* fingerprints of the bricks, for shadow tables */
     SPSI_BUFFER_SEGMENTS,      /* the list of voxel segments */
     SPSI_BUFFER_FACES,         /* triangles, >>polygons */
     SPSI_BUFFER_FACE_ROWS,     /* the rows that each triangle covers */
@@ -1577,8 +1586,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_PARTICLES,         /* >>gather */
     SPSI_BUFFER_BRICK_QUEUE,       /* bricks by the chunks that they touch, >>targets */
     SPSI_BUFFER_PARTICLE_QUEUE,    /* particles by the chunks that they touch */
-    SPSI_BUFFER_BRICK_TILES,       /* tiles that bricks touch, for the eye or a map */
-    SPSI_BUFFER_BRICK_LIGHT_TILES, /* tiles that bricks touch, for a light */
+    SPSI_BUFFER_BRICK_BOXES,       /* pixels that bricks touch, for the eye or a map */
+    SPSI_BUFFER_BRICK_LIGHT_BOXES, /* texels that bricks touch, for a light */
     SPSI_BUFFER_EYE_BALLS,         /* the particles of one chunk as the eye sees them, by tile */
     SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
     SPSI_BUFFER_TILES,             /* state of each tile */
@@ -1624,6 +1633,7 @@ struct sps_context {
     int segment_count; /* voxel segments held, >>gather */
     uint64_t gathered; /* fingerprint of the volumes whose voxels are held; 0: none */
     int brick_count;
+    int bricks_printed; /* 1: their fingerprints are held too */
     uint64_t voxel_count;
     uint64_t faces_held; /* fingerprint of the meshes whose triangles are held; 0: none, >>polygons */
     int face_count;
@@ -1911,6 +1921,13 @@ static uint64_t spsi_fingerprint(uint64_t hash, const void *data, size_t size) {
     const unsigned char *bytes = (const unsigned char *)data;
     for (size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * UINT64_C(1099511628211);
     return hash;
+}
+
+/* The same for 64 bits at once: several times as fast. Multiplying carries changes upwards only, so the upper half is
+   folded into the lower. */
+static inline uint64_t spsi_fingerprint_word(uint64_t hash, uint64_t word) {
+    hash = (hash ^ word) * UINT64_C(0x9e3779b97f4a7c15);
+    return hash ^ hash >> 32;
 }
 
 /* =============================================================================================== >>kernel
@@ -5464,6 +5481,41 @@ static uint64_t spsi_volumes_fingerprint(const spsi_frame *frame) {
     return hash | 1;
 }
 
+/* A hash of a brick's voxels and of its place in its volume. Four sums side by side, as each waits for itself. */
+static uint64_t spsi_brick_fingerprint(const sps_context *context, const spsi_brick *brick) {
+    const spsi_segment *segment = spsi_segment_at(context, brick->segment);
+    uint64_t sums[4] = {SPSI_FINGERPRINT_START, 1, 2, 3};
+    for (int i = 0; i < brick->count; ++i) {
+        const int at = brick->first + i;
+        const float place = segment->x[at] + SPSI_BRICK * (segment->y[at] + SPSI_BRICK * segment->z[at]);
+        uint32_t value;
+        memcpy(&value, &segment->value[at], sizeof value);
+        sums[i & 3] = spsi_fingerprint_word(sums[i & 3], (uint64_t)place << 32 | value);
+    }
+    for (int i = 1; i < 4; ++i) sums[0] = spsi_fingerprint_word(sums[0], sums[i]);
+    for (int i = 0; i < 3; ++i) sums[0] = spsi_fingerprint_word(sums[0], (uint64_t)brick->base[i]);
+    return sums[0];
+}
+
+static void spsi_brick_prints_task(void *data, int index, int worker) {
+    const sps_context *context = (const sps_context *)data;
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    uint64_t *prints = (uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
+    const int end = spsi_batch_end(index, context->brick_count);
+    (void)worker;
+    for (int i = index * SPSI_BATCH; i < end; ++i) prints[i] = spsi_brick_fingerprint(context, &bricks[i]);
+}
+
+/* Computes the fingerprints of all bricks, unless they are held with them. */
+static sps_result spsi_brick_prints(sps_context *context) {
+    if (context->bricks_printed) return SPS_OK;
+    if (!spsi_reserve(context, SPSI_BUFFER_BRICK_PRINTS, (size_t)context->brick_count, sizeof(uint64_t)))
+        return context->result;
+    spsi_parallel_batches(context, context->brick_count, spsi_brick_prints_task, context);
+    context->bricks_printed = 1;
+    return SPS_OK;
+}
+
 /* The world bounds of the relevant voxels and their kernels; empty if there are none. */
 static void spsi_tighten_bounds(const sps_context *context, const spsi_frame *frame) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -5494,6 +5546,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     if (fingerprint == 0 || fingerprint != context->gathered) {
         int current = -1;
         context->gathered = 0;
+        context->bricks_printed = 0;
         context->brick_count = 0;
         context->voxel_count = 0;
         for (int i = 0; i < frame->medium_count; ++i)
@@ -10094,7 +10147,7 @@ typedef struct spsi_target {
     int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
     spsi_splatter splatters[SPSI_VOLUMES_MAX];
     spsi_crossing crossing;
-    int16_t (*brick_tiles)[4]; /* x0, y0, x1, y1 of each brick, in tiles; x1 < x0: nowhere */
+    int16_t (*brick_boxes)[4]; /* x0, y0, x1, y1 of each brick, in pixels; x1 < x0: nowhere */
     spsi_lists particles;
     spsi_sheets sheets;
     uint64_t (*counts)[2]; /* per worker: footprints and fragments */
@@ -10254,9 +10307,9 @@ static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *bric
     }
 }
 
-/* The tiles that a brick's kernels may reach; `behind`: 1 if rays extend behind their origin. */
-static void spsi_brick_tiles(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_target *target,
-                             int behind, int16_t tiles[4]) {
+/* The pixels that a brick's kernels may reach; `behind`: 1 if rays extend behind their origin. */
+static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_target *target, int behind,
+                           int16_t box[4]) {
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
@@ -10276,10 +10329,10 @@ static void spsi_brick_tiles(const spsi_lattice *lattice, const spsi_brick *bric
         low[0] = HUGE_VAL, high[0] = -HUGE_VAL;
     else if (ahead < 8 && back < 8)
         low[0] = low[1] = -HUGE_VAL, high[0] = high[1] = HUGE_VAL;
-    tiles[0] = (int16_t)floor(fmin(fmax(low[0] - filter, 0), rays->width) / SPSI_TILE_WIDTH);
-    tiles[1] = (int16_t)floor(fmin(fmax(low[1] - filter, 0), rays->height) / SPSI_TILE_HEIGHT);
-    tiles[2] = (int16_t)floor(fmax(fmin(high[0] + filter, rays->width - 1), -1) / SPSI_TILE_WIDTH);
-    tiles[3] = (int16_t)floor(fmax(fmin(high[1] + filter, rays->height - 1), -1) / SPSI_TILE_HEIGHT);
+    box[0] = (int16_t)floor(fmin(fmax(low[0] - filter, 0), rays->width));
+    box[1] = (int16_t)floor(fmin(fmax(low[1] - filter, 0), rays->height));
+    box[2] = (int16_t)floor(fmax(fmin(high[0] + filter, rays->width - 1), -1));
+    box[3] = (int16_t)floor(fmax(fmin(high[1] + filter, rays->height - 1), -1));
 }
 
 static void spsi_bricks_task(void *data, int index, int worker) {
@@ -10298,7 +10351,7 @@ static void spsi_bricks_task(void *data, int index, int worker) {
             const double eye_slab = target->origin_slab;
             const int behind = splatter->whole && low - reach < eye_slab + 1 && high + reach > eye_slab - 1;
             farthest = fmax(farthest, reach);
-            spsi_brick_tiles(lattice, brick, target, behind, target->brick_tiles[i]);
+            spsi_brick_box(lattice, brick, target, behind, target->brick_boxes[i]);
         }
         spsi_queue_set(&contents->bricks, i, chunks, low - farthest, high + farthest);
     }
@@ -10344,10 +10397,10 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Finds the chunks and tiles of all bricks, and allocates the targets' sheets. `second` may be NULL. */
+/* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
 static sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
                                       spsi_contents *contents) {
-    static const spsi_buffer_id tiles[2] = {SPSI_BUFFER_BRICK_TILES, SPSI_BUFFER_BRICK_LIGHT_TILES};
+    static const spsi_buffer_id boxes[2] = {SPSI_BUFFER_BRICK_BOXES, SPSI_BUFFER_BRICK_LIGHT_BOXES};
     const int chunks = spsi_chunk_count(first->slabs), count = context->brick_count;
     contents->context = context;
     contents->frame = first->frame;
@@ -10360,9 +10413,9 @@ static sps_result spsi_contents_build(sps_context *context, spsi_target *first, 
     if (spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, count, chunks, &contents->bricks)) return context->result;
     for (int i = 0; i < contents->target_count; ++i) {
         spsi_target *target = contents->targets[i];
-        target->brick_tiles =
-            (int16_t(*)[4])spsi_reserve(context, tiles[i], (size_t)count, sizeof *target->brick_tiles);
-        if (!target->brick_tiles) return context->result;
+        target->brick_boxes =
+            (int16_t(*)[4])spsi_reserve(context, boxes[i], (size_t)count, sizeof *target->brick_boxes);
+        if (!target->brick_boxes) return context->result;
     }
     spsi_parallel_batches(context, count, spsi_bricks_task, contents);
     spsi_queue_sort(&contents->bricks, chunks);
@@ -10463,6 +10516,12 @@ static void spsi_tile_place(const spsi_target *target, int column, int row, int 
     tile->sheets = target->sheets.memory + (size_t)worker * target->sheets.floats;
 }
 
+/* Whether a box of pixels, as of a brick, meets a tile. */
+static int spsi_box_meets_tile(const int16_t box[4], int column, int row) {
+    const int x0 = column * SPSI_TILE_WIDTH, y0 = row * SPSI_TILE_HEIGHT;
+    return box[0] < x0 + SPSI_TILE_WIDTH && box[2] >= x0 && box[1] < y0 + SPSI_TILE_HEIGHT && box[3] >= y0;
+}
+
 /* A tile that is being filled. Its sheets are cleared when the first footprint is added. */
 typedef struct spsi_tile_fill {
     const spsi_target *target;
@@ -10484,13 +10543,12 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
     tile->eye_slab = (float)(target->origin_slab - first_slab);
     for (int i = 0; i < contents->bricks.current; ++i) {
         const int index = contents->bricks.present[i];
-        const int16_t *tiles = target->brick_tiles[index];
+        const int16_t *box = target->brick_boxes[index];
         const spsi_brick *brick = &contents->list[index];
         const int channel = target->channels[brick->lattice], slopes = target->slope_channels[brick->lattice];
         spsi_anchor anchor;
-        if (fill->column < tiles[0] || fill->column > tiles[2] || fill->row < tiles[1] || fill->row > tiles[3])
-            continue;
-        if (channel < 0) continue;
+        if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
+        if (!(tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]))) continue;
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
@@ -10676,8 +10734,8 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
    that is first counted, then filled, sorted, and made into a curve to which the technique is fitted. Volumes are
    splatted into slabs perpendicular to the light's axis, which takes one visit of all voxels for plain sums and two for
    the rest. A light's shadow table is an opacity map whose planes are packed into pairs of 16 bits, and held for the
-   next call. Cost: occluders times texels under them times components; 4 bytes per texel and component in a band of 64
-   rows, or 16 per interval in it. */
+   next call; there, only patches of texels are filled whose fingerprints have changed. Cost: occluders times texels
+   under them times components; 4 bytes per texel and component in a band of 64 rows, or 16 per interval in it. */
 
 #define SPSI_NO_SURFACE 1e30f /* u where there is none: no point is so far behind far_depth */
 #define SPSI_GUARD_BAND 0.05  /* share of the depth range, free at either end of a Fourier series: it is periodic */
@@ -10693,7 +10751,14 @@ typedef struct spsi_tmap_data {
     spsi_buffer starts;   /* of lists: the index of each texel's first item, plus one more for the end */
     spsi_buffer table;    /* of a shadow table, in place of texels: pairs of planes */
     spsi_buffer surfaces; /* u of each texel's first opaque surface; no data: there are no opaque surfaces */
+    spsi_buffer prints;   /* of a shadow table with a key: what its texels are made from, face by face, tile by tile */
 } spsi_tmap_data;
+
+/* What the texels of a tile of a shadow table are made from, patch by patch. */
+typedef struct spsi_tile_prints {
+    uint64_t open; /* bit mask of the patches that are filled; the others keep what they held in the last call */
+    uint64_t patches[64];
+} spsi_tile_prints;
 
 struct sps_tmap {
     sps_context *context;
@@ -10709,6 +10774,8 @@ struct sps_tmap {
     int finished, failed;
     spsi_rays rays[SPSI_CUBE_FACES];
     uint64_t key;     /* of a shadow table: fingerprint of all that it is made from; 0: it is not kept */
+    uint64_t aim;     /* fingerprint of its rays and planes: only tables with the same have the same entries */
+    spsi_buffer past; /* no data, or the table of the last call that is brought up to date */
     double per_depth; /* 1 / (far - near) */
     double bias[2];   /* of surfaces, in t: bias[0] + bias[1] * t */
     spsi_buffer planes;
@@ -10718,6 +10785,19 @@ struct sps_tmap {
 
 static size_t spsi_tmap_texel_count(const sps_tmap *map) {
     return spsi_ray_count(&map->rays[0]) * (size_t)map->face_count;
+}
+
+/* Fingerprints of a tile of a face; NULL: there are none. */
+static spsi_tile_prints *spsi_tmap_prints(const sps_tmap *map, int face, int row, int column) {
+    const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
+    spsi_tile_prints *prints = (spsi_tile_prints *)map->data.prints.data;
+    return prints ? prints + ((size_t)face * (size_t)rows + (size_t)row) * (size_t)columns + column : NULL;
+}
+
+/* Bit mask of the patches of a tile that a face's texels lie in. */
+static uint64_t spsi_tmap_patches(const sps_tmap *map, int row, int column) {
+    return spsi_patch_box(0, 0, map->rays[0].width - 1 - column * SPSI_TILE_WIDTH,
+                          map->rays[0].height - 1 - row * SPSI_TILE_HEIGHT);
 }
 
 /* Of a map made from lists: bytes of an item, an interval or a node, and number of items. */
@@ -11135,6 +11215,7 @@ typedef struct spsi_filling {
 typedef struct spsi_map_tile {
     const spsi_filling *filling;
     int x0, y0, width, height;
+    uint64_t open; /* bit mask of the patches that are filled */
     size_t stride;
     float *ranges, *sums;
 } spsi_map_tile;
@@ -11151,8 +11232,10 @@ static size_t spsi_band_floats(const sps_tmap *map, int components) {
 }
 
 static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_map_tile *into) {
+    const spsi_tile_prints *prints = spsi_tmap_prints(filling->map, filling->band.face, filling->band.row, column);
     size_t before;
     into->filling = filling;
+    into->open = prints ? prints->open : ~UINT64_C(0);
     into->x0 = column * SPSI_TILE_WIDTH;
     into->y0 = filling->band.row * SPSI_TILE_HEIGHT;
     into->width = spsi_least(SPSI_TILE_WIDTH, filling->map->rays[0].width - into->x0);
@@ -11161,6 +11244,11 @@ static void spsi_map_tile_place(const spsi_filling *filling, int column, spsi_ma
     before = (size_t)into->x0 * (size_t)into->height + (size_t)column * SPSI_LANES;
     into->ranges = filling->band.ranges ? filling->band.ranges + 2 * before : NULL; /* lists have none */
     into->sums = filling->band.sums ? filling->band.sums + (size_t)filling->map->inner.components * before : NULL;
+}
+
+/* Whether any patch of a box of texels is filled. */
+static int spsi_map_tile_is_open(const spsi_map_tile *into, int x0, int y0, int x1, int y1) {
+    return (into->open & spsi_patch_box(x0 - into->x0, y0 - into->y0, x1 - into->x0, y1 - into->y0)) != 0;
 }
 
 /* The number of a texel in its map. */
@@ -11367,19 +11455,27 @@ static void spsi_insert_chords(const spsi_map_tile *into, const spsi_ball *ball,
 static void spsi_insert_ball(const spsi_map_tile *into, const spsi_ball *ball) {
     const int x0 = spsi_most(ball->x0, into->x0), x1 = spsi_least(ball->x1, into->x0 + into->width - 1);
     const int y0 = spsi_most(ball->y0, into->y0), y1 = spsi_least(ball->y1, into->y0 + into->height - 1);
+    if (x0 > x1 || y0 > y1 || !spsi_map_tile_is_open(into, x0, y0, x1, y1)) return;
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; x += SPSI_LANES) spsi_insert_chords(into, ball, x, y, x1);
 }
 
+/* Number of balls that a tile may meet. */
+static uint32_t spsi_tile_ball_count(const spsi_occluders *occluders, int tile) {
+    if (!occluders->balls) return 0;
+    if (occluders->tile_balls) return occluders->tile_starts[tile + 1] - occluders->tile_starts[tile];
+    return (uint32_t)occluders->frame->content->particle_count;
+}
+
+/* The number of the i-th of them. */
+static uint32_t spsi_tile_ball(const spsi_occluders *occluders, int tile, uint32_t i) {
+    return occluders->tile_balls ? occluders->tile_balls[occluders->tile_starts[tile] + i] : i;
+}
+
 static void spsi_insert_balls(const spsi_map_tile *into, int tile) {
     const spsi_occluders *occluders = into->filling->occluders;
-    if (!occluders->balls) return;
-    if (occluders->tile_balls)
-        for (uint32_t i = occluders->tile_starts[tile]; i < occluders->tile_starts[tile + 1]; ++i)
-            spsi_insert_ball(into, &occluders->balls[occluders->tile_balls[i]]);
-    else
-        for (int i = 0; i < occluders->frame->content->particle_count; ++i)
-            spsi_insert_ball(into, &occluders->balls[i]);
+    const uint32_t count = spsi_tile_ball_count(occluders, tile);
+    for (uint32_t i = 0; i < count; ++i) spsi_insert_ball(into, &occluders->balls[spsi_tile_ball(occluders, tile, i)]);
 }
 
 /* --- triangles --- */
@@ -11447,8 +11543,9 @@ static void spsi_insert_slabs(const spsi_map_tile *into, const spsi_tile *tile) 
             const size_t from = (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
             const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
             const spsi_row_slabs slabs = spsi_row_slabs_at(shader, x, y);
+            const int open = spsi_map_tile_is_open(into, x, y, x + SPSI_LANES - 1, y);
             const spsi_m here = spsi_less(at, spsi_set((float)(into->x0 + into->width) - 0.5f));
-            for (int k = 0; k < SPSI_CHUNK; ++k) {
+            for (int k = 0; k < SPSI_CHUNK && open; ++k) {
                 const double u = filling->slab_u + (first_slab + k) * filling->u_per_slab;
                 spsi_v depth = spsi_light_sheet(shader, tile, from + (size_t)(k + margin) * tile->sheet_size, &slabs);
                 depth = spsi_select(here, spsi_min(depth, spsi_set(SPSI_DEPTH_MAX)), spsi_set(0));
@@ -11467,7 +11564,9 @@ static void spsi_fill_volumes_task(void *data, int index, int worker) {
     spsi_map_tile into;
     spsi_tile tile;
     spsi_map_tile_place(filling, index, &into);
+    if (!into.open) return;
     spsi_tile_place(&volumes->target, index, filling->band.row, worker, &tile);
+    tile.open = into.open;
     if (spsi_tile_splat(&volumes->target, &volumes->contents, index, filling->band.row, &tile))
         spsi_insert_slabs(&into, &tile);
 }
@@ -11508,8 +11607,10 @@ static void spsi_store_task(void *data, int index, int worker) {
     (void)worker;
     spsi_map_tile_place(filling, index, &into);
     for (int i = 0; i < into.width * into.height; ++i) {
-        const size_t texel = spsi_map_tile_texel(&into, into.x0 + i % into.width, into.y0 + i / into.width);
+        const int x = into.x0 + i % into.width, y = into.y0 + i / into.width;
+        const size_t texel = spsi_map_tile_texel(&into, x, y);
         float *out = (float *)map->data.texels.data + texel * (size_t)map->settings.components;
+        if (!spsi_map_tile_is_open(&into, x, y, x, y)) continue;
         if (map->has_range) {
             *out++ = into.ranges[i];
             *out++ = spsi_higher(into.ranges[into.stride + (size_t)i], into.ranges[i]);
@@ -11990,7 +12091,7 @@ static sps_result spsi_occluders_sort(sps_tmap *map, const spsi_rays *rays, spsi
     return SPS_OK;
 }
 
-/* --- a face, and the whole map --- */
+/* --- a face of a map, and its slabs --- */
 
 /* Slabs perpendicular to a face's axis, for the volumes of a frame; here particles are not part of sheets. */
 static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
@@ -12019,6 +12120,133 @@ static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame 
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
+/* --- what a table's texels are made from --- */
+
+/* A hash of what a voxel's optical depth is made from, except for its value. */
+static uint64_t spsi_medium_fingerprint(const spsi_frame *frame, int i) {
+    const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+    uint64_t hash = SPSI_FINGERPRINT_START;
+    hash = spsi_fingerprint(hash, frame->lattices[i].step, sizeof frame->lattices[i].step);
+    hash = spsi_fingerprint(hash, frame->lattices[i].corner, sizeof frame->lattices[i].corner);
+    hash = spsi_fingerprint(hash, &material->extinction, sizeof material->extinction);
+    hash = spsi_fingerprint(hash, &material->table_scale, sizeof material->table_scale);
+    if (material->table) hash = spsi_fingerprint(hash, material->table->entry, sizeof material->table->entry);
+    return hash;
+}
+
+/* A hash of how particles of a set become balls. */
+static uint64_t spsi_set_fingerprint(uint64_t hash, const spsi_particle_set *set) {
+    hash = spsi_fingerprint(hash, &set->soft, sizeof set->soft);
+    return spsi_fingerprint(hash, &set->is_extinction, sizeof set->is_extinction);
+}
+
+typedef struct spsi_print_job {
+    const spsi_filling *filling;
+    uint64_t start;                   /* of all patches: the slabs and kernels of the face */
+    uint64_t media[SPSI_VOLUMES_MAX]; /* of each medium */
+} spsi_print_job;
+
+/* Adds a fingerprint to those of the patches that meet a box of texels, counted from the tile's first. */
+static void spsi_print_patches(uint64_t prints[64], int x0, int y0, int x1, int y1, uint64_t print) {
+    for (int row = spsi_patch_at(y0); row <= spsi_patch_at(y1); ++row)
+        for (int column = spsi_patch_at(x0); column <= spsi_patch_at(x1); ++column)
+            prints[8 * row + column] = spsi_fingerprint_word(prints[8 * row + column], print);
+}
+
+static void spsi_print_bricks(const spsi_print_job *job, int column, int row, uint64_t prints[64]) {
+    const spsi_map_volumes *volumes = job->filling->occluders->volumes;
+    const sps_context *context = job->filling->context;
+    const uint64_t *voxels = (const uint64_t *)context->buffers[SPSI_BUFFER_BRICK_PRINTS].data;
+    const int x = column * SPSI_TILE_WIDTH, y = row * SPSI_TILE_HEIGHT;
+    for (int i = 0; i < context->brick_count && volumes; ++i) {
+        const int16_t *box = volumes->target.brick_boxes[i];
+        const int lattice = volumes->contents.list[i].lattice;
+        if (volumes->target.channels[lattice] < 0 || !spsi_box_meets_tile(box, column, row)) continue;
+        spsi_print_patches(prints, box[0] - x, box[1] - y, box[2] - x, box[3] - y,
+                           spsi_fingerprint_word(job->media[lattice], voxels[i]));
+    }
+}
+
+static void spsi_print_balls(const spsi_print_job *job, int column, int row, uint64_t prints[64]) {
+    const spsi_occluders *occluders = job->filling->occluders;
+    const int tile = row * job->filling->band.tiles_x + column;
+    const int x = column * SPSI_TILE_WIDTH, y = row * SPSI_TILE_HEIGHT;
+    const uint32_t count = spsi_tile_ball_count(occluders, tile);
+    for (uint32_t i = 0; i < count; ++i) {
+        const int number = (int)spsi_tile_ball(occluders, tile, i);
+        const spsi_ball *ball = &occluders->balls[number];
+        uint64_t print;
+        if (ball->x1 < spsi_most(x, ball->x0) || ball->x0 >= x + SPSI_TILE_WIDTH) continue;
+        if (ball->y1 < spsi_most(y, ball->y0) || ball->y0 >= y + SPSI_TILE_HEIGHT) continue;
+        print = spsi_fingerprint(SPSI_FINGERPRINT_START, &occluders->frame->content->particles[number],
+                                 sizeof(sps_particle));
+        print = spsi_set_fingerprint(print, spsi_set_of(occluders->frame, number));
+        spsi_print_patches(prints, ball->x0 - x, ball->y0 - y, ball->x1 - x, ball->y1 - y, print);
+    }
+}
+
+/* Computes a tile's fingerprints in the order in which it is filled, and opens the patches whose own have changed. */
+static void spsi_print_task(void *data, int index, int worker) {
+    const spsi_print_job *job = (const spsi_print_job *)data;
+    const spsi_filling *filling = job->filling;
+    const int column = index % filling->band.tiles_x, row = index / filling->band.tiles_x;
+    spsi_tile_prints *held = spsi_tmap_prints(filling->map, filling->band.face, row, column);
+    uint64_t prints[64];
+    (void)worker;
+    for (int i = 0; i < 64; ++i) prints[i] = job->start;
+    spsi_print_bricks(job, column, row, prints);
+    spsi_print_balls(job, column, row, prints);
+    held->open = 0;
+    for (int i = 0; i < 64; ++i)
+        held->open |= (uint64_t)(!filling->map->past.data || held->patches[i] != prints[i]) << i;
+    held->open &= spsi_tmap_patches(filling->map, row, column);
+    memcpy(held->patches, prints, sizeof prints);
+}
+
+/* Fingerprints of all tiles of a face whose bricks and balls are binned. */
+static void spsi_print_face(const spsi_filling *filling) {
+    const spsi_frame *frame = filling->occluders->frame;
+    const spsi_map_volumes *volumes = filling->occluders->volumes;
+    spsi_print_job job;
+    job.filling = filling;
+    job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
+    for (int i = 0; i < frame->medium_count && volumes; ++i) job.media[i] = spsi_medium_fingerprint(frame, i);
+    if (volumes) {
+        job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
+        job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
+    }
+    spsi_parallel(filling->context, filling->band.tiles_x * spsi_tile_rows(&filling->map->rays[0]), spsi_print_task,
+                  &job);
+}
+
+/* Counts a shadow table's patches, those that were filled and those that were kept; `held`: 1 if all were. */
+static void spsi_shadow_table_count(const sps_tmap *map, int held) {
+    sps_stats_report *stats = &map->context->stats;
+    const int columns = spsi_tile_columns(&map->rays[0]), rows = spsi_tile_rows(&map->rays[0]);
+    for (int tile = 0; tile < map->face_count * rows * columns; ++tile) {
+        const int column = tile % columns, row = tile / columns % rows;
+        const spsi_tile_prints *prints = spsi_tmap_prints(map, tile / columns / rows, row, column);
+        const uint64_t all = spsi_tmap_patches(map, row, column);
+        const uint64_t made = held ? 0 : prints ? prints->open : all;
+        for (int i = 0; i < 64; ++i) {
+            stats->table_patches_made += made >> i & 1;
+            stats->table_patches_held += (all & ~made) >> i & 1;
+        }
+    }
+}
+
+/* --- filling a face, and the whole map --- */
+
+/* Whether no texel of a band is filled. */
+static int spsi_band_is_closed(const spsi_filling *filling) {
+    for (int column = 0; column < filling->band.tiles_x; ++column) {
+        spsi_map_tile into;
+        spsi_map_tile_place(filling, column, &into);
+        if (into.open) return 0;
+    }
+    return 1;
+}
+
 static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluders) {
     sps_tmap *map = filling->map;
     const spsi_rays *rays = &map->rays[filling->band.face];
@@ -12035,7 +12263,9 @@ static sps_result spsi_fill_face(spsi_filling *filling, spsi_occluders *occluder
         filling->slab_u = (slabs->start - spsi_dot(slabs->normal, rays->origin)) * per_depth -
                           map->settings.near_depth * map->per_depth;
     }
+    if (map->data.prints.data) spsi_print_face(filling);
     for (filling->band.row = 0; filling->band.row < rows; ++filling->band.row) {
+        if (spsi_band_is_closed(filling)) continue;
         filling->progress =
             spsi_part_done(&occluders->part, (filling->band.face + (double)filling->band.row / rows) / map->face_count);
         filling->band.first_texel =
@@ -12076,6 +12306,15 @@ static sps_result spsi_tmap_reserve_texels(sps_tmap *map, int has_surfaces) {
     return map->context->result;
 }
 
+/* Prepares the fingerprints of a shadow table that can be held: those of a table that is brought up to date are there.
+ */
+static sps_result spsi_tmap_reserve_prints(sps_tmap *map) {
+    const size_t tiles = (size_t)spsi_tile_columns(&map->rays[0]) * (size_t)spsi_tile_rows(&map->rays[0]);
+    if (!map->key || spsi_brick_prints(map->context)) return map->context->result;
+    spsi_buffer_reserve(map->context, &map->data.prints, (size_t)map->face_count * tiles, sizeof(spsi_tile_prints));
+    return map->context->result;
+}
+
 /* Releases the memory that a list has grown to beyond what it holds. */
 static sps_result spsi_tmap_trim(sps_tmap *map) {
     const size_t item = spsi_tmap_item_bytes(map), count = spsi_tmap_item_count(map);
@@ -12104,7 +12343,7 @@ static sps_result spsi_tmap_fill(sps_tmap *map, spsi_occluders *occluders) {
         spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float) > map->settings.byte_budget)
         return spsi_tmap_refuse_budget(map,
                                        (double)(spsi_tmap_bytes(map) + spsi_tmap_texel_count(map) * sizeof(float)));
-    if (spsi_tmap_reserve_texels(map, has_surfaces)) return context->result;
+    if (spsi_tmap_reserve_texels(map, has_surfaces) || spsi_tmap_reserve_prints(map)) return context->result;
     memset(&filling, 0, sizeof filling);
     filling.context = context;
     filling.map = map;
@@ -12291,6 +12530,8 @@ static void spsi_tmap_release(sps_tmap *map) {
     spsi_buffer_release(map->context, &map->data.starts);
     spsi_buffer_release(map->context, &map->data.table);
     spsi_buffer_release(map->context, &map->data.surfaces);
+    spsi_buffer_release(map->context, &map->data.prints);
+    spsi_buffer_release(map->context, &map->past);
 }
 
 /* Releases the occluders that were added, once they have been read. */
@@ -12415,6 +12656,14 @@ static uint32_t spsi_shadow_table_steps(float depth) {
                       0.5f);
 }
 
+/* Whether a texel of a table was filled; `y` counts rows of all faces. */
+static int spsi_shadow_table_is_new(const sps_tmap *map, int x, int y) {
+    const int height = map->rays[0].height, in_face = y % height;
+    const spsi_tile_prints *prints = spsi_tmap_prints(map, y / height, in_face / SPSI_TILE_HEIGHT, x / SPSI_TILE_WIDTH);
+    x %= SPSI_TILE_WIDTH;
+    return !prints || (prints->open & spsi_patch_box(x, in_face % SPSI_TILE_HEIGHT, x, in_face % SPSI_TILE_HEIGHT));
+}
+
 /* Fills a row of a table's blocks. What lies beyond the last row or column repeats the last: it is never looked up. */
 static void spsi_shadow_table_task(void *data, int row, int worker) {
     const sps_tmap *map = (const sps_tmap *)data;
@@ -12430,7 +12679,8 @@ static void spsi_shadow_table_task(void *data, int row, int worker) {
             const size_t texel = (size_t)y * (size_t)width + (size_t)x;
             const float *from = (const float *)map->data.texels.data + texel * (size_t)planes;
             uint32_t before = 0;
-            for (int k = 0; k < planes; ++k) {
+            const int count = spsi_shadow_table_is_new(map, x, y) ? planes : 0;
+            for (int k = 0; k < count; ++k) {
                 const uint32_t next = spsi_shadow_table_steps(from[k]);
                 to[k * SPSI_SHADOW_TABLE_TEXELS + i] = before | next << 16;
                 before = next;
@@ -12438,32 +12688,29 @@ static void spsi_shadow_table_task(void *data, int row, int worker) {
         }
 }
 
-/* Turns an opacity map's texels into a table, and releases them. */
+/* Turns an opacity map's texels into a table, or into the new part of one, and releases them. */
 static sps_result spsi_shadow_table_build(sps_tmap *map) {
     const size_t blocks = (size_t)spsi_shadow_table_columns(map) * (size_t)spsi_shadow_table_rows(map);
     const size_t planes = (size_t)map->settings.components;
+    map->data.table = map->past;
+    memset(&map->past, 0, sizeof map->past);
     if (!spsi_buffer_reserve(map->context, &map->data.table, blocks * planes,
                              SPSI_SHADOW_TABLE_TEXELS * sizeof(uint32_t)))
         return map->context->result;
     spsi_parallel(map->context, spsi_shadow_table_rows(map), spsi_shadow_table_task, map);
     spsi_buffer_release(map->context, &map->data.texels);
     map->context->stats.tables_made += 1;
+    spsi_shadow_table_count(map, 0);
     return SPS_OK;
 }
 
 /* A hash of the gas that a map shows; 0 if it may be another in the next call. */
 static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     uint64_t hash = spsi_volumes_fingerprint(frame);
-    for (int i = 0; i < frame->medium_count && hash; ++i) {
-        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
-        hash = spsi_fingerprint(hash, frame->lattices[i].step, sizeof frame->lattices[i].step);
-        hash = spsi_fingerprint(hash, frame->lattices[i].corner, sizeof frame->lattices[i].corner);
-        hash = spsi_fingerprint(hash, &material->extinction, sizeof material->extinction);
-        if (material->table) hash = spsi_fingerprint(hash, material->table->entry, sizeof material->table->entry);
-    }
+    for (int i = 0; i < frame->medium_count && hash; ++i)
+        hash = spsi_fingerprint_word(hash, spsi_medium_fingerprint(frame, i));
     for (int i = 0; i < frame->particles.set_count && hash; ++i) {
-        hash = spsi_fingerprint(hash, &frame->particles.sets[i].soft, sizeof(int));
-        hash = spsi_fingerprint(hash, &frame->particles.sets[i].is_extinction, sizeof(int));
+        hash = spsi_set_fingerprint(hash, &frame->particles.sets[i]);
         hash = spsi_fingerprint(hash, &frame->content->set_ends[i], sizeof(int));
     }
     if (hash && frame->content->particle_count > 0)
@@ -12472,12 +12719,10 @@ static uint64_t spsi_gas_fingerprint(const spsi_frame *frame) {
     return hash;
 }
 
-/* A hash of all that a table is made from, given that of the gas. */
-static uint64_t spsi_shadow_table_key(const spsi_frame *frame, const sps_tmap *map, uint64_t gas) {
-    const double knobs[] = {frame->view.slab, frame->accuracy.cut, map->settings.near_depth, map->settings.far_depth};
-    uint64_t hash = gas;
-    if (!gas) return 0;
-    hash = spsi_fingerprint(hash, knobs, sizeof knobs);
+/* A hash of a table's rays and planes. */
+static uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
+    const double range[] = {map->settings.near_depth, map->settings.far_depth};
+    uint64_t hash = spsi_fingerprint(SPSI_FINGERPRINT_START, range, sizeof range);
     hash = spsi_fingerprint(hash, &map->settings.components, sizeof map->settings.components);
     for (int face = 0; face < map->face_count; ++face) {
         const spsi_rays *rays = &map->rays[face];
@@ -12486,20 +12731,31 @@ static uint64_t spsi_shadow_table_key(const spsi_frame *frame, const sps_tmap *m
         hash = spsi_fingerprint(hash, shape, sizeof shape);
         for (int i = 0; i < 4; ++i) hash = spsi_fingerprint(hash, vectors[i], 3 * sizeof(double));
     }
-    return hash | 1;
+    return hash;
 }
 
-/* Moves the table with a map's key, if it is held, into the map. */
+/* A hash of all that a table is made from, given that of the gas; 0 if the gas has none. */
+static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
+    const double knobs[] = {frame->view.slab, frame->accuracy.cut};
+    return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
+}
+
+/* Moves a table that is held and has the map's rays into the map: as its own or, if the gas is another, to be brought
+   up to date. All tables that are held show the same gas. */
 static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    for (int i = 0; i < context->shadow_table_count && map->key && !map->finished; ++i) {
-        if (held[i].key != map->key) continue;
-        map->data.table = held[i].data.table;
-        map->finished = 1;
-        memset(&held[i], 0, sizeof held[i]);
-        held[i].context = context;
-        context->stats.tables_held += 1;
-    }
+    const sps_tmap *end = held + context->shadow_table_count;
+    if (!map->key) return;
+    while (held < end && !(held->data.table.data && held->aim == map->aim)) ++held;
+    if (held == end) return;
+    map->finished = held->key == map->key;
+    *(map->finished ? &map->data.table : &map->past) = held->data.table;
+    map->data.prints = held->data.prints;
+    memset(held, 0, sizeof *held);
+    held->context = context;
+    if (!map->finished) return;
+    context->stats.tables_held += 1;
+    spsi_shadow_table_count(map, 1);
 }
 
 /* Releases all shadow tables that are held. */
@@ -12536,7 +12792,7 @@ static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *fra
     return spsi_tmap_resolve(map);
 }
 
-/* Begins that map: takes its table, if it is held. `gas` is the fingerprint of the gas. */
+/* Begins that map: takes its table, or one to start from, if it is held. `gas` is the fingerprint of the gas. */
 static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
                                        uint64_t gas, sps_tmap *map) {
     if (spsi_lamp_tmap_aim(context, frame, lamp, map)) return context->result;
@@ -12544,7 +12800,8 @@ static sps_result spsi_lamp_tmap_begin(sps_context *context, const spsi_frame *f
     if (spsi_shadow_table_blocks(map) * map->settings.components > SPSI_SHADOW_TABLE_BLOCKS_MOST)
         return spsi_fail_setting(context, SPS_ERROR_MEMORY, map->light, "components", map->settings.components,
                                  "a table of this size would have more than 2^28 entries");
-    map->key = spsi_shadow_table_key(frame, map, gas);
+    map->aim = spsi_shadow_table_aim(map);
+    map->key = spsi_shadow_table_key(frame, map->aim, gas);
     spsi_shadow_table_take(context, map);
     return SPS_OK;
 }
@@ -12609,8 +12866,9 @@ static void spsi_lamp_tmap_bytes(const spsi_frame *frame, const spsi_lamp *lamp,
         *held = sizeof(sps_tmap) + (texels + 1) * sizeof(uint32_t);
     else
         *held = sizeof(sps_tmap) + (texels + 1) * components * sizeof(float); /* one more for the planes */
-    if (spsi_has_shadow_table(lamp)) /* also the map that holds it for the next call, and blocks beyond two edges */
-        *held += sizeof(sps_tmap) + SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
+    if (spsi_has_shadow_table(lamp)) /* also fingerprints, the map that holds it, and blocks beyond two edges */
+        *held += SPSI_CUBE_FACES * tiles * tiles * sizeof(spsi_tile_prints) + sizeof(sps_tmap) +
+                 SPSI_CUBE_FACES * SPSI_SHADOW_TABLE_SIDE * (side + 16) * components * sizeof(float);
     *filling = sizeof(spsi_map_volumes) + (components + 2) * (side + tiles) * SPSI_TILE_HEIGHT * sizeof(float);
     *filling += (components + 2) * tiles * SPSI_LANES * sizeof(float);
     *filling += frame->particles.count * (sizeof(spsi_ball) + SPSI_BALL_TILES * sizeof(uint32_t));
@@ -16204,8 +16462,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
 }
 
 /* Bytes of the lights' maps, which are held at the same time, and of filling them one after the other. */
-static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
-    size_t most = 0;
+static void spsi_plan_tmaps(const spsi_frame *frame, uint64_t bricks, sps_plan_report *report) {
+    size_t most = 0, prints = 0;
     for (int i = 0; i < frame->lamps.count; ++i) {
         spsi_lamp lamp = frame->lamps.list[i];
         size_t held, filling;
@@ -16214,8 +16472,9 @@ static void spsi_plan_tmaps(const spsi_frame *frame, sps_plan_report *report) {
         spsi_lamp_tmap_bytes(frame, &lamp, &held, &filling);
         report->pass[SPS_PASS_LIGHT_MAPS].bytes += held;
         if (filling > most) most = filling;
+        if (spsi_has_shadow_table(&lamp)) prints = (size_t)bricks * sizeof(uint64_t);
     }
-    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most;
+    report->pass[SPS_PASS_LIGHT_MAPS].bytes += most + prints;
 }
 
 /* All sweeps, and those of lights that may turn out to need one. */
@@ -16237,11 +16496,12 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
+    uint64_t bricks;
     spsi_plan_choices(context, frame);
-    if (spsi_plan_reading(context, frame, report, &reading) ||
-        spsi_plan_sweeps(context, frame, reading.held ? (uint64_t)context->brick_count : reading.bricks, report))
-        return context->result;
-    spsi_plan_tmaps(frame, report);
+    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
+    bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
+    if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
+    spsi_plan_tmaps(frame, bricks, report);
     for (int i = 0; i < frame->meshes.count && !spsi_faces_held(context, frame); ++i)
         report->triangle_calls +=
             (frame->meshes.list[i].triangle_count + SPSI_TRIANGLE_BATCH - 1) / SPSI_TRIANGLE_BATCH;

@@ -34,7 +34,10 @@ static const sps_transfer_point points[] = {
     {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 12}};
 static const sps_transfer_point other_points[] = {
     {0, {0.5f, 0.5f, 0.5f}, 0}, {0.4f, {0.9f, 0.6f, 0.3f}, 0}, {0.7f, {0.3f, 0.6f, 0.9f}, 9}};
+static const sps_transfer_point wide_points[] = {
+    {0, {0.5f, 0.5f, 0.5f}, 0}, {0.8f, {0.9f, 0.6f, 0.3f}, 0}, {1.4f, {0.3f, 0.6f, 0.9f}, 12}};
 static const sps_transfer tissue = {points, 3, NULL, NULL, 0}, other_tissue = {other_points, 3, NULL, NULL, 0};
+static const sps_transfer wide_tissue = {wide_points, 3, NULL, NULL, 0}; /* that of `tissue` at half the value */
 
 enum { GAS, SURFACE, SWARM, KINDS };
 static const char *const names[] = {"gas", "surface", "particles"};
@@ -304,6 +307,347 @@ static void test_several(void) {
     CHECK(none.tables_held == 0 && one.tables_made == 1);
 }
 
+/* --- what is updated --- */
+
+/* A still volume and a small lump in it, which moves from call to call. */
+typedef struct lumpy {
+    int n;        /* voxels along an edge */
+    double at[3]; /* of the lump, -1..1 */
+    int fails;    /* 1: reading fails */
+} lumpy;
+
+static lumpy cloud;
+
+static int read_lumpy(void *user, const int low[3], const int size[3], float *out) {
+    const lumpy *l = (const lumpy *)user;
+    for (int z = 0; z < size[2]; ++z)
+        for (int y = 0; y < size[1]; ++y)
+            for (int x = 0; x < size[0]; ++x) {
+                const double p[3] = {2 * (low[0] + x + 0.5) / l->n - 1, 2 * (low[1] + y + 0.5) / l->n - 1,
+                                     2 * (low[2] + z + 0.5) / l->n - 1};
+                const double from[3] = {p[0] - l->at[0], p[1] - l->at[1], p[2] - l->at[2]};
+                const double still = 0.3 + 0.2 * sin(9 * p[0]) * cos(8 * p[1]) * sin(7 * p[2] + 1);
+                *out++ = (float)(still + 0.5 * fmax(0, 1 - spsi_length(from) / 0.12));
+            }
+    return l->fails;
+}
+
+/* That scene: the lump at the beginning of its way, or, for particles, the swarm. */
+static sps_light *start_lumpy(check_scene *s, int kind, sps_light_kind kind_of_light, int within) {
+    sps_light *light = start(s, kind, kind_of_light);
+    cloud.n = 48;
+    cloud.fails = 0;
+    cloud.at[0] = -0.4, cloud.at[1] = 0.1, cloud.at[2] = 0.2;
+    if (kind != SWARM) s->volume[0].read_fn = read_lumpy, s->volume[0].user = &cloud;
+    if (kind != SWARM) s->volume[0].size[0] = s->volume[0].size[1] = s->volume[0].size[2] = cloud.n;
+    if (within) check_set3(light->position, 0.9, 0.9, -0.9);
+    s->view.quality = SPS_QUALITY_DRAFT;
+    light->shadow_map = &table;
+    light->shadow_map_size = within ? 64 : 100; /* no multiple of a patch or of a tile */
+    return light;
+}
+
+/* The next frame: the lump has moved, or two particles that are not the outermost. */
+static void move_lump(check_scene *s, int kind) {
+    if (kind != SWARM) {
+        cloud.at[0] += 0.05;
+        s->volume[0].revision += 1;
+        return;
+    }
+    for (int i = 0; i < 2; ++i)
+        for (int k = 0; k < 3; ++k) swarm[i].position[k] *= 0.8f;
+}
+
+/* The picture of a context that has held nothing, into image_b. */
+static void render_fresh(const check_scene *s) {
+    sps_context *fresh = check_context(NULL);
+    check_render(fresh, s, image_b);
+    sps_destroy(fresh);
+}
+
+/* Renders with a context that holds an earlier table: the bits of a fresh one. Returns the share of patches that were
+   filled. */
+static double check_update(sps_context *holder, const check_scene *s, const char *what) {
+    sps_stats_report stats;
+    double made, held;
+    check_render(holder, s, image_a);
+    sps_get_stats(holder, &stats);
+    made = (double)stats.table_patches_made, held = (double)stats.table_patches_held;
+    render_fresh(s);
+    if (!CHECK(memcmp(image_a, image_b, sizeof image_a) == 0)) printf("    %s\n", what);
+    CHECK(made + held > 0);
+    if (figures()) printf("%s: %.0f patches made, %.0f held\n", what, made, held);
+    return made / (made + held);
+}
+
+/* An animation: each frame has the bits of a fresh context's, with one worker and with three, and less than half of the
+   table is filled: the lump and the three voxels around it that a transfer function may show lie in three bricks of six
+   in a row at most, 0.6 of a side with their kernels. */
+static void test_updated(void) {
+    for (int kind = 0; kind < KINDS; ++kind)
+        for (int light = 0; light < 3; ++light) {
+            check_hooks hooks[2];
+            sps_context *holders[2];
+            check_scene s;
+            memset(hooks, 0, sizeof hooks);
+            start_lumpy(&s, kind, light ? SPS_LIGHT_POINT : SPS_LIGHT_DIRECTIONAL, light == 2);
+            for (int i = 0; i < 2; ++i) {
+                hooks[i].worker_count = i ? 3 : 0;
+                holders[i] = check_context(&hooks[i]);
+                CHECK(check_update(holders[i], &s, names[kind]) >= 1);
+            }
+            for (int frame = 0; frame < 3; ++frame) {
+                move_lump(&s, kind);
+                for (int i = 0; i < 2; ++i) {
+                    const double made = check_update(holders[i], &s, names[kind]);
+                    CHECK(made > 0 && made < 0.5);
+                }
+            }
+            for (int i = 0; i < 2; ++i) sps_destroy(holders[i]);
+        }
+}
+
+/* How much of a table each kind of change fills: all of it, all that holds gas (its corners do not), a part, nothing.
+ */
+enum { ALL, MOST, PART, NOTHING };
+
+static void check_part(sps_context *holder, const check_scene *s, int part, const char *what) {
+    const double made = check_update(holder, s, what);
+    if (!CHECK(part == ALL ? made >= 1 : part == MOST ? made > 0.9 : part == PART ? made > 0 && made < 0.7 : made <= 0))
+        printf("    %s: %g of the table was filled\n", what, made);
+}
+
+static void test_updated_changes(void) {
+    sps_context *holder = check_context(NULL);
+    sps_volume *volume, *within;
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
+    volume = &s.volume[0];
+    check_render(holder, &s, image_a);
+    check_part(holder, &s, NOTHING, "nothing");
+    volume->revision += 1;
+    check_part(holder, &s, NOTHING, "another revision of the same voxels");
+    within = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3)); /* coarser: slabs stay */
+    within->read_fn = read_full;
+    within->revision = 1;
+    within->extinction = 2;
+    check_part(holder, &s, PART, "a second volume");
+    within->extinction = 3;
+    check_part(holder, &s, PART, "its extinction");
+    within->placement.origin[0] += 0.05;
+    check_part(holder, &s, PART, "its place");
+    within->placement.axis[0][0] *= 1.1;
+    check_part(holder, &s, PART, "its width");
+    volume->extinction = 4;
+    check_part(holder, &s, MOST, "the extinction of all");
+    volume->transfer = &tissue;
+    check_part(holder, &s, ALL, "a transfer function");
+    volume->transfer = &other_tissue;
+    check_part(holder, &s, MOST, "another transfer function");
+    volume->transfer = NULL;
+    check_part(holder, &s, ALL, "no transfer function");
+    s.light[0].direction[0] += 0.02;
+    check_part(holder, &s, ALL, "the light");
+    s.view.slab = 0.9;
+    check_part(holder, &s, ALL, "slabs");
+    s.view.quality = SPS_QUALITY_HIGH;
+    check_part(holder, &s, ALL, "kernels");
+    s.light[0].shadow_map_size = 90;
+    check_part(holder, &s, ALL, "the grid");
+    within->placement.origin[0] = 0.9;
+    check_part(holder, &s, ALL, "wider bounds");
+    s.scene.volume_count = 1;
+    check_part(holder, &s, ALL, "narrower bounds");
+    volume->revision = 0;
+    check_part(holder, &s, ALL, "no revision");
+    check_part(holder, &s, ALL, "no revision again");
+    sps_destroy(holder);
+}
+
+/* A volume that is classified within a gas, by another function in each call: it alone is filled. */
+static void test_updated_transfer(void) {
+    sps_context *holder = check_context(NULL);
+    sps_volume *within;
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
+    check_render(holder, &s, image_a);
+    within = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
+    within->read_fn = read_full;
+    within->revision = 1;
+    within->extinction = 1;
+    within->transfer = &tissue;
+    check_part(holder, &s, ALL, "a classified volume, whose slabs are thinner");
+    within->transfer = &other_tissue;
+    check_part(holder, &s, PART, "the transfer function of a part");
+    within->transfer = &tissue;
+    check_part(holder, &s, PART, "the first transfer function");
+    within->transfer = &wide_tissue;
+    check_part(holder, &s, PART, "the same colors at other values");
+    move_lump(&s, GAS);
+    check_part(holder, &s, PART, "the lump beside it");
+    sps_destroy(holder);
+}
+
+/* Six faces: their rays do not depend on how far gas reaches, but their slabs do, and their range if it reaches farther
+   than anything before. */
+static void test_updated_bounds(void) {
+    sps_context *holder = check_context(NULL);
+    sps_volume *aside;
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_POINT, 1);
+    aside = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
+    aside->read_fn = read_full;
+    aside->revision = 1;
+    aside->extinction = 2;
+    check_render(holder, &s, image_a);
+    aside->placement.origin[0] = 1.1;
+    check_part(holder, &s, PART, "wider on the near side");
+    aside->placement.origin[0] = -1.7;
+    check_part(holder, &s, ALL, "wider on the far side");
+    sps_destroy(holder);
+}
+
+/* Voxels of 1 in the corners of 40^3, and others of 1 from `low` to `high`. */
+typedef struct single {
+    int low[3], high[3];
+} single;
+
+static int read_single(void *user, const int low[3], const int size[3], float *out) {
+    const single *box = (const single *)user;
+    for (int z = low[2]; z < low[2] + size[2]; ++z)
+        for (int y = low[1]; y < low[1] + size[1]; ++y)
+            for (int x = low[0]; x < low[0] + size[0]; ++x) {
+                const int at[3] = {x, y, z};
+                int corner = 1, inside = 1;
+                for (int k = 0; k < 3; ++k) {
+                    corner &= at[k] == 0 || at[k] == 39;
+                    inside &= at[k] >= box->low[k] && at[k] <= box->high[k];
+                }
+                *out++ = corner || inside ? 1.0f : 0.0f;
+            }
+    return 0;
+}
+
+/* Light straight down: where voxels are along its rays counts too. A brick moves by its height, a voxel within its
+   brick. */
+static void test_updated_along(void) {
+    sps_context *holder = check_context(NULL);
+    single moved = {{16, 8, 16}, {23, 15, 23}};
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
+    check_set3(s.light[0].direction, 0, -1, 0);
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 40;
+    s.volume[0].read_fn = read_single, s.volume[0].user = &moved;
+    check_render(holder, &s, image_a);
+    moved.low[1] = 16, moved.high[1] = 23, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "a brick");
+    moved.low[1] = moved.high[1] = 18, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "a layer of it");
+    moved.low[1] = moved.high[1] = 21, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "another layer");
+    sps_destroy(holder);
+}
+
+/* Particles: a moved one, a denser one, a new last one; soft ones. */
+static void test_updated_particles(void) {
+    sps_context *holder = check_context(NULL);
+    sps_particles *set;
+    check_scene s;
+    start_lumpy(&s, SWARM, SPS_LIGHT_POINT, 0);
+    set = (sps_particles *)(void *)(size_t)s.scene.particles;
+    set->count -= 1;
+    for (int k = 0; k < 3; ++k) swarm[9].position[k] = swarm[PARTICLES - 1].position[k] = 0.1f * (float)k;
+    check_render(holder, &s, image_a);
+    swarm[9].position[1] += 0.05f;
+    check_part(holder, &s, PART, "a particle");
+    swarm[9].optical_depth *= 2;
+    check_part(holder, &s, PART, "a denser particle");
+    set->count += 1;
+    check_part(holder, &s, PART, "a particle more");
+    set->soft = 1;
+    check_part(holder, &s, PART, "soft");
+    set->is_extinction = 1;
+    check_part(holder, &s, PART, "extinction");
+    sps_destroy(holder);
+}
+
+/* Two lights, of which one moves too; a budget counts the table and not what it was. */
+static void test_updated_several(void) {
+    sps_context *holder = check_context(NULL);
+    sps_tmap_settings settings = table;
+    sps_light *other;
+    check_scene s;
+    start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
+    settings.components = 40;
+    settings.byte_budget = 100 * 100 * 40 * 4 + 100000;
+    s.light[0].shadow_map = &settings;
+    other = check_add_point(&s, -2, 3, 2, 30);
+    other->shadow_map = &table, other->shadow_map_size = 70;
+    check_render(holder, &s, image_a);
+    move_lump(&s, GAS);
+    check_part(holder, &s, PART, "two lights");
+    move_lump(&s, GAS);
+    other->position[0] += 0.1;
+    check_part(holder, &s, PART, "two lights, one of which moves");
+    other->position[0] += 0.1;
+    check_part(holder, &s, PART, "one light moves");
+    sps_destroy(holder);
+}
+
+typedef struct cancel {
+    long calls, at;
+} cancel;
+
+static int cancel_at(void *user, float fraction) {
+    cancel *c = (cancel *)user;
+    (void)fraction;
+    return ++c->calls == c->at;
+}
+
+/* A call that updates a table is cancelled, lacks memory or cannot read: the next one has the bits of a fresh context.
+   Returns whether the call in between has failed. */
+static int check_interrupted(int kind, long cancelled, long refused, int reading) {
+    cancel c = {0, 0};
+    check_hooks hooks;
+    sps_config config;
+    sps_context *holder;
+    sps_image image;
+    sps_result result;
+    check_scene s;
+    memset(&hooks, 0, sizeof hooks);
+    memset(&image, 0, sizeof image);
+    config = check_config(&hooks);
+    config.progress_fn = cancel_at;
+    config.progress_user = &c;
+    holder = sps_create(&config, NULL);
+    image.rgba = image_a;
+    start_lumpy(&s, kind, SPS_LIGHT_DIRECTIONAL, 0);
+    check_render(holder, &s, image_a);
+    move_lump(&s, kind);
+    c.at = cancelled > 0 ? c.calls + cancelled : 0;
+    hooks.fail_at = refused > 0 ? hooks.allocations + refused : 0;
+    cloud.fails = reading;
+    result = sps_render(holder, &s.scene, &s.view, &image);
+    CHECK(result == SPS_OK || result == SPS_ERROR_MEMORY || result == SPS_ERROR_CALLBACK ||
+          result == SPS_ERROR_CANCELLED);
+    c.at = hooks.fail_at = 0;
+    cloud.fails = 0;
+    move_lump(&s, kind);
+    check_update(holder, &s, "after a failure");
+    sps_destroy(holder);
+    CHECK(hooks.live == 0);
+    return result != SPS_OK;
+}
+
+static void test_updated_failures(void) {
+    long n;
+    for (n = 1; check_interrupted(GAS, n, 0, 0); n += 1 + n / 8) CHECK(n < 10000);
+    CHECK(n > 20);
+    for (n = 1; check_interrupted(GAS, 0, n, 0); ++n) CHECK(n < 1000);
+    CHECK(n > 1);
+    CHECK(check_interrupted(GAS, 0, 0, 1));
+}
+
 /* --- memory, workers, failures --- */
 
 static void test_plan(void) {
@@ -481,6 +825,14 @@ int main(void) {
     RUN(test_held_mirrored);
     RUN(test_held_particles);
     RUN(test_several);
+    RUN(test_updated);
+    RUN(test_updated_changes);
+    RUN(test_updated_transfer);
+    RUN(test_updated_bounds);
+    RUN(test_updated_along);
+    RUN(test_updated_particles);
+    RUN(test_updated_several);
+    RUN(test_updated_failures);
     RUN(test_plan);
     RUN(test_default_size);
     RUN(test_large);

@@ -12744,15 +12744,14 @@ static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uin
    up to date. All tables that are held show the same gas. */
 static void spsi_shadow_table_take(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
-    const sps_tmap *end = held + context->shadow_table_count;
-    if (!map->key) return;
-    while (held < end && !(held->data.table.data && held->aim == map->aim)) ++held;
-    if (held == end) return;
-    map->finished = held->key == map->key;
-    *(map->finished ? &map->data.table : &map->past) = held->data.table;
-    map->data.prints = held->data.prints;
-    memset(held, 0, sizeof *held);
-    held->context = context;
+    int i = 0;
+    while (i < context->shadow_table_count && !(held[i].data.table.data && held[i].aim == map->aim)) ++i;
+    if (i == context->shadow_table_count || !map->key) return;
+    map->finished = held[i].key == map->key;
+    *(map->finished ? &map->data.table : &map->past) = held[i].data.table;
+    map->data.prints = held[i].data.prints;
+    memset(&held[i], 0, sizeof held[i]);
+    held[i].context = context;
     if (!map->finished) return;
     context->stats.tables_held += 1;
     spsi_shadow_table_count(map, 1);

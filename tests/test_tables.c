@@ -507,9 +507,10 @@ static void test_updated_bounds(void) {
     sps_destroy(holder);
 }
 
-/* Voxels of 1 in the corners of 40^3, and others of 1 from `low` to `high`. */
+/* Voxels of 1 in the corners of 40^3, and others of 1 from `low` to `high`, except for one of `other`. */
 typedef struct single {
-    int low[3], high[3];
+    int low[3], high[3], at[3];
+    float other;
 } single;
 
 static int read_single(void *user, const int low[3], const int size[3], float *out) {
@@ -518,12 +519,13 @@ static int read_single(void *user, const int low[3], const int size[3], float *o
         for (int y = low[1]; y < low[1] + size[1]; ++y)
             for (int x = low[0]; x < low[0] + size[0]; ++x) {
                 const int at[3] = {x, y, z};
-                int corner = 1, inside = 1;
+                int corner = 1, inside = 1, other = 1;
                 for (int k = 0; k < 3; ++k) {
                     corner &= at[k] == 0 || at[k] == 39;
                     inside &= at[k] >= box->low[k] && at[k] <= box->high[k];
+                    other &= at[k] == box->at[k];
                 }
-                *out++ = corner || inside ? 1.0f : 0.0f;
+                *out++ = !corner && !inside ? 0 : other ? box->other : 1;
             }
     return 0;
 }
@@ -532,7 +534,7 @@ static int read_single(void *user, const int low[3], const int size[3], float *o
    brick. */
 static void test_updated_along(void) {
     sps_context *holder = check_context(NULL);
-    single moved = {{16, 8, 16}, {23, 15, 23}};
+    single moved = {{16, 8, 16}, {23, 15, 23}, {17, 21, 16}, 1};
     check_scene s;
     start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
     check_set3(s.light[0].direction, 0, -1, 0);
@@ -545,6 +547,8 @@ static void test_updated_along(void) {
     check_part(holder, &s, PART, "a layer of it");
     moved.low[1] = moved.high[1] = 21, s.volume[0].revision += 1;
     check_part(holder, &s, PART, "another layer");
+    moved.other = 2, s.volume[0].revision += 1;
+    check_part(holder, &s, PART, "its second voxel");
     sps_destroy(holder);
 }
 
@@ -641,7 +645,7 @@ static int check_interrupted(int kind, long cancelled, long refused, int reading
 
 static void test_updated_failures(void) {
     long n;
-    for (n = 1; check_interrupted(GAS, n, 0, 0); n += 1 + n / 8) CHECK(n < 10000);
+    for (n = 1; check_interrupted(GAS, n, 0, 0); n += 1 + n / 4) CHECK(n < 10000);
     CHECK(n > 20);
     for (n = 1; check_interrupted(GAS, 0, n, 0); ++n) CHECK(n < 1000);
     CHECK(n > 1);

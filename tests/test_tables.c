@@ -407,6 +407,15 @@ static void test_updated(void) {
         }
 }
 
+/* A second volume, of coarser voxels, so that slabs stay as thin as they are. */
+static sps_volume *add_part(check_scene *s, float extinction) {
+    sps_volume *part = check_add_volume(s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
+    part->read_fn = read_full;
+    part->revision = 1;
+    part->extinction = extinction;
+    return part;
+}
+
 /* How much of a table each kind of change fills: all of it, all that holds gas (its corners do not), a part, nothing.
  */
 enum { ALL, MOST, PART, NOTHING };
@@ -427,10 +436,7 @@ static void test_updated_changes(void) {
     check_part(holder, &s, NOTHING, "nothing");
     volume->revision += 1;
     check_part(holder, &s, NOTHING, "another revision of the same voxels");
-    within = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3)); /* coarser: slabs stay */
-    within->read_fn = read_full;
-    within->revision = 1;
-    within->extinction = 2;
+    within = add_part(&s, 2);
     check_part(holder, &s, PART, "a second volume");
     within->extinction = 3;
     check_part(holder, &s, PART, "its extinction");
@@ -471,10 +477,7 @@ static void test_updated_transfer(void) {
     check_scene s;
     start_lumpy(&s, GAS, SPS_LIGHT_DIRECTIONAL, 0);
     check_render(holder, &s, image_a);
-    within = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
-    within->read_fn = read_full;
-    within->revision = 1;
-    within->extinction = 1;
+    within = add_part(&s, 1);
     within->transfer = &tissue;
     check_part(holder, &s, ALL, "a classified volume, whose slabs are thinner");
     within->transfer = &other_tissue;
@@ -495,10 +498,7 @@ static void test_updated_bounds(void) {
     sps_volume *aside;
     check_scene s;
     start_lumpy(&s, GAS, SPS_LIGHT_POINT, 1);
-    aside = check_add_volume(&s, 6, 6, 6, check_box(0, 0, 0, 0.3, 0.3, 0.3));
-    aside->read_fn = read_full;
-    aside->revision = 1;
-    aside->extinction = 2;
+    aside = add_part(&s, 2);
     check_render(holder, &s, image_a);
     aside->placement.origin[0] = 1.1;
     check_part(holder, &s, PART, "wider on the near side");

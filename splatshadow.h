@@ -103,7 +103,7 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
-    bytes per pixel, 84 per layer of a pixel and more per light, and a band of samples per worker. sps_plan returns an
+    bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. sps_plan returns an
     upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
     much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
@@ -381,7 +381,7 @@ typedef struct sps_mesh {
        arrives is reflected, by `color`, or absorbed; for energy to be conserved, the two add up to at most 1. A pixel
        shows any number of translucent triangles, in order with each other and with gas, and light that passes them
        colors what it falls on. Cost: of the eye's pixels and, if gas scatters, of the texels of lights' depth maps, 24
-       to 84 bytes per triangle on the ray; each that a pixel shows is shaded, and found by shadow rays, as an opaque
+       to 80 bytes per triangle on the ray; each that a pixel shows is shaded, and found by shadow rays, as an opaque
        one is. From a light with an extent, gas receives the mean of what translucent polygons let pass times the mean
        of what everything else does. Transmittance maps use the mean of the three colors. */
     float transmittance[3];
@@ -715,8 +715,8 @@ typedef struct sps_view {
     int no_shadows; /* 1: as no_shadow on every light */
     /* Samples of polygons' edges along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
        pixel shows the polygons that N x N points see, weighted by their number, before gas that is sampled once: a
-       straight edge covers a pixel to within 1 / 2N of the area, 0.5 / N^1.5 rms. Cost: that of rasterising N x N times
-       as many pixels; every polygon beyond one that a pixel shows is shaded by itself. */
+       straight edge covers a pixel to within 1 / 2N of the area, 0.5 / N^1.5 rms. Cost: all of the image is rasterised
+       at N x N times as many pixels, twice; every polygon beyond one that a pixel shows is shaded by itself. */
     int coverage_samples;
     /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
        up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would
@@ -6531,7 +6531,7 @@ static int spsi_mesh_of(const spsi_frame *frame, const spsi_faces *faces, int fa
        behind = mean over samples of (transmittance behind),            what of anything behind it
    so that shading, which knows nothing of samples, composites gas and layers in order of depth. Gas is not sampled: it
    lies before or behind a layer as a whole. Cost: translucent faces, or all at N x N times the pixels where edges are
-   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 60 per layer. */
+   sampled, are rasterised twice, to count fragments and to list them; 24 bytes per fragment, 56 per layer. */
 
 typedef struct spsi_fragment {
     uint64_t mask; /* bits: samples, in rows */
@@ -6852,14 +6852,18 @@ static size_t spsi_layers_sum(uint32_t *first, size_t pixels) {
     return sum <= UINT32_MAX ? (size_t)sum : SIZE_MAX;
 }
 
-/* Sorts a pixel's fragments by depth. They are few. */
+/* Sorts a pixel's fragments by depth, those of equal depth by face. [Shell 1959] */
 static void spsi_fragments_sort(spsi_fragment *list, uint32_t count) {
-    for (uint32_t i = 1; i < count; ++i) {
-        const spsi_fragment moved = list[i];
-        uint32_t at = i;
-        for (; at > 0 && list[at - 1].depth > moved.depth; --at) list[at] = list[at - 1];
-        list[at] = moved;
-    }
+    for (uint32_t gap = count > 16 ? count / 3 : 1; gap > 0; gap = gap > 2 ? gap * 4 / 10 : gap - 1)
+        for (uint32_t i = gap; i < count; ++i) {
+            const spsi_fragment moved = list[i];
+            uint32_t at = i;
+            for (; at >= gap && (list[at - gap].depth > moved.depth ||
+                                 (!(list[at - gap].depth < moved.depth) && list[at - gap].face > moved.face));
+                 at -= gap)
+                list[at] = list[at - gap];
+            list[at] = moved;
+        }
 }
 
 /* Describes a layer in the middle of its samples, which is where light on it is closest to its mean; if that is on
@@ -6968,9 +6972,12 @@ static void spsi_layers_follow(const spsi_layers_job *job, const spsi_stack *sta
         float through[3] = {1, 1, 1};
         int order[SPSI_LAYERS_ORDERED], count;
         if (job->samples == 1 || stack->count > SPSI_LAYERS_ORDERED) {
-            for (int i = 0; i < stack->count; ++i)
-                if (stack->list[i].mask >> k & 1)
-                    spsi_layer_pass(job, &stack->list[i], stack->list[i].depth, through, &layers[i]);
+            for (int i = 0; i < 2 * stack->count; ++i) { /* opaque ones last, as in a sample's own order */
+                const spsi_fragment *fragment = &stack->list[i % stack->count];
+                if (spsi_face_is_translucent(&job->faces->list[fragment->face]) != (i < stack->count)) continue;
+                if (fragment->mask >> k & 1)
+                    spsi_layer_pass(job, fragment, fragment->depth, through, &layers[i % stack->count]);
+            }
             continue;
         }
         count = spsi_stack_of_sample(stack, k, order);
@@ -8419,55 +8426,116 @@ static void spsi_pane_map_fill(sps_context *context, const spsi_frame *frame, co
     }
 }
 
-/* What the panes of four texels let pass along a way, by color: each filters the share of the way behind it. */
-static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_map_way *way,
-                               int lane, const float corner[2], float through[4][3]) {
+/* A way along an eye's ray on a face of a pane map: its middle and half of its extent, in texels and depth. */
+typedef struct spsi_pane_way {
+    float middle[3], rise[3];
+    int x, y; /* the first of the four texels around it */
+} spsi_pane_way;
+
+/* The share of a way that lies before a pane of texel (x + dx, y + dy); see spsi_map_way_share. */
+static float spsi_pane_share(const spsi_rays *rays, const spsi_pane *pane, const spsi_pane_way *way, int dx, int dy) {
+    const float bent = rays->perspective ? 1 / (pane->depth + (float)rays->depth_reference) : 0;
+    const float up = pane->slope[0] * (way->middle[0] - (float)(way->x + dx)) +
+                     pane->slope[1] * (way->middle[1] - (float)(way->y + dy));
+    const float ahead = pane->depth + up / fmaxf(1 - up * bent, 1e-6f) - way->middle[2];
+    const float per = fabsf(pane->slope[0] * way->rise[0] + pane->slope[1] * way->rise[1] - way->rise[2]);
+    return fminf(fmaxf(0.5f + 0.5f * ahead / fmaxf(per, FLT_MIN * 16), 0), 1);
+}
+
+/* What the panes of the four texels around a way let pass, by color: each filters the share of the way behind it. */
+static void spsi_panes_through(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_pane_way *way,
+                               float through[3]) {
     const spsi_rays *rays = &map->grid.rays[face];
+    for (int c = 0; c < 3; ++c) through[c] = 0;
     for (int i = 0; i < 4; ++i) {
-        const size_t texel =
-            (size_t)((int)corner[1] + (i >> 1)) * (size_t)rays->width + (size_t)((int)corner[0] + (i & 1));
-        for (int c = 0; c < 3; ++c) through[i][c] = 1;
+        const int dx = i & 1, dy = i >> 1;
+        const size_t texel = (size_t)(way->y + dy) * (size_t)rays->width + (size_t)(way->x + dx);
+        float weight[3];
+        for (int c = 0; c < 3; ++c)
+            weight[c] =
+                (1 - fabsf(way->middle[0] - (float)(way->x + dx))) * (1 - fabsf(way->middle[1] - (float)(way->y + dy)));
         for (uint32_t n = map->first[face][texel]; n < map->first[face][texel + 1]; ++n) {
             const spsi_pane *pane = &map->list[face][n];
-            const spsi_v slope[2] = {spsi_set(pane->slope[0]), spsi_set(pane->slope[1])};
-            float lit[SPSI_LANES];
-            spsi_store(lit, spsi_map_way_share(way, rays, i, spsi_set(pane->depth), slope));
-            for (int c = 0; c < 3; ++c)
-                through[i][c] *= lit[lane] + (1 - lit[lane]) * faces->list[pane->face].transmittance[c];
+            const float lit = spsi_pane_share(rays, pane, way, dx, dy);
+            for (int c = 0; c < 3; ++c) weight[c] *= lit + (1 - lit) * faces->list[pane->face].transmittance[c];
         }
+        for (int c = 0; c < 3; ++c) through[c] += weight[c];
     }
 }
 
-/* Multiplies `filter` by what translucent faces let pass to the ways from d0 to d1, on one face of a map. */
-static void spsi_pane_map_face(const spsi_pane_map *map, int face, const spsi_faces *faces, spsi_v at, float y,
-                               spsi_v d0, spsi_v d1, spsi_v filter[3]) {
-    float columns[SPSI_LANES], rows[SPSI_LANES], lanes[4][3][SPSI_LANES];
-    spsi_map_way way;
-    int inside;
-    if (!spsi_depth_map_may_shade(&map->grid, face, at, y, d0, d1)) return;
-    spsi_map_way_build(&map->grid, face, at, y, d0, d1, &way);
-    inside = spsi_bits(way.inside);
-    spsi_store(columns, way.ix);
-    spsi_store(rows, way.iy);
-    for (int lane = 0; lane < SPSI_LANES; ++lane) {
-        const float corner[2] = {columns[lane], rows[lane]};
-        float through[4][3] = {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}, {1, 1, 1}};
-        if (inside >> lane & 1) spsi_panes_through(map, face, faces, &way, lane, corner, through);
-        for (int i = 0; i < 4; ++i)
-            for (int c = 0; c < 3; ++c) lanes[i][c][lane] = through[i][c];
+/* A vector of ways on a face, and how far they are from the light along its axis. */
+typedef struct spsi_pane_ways {
+    spsi_v middle[3], rise[3], t;
+} spsi_pane_ways;
+
+/* The middle is projected, and the extent along with it, to first order: either end may be beyond the face. */
+static void spsi_pane_ways_build(const spsi_pane_map *map, int face, spsi_v at, float y, const spsi_v d[2],
+                                 spsi_pane_ways *ways) {
+    const spsi_rays *rays = &map->grid.rays[face];
+    const spsi_v half = spsi_set(0.5f), d_middle = spsi_mul(half, spsi_add(d[0], d[1]));
+    const spsi_v d_rise = spsi_mul(half, spsi_sub(d[1], d[0]));
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v change = spsi_linear_slope(&map->grid.along[face][i], at, y);
+        ways->middle[i] = spsi_fma(d_middle, change, spsi_linear_base(&map->grid.along[face][i], at, y));
+        ways->rise[i] = spsi_mul(d_rise, change);
     }
-    for (int c = 0; c < 3; ++c) {
-        const spsi_v texels[4] = {spsi_load(lanes[0][c]), spsi_load(lanes[1][c]), spsi_load(lanes[2][c]),
-                                  spsi_load(lanes[3][c])};
-        filter[c] = spsi_mul(filter[c], spsi_map_way_mean(&way, texels));
+    ways->t = spsi_add(ways->middle[2], spsi_set((float)rays->depth_reference));
+    for (int i = 0; i < 2 && rays->perspective; ++i) {
+        const spsi_v t = spsi_max(ways->t, spsi_set(FLT_MIN * 16));
+        ways->middle[i] = spsi_div(ways->middle[i], t);
+        ways->rise[i] = spsi_div(spsi_sub(ways->rise[i], spsi_mul(ways->middle[i], ways->rise[2])), t);
     }
 }
 
-/* What translucent polygons let pass from a point of a light to the ways from d0 to d1, by color. */
-static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y, spsi_v d0,
-                                 spsi_v d1, spsi_v filter[3]) {
-    for (int c = 0; c < 3; ++c) filter[c] = spsi_set(1);
-    for (int face = 0; face < map->grid.face_count; ++face) spsi_pane_map_face(map, face, faces, at, y, d0, d1, filter);
+/* Filters the ways that a bit mask names, whose middle is on a face. */
+static void spsi_pane_map_face(const spsi_pane_map *map, int face, const spsi_faces *faces, const spsi_pane_ways *ways,
+                               int bits, float filter[3][SPSI_LANES]) {
+    const spsi_rays *rays = &map->grid.rays[face];
+    float middle[3][SPSI_LANES], rise[3][SPSI_LANES];
+    for (int i = 0; i < 3; ++i) {
+        spsi_store(middle[i], ways->middle[i]);
+        spsi_store(rise[i], ways->rise[i]);
+    }
+    for (int lane = 0; bits >> lane; ++lane) {
+        float through[3];
+        spsi_pane_way way;
+        if (!(bits >> lane & 1)) continue;
+        for (int i = 0; i < 3; ++i) way.middle[i] = middle[i][lane], way.rise[i] = rise[i][lane];
+        if (!(fabsf(way.middle[0]) < 1e9f) || !(fabsf(way.middle[1]) < 1e9f)) continue;
+        way.middle[0] = fminf(fmaxf(way.middle[0], 0), (float)(rays->width - 1));
+        way.middle[1] = fminf(fmaxf(way.middle[1], 0), (float)(rays->height - 1));
+        way.x = spsi_least((int)way.middle[0], rays->width - 2);
+        way.y = spsi_least((int)way.middle[1], rays->height - 2);
+        spsi_panes_through(map, face, faces, &way, through);
+        for (int c = 0; c < 3; ++c) filter[c][lane] = through[c];
+    }
+}
+
+/* What translucent polygons let pass from a point of a light to the ways from d[0] to d[1], by color. Of six faces, the
+   one that a way's middle is farthest along has it. */
+static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y,
+                                 const spsi_v d[2], spsi_v filter[3]) {
+    float lanes[3][SPSI_LANES];
+    int left = (1 << SPSI_LANES) - 1;
+    spsi_v farthest = spsi_set(-FLT_MAX);
+    spsi_pane_ways ways;
+    for (int c = 0; c < 3; ++c)
+        for (int i = 0; i < SPSI_LANES; ++i) lanes[c][i] = 1;
+    for (int face = 0; face < map->grid.face_count && map->grid.face_count > 1; ++face) {
+        spsi_pane_ways_build(map, face, at, y, d, &ways);
+        farthest = spsi_max(farthest, ways.t);
+    }
+    for (int face = 0; face < map->grid.face_count; ++face) {
+        int bits = left;
+        if (map->grid.face_count > 1 || spsi_depth_map_may_shade(&map->grid, face, at, y, d[0], d[1]))
+            spsi_pane_ways_build(map, face, at, y, d, &ways);
+        else
+            continue;
+        if (map->grid.face_count > 1) bits &= ~spsi_bits(spsi_less(ways.t, farthest));
+        spsi_pane_map_face(map, face, faces, &ways, bits, lanes);
+        left &= ~bits;
+    }
+    for (int c = 0; c < 3; ++c) filter[c] = spsi_load(lanes[c]);
 }
 
 /* ================================================================================================ >>balls
@@ -14796,16 +14864,21 @@ static spsi_v spsi_part_lit(const spsi_arrival *arrival, const spsi_part *part) 
                       spsi_set(1));
 }
 
-/* What translucent polygons let pass from a light to a part, by color: the mean over the light's points. */
+/* What translucent polygons let pass from a light to a part, by color: the mean over the light's points, and over steps
+   along a part that is a whole slab. */
 static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
                              const spsi_part *part, spsi_v filter[3]) {
-    const spsi_v d0 = spsi_sub(part->middle, part->half), d1 = spsi_add(part->middle, part->half);
+    const int steps = shader->frame->matter.classifies ? 1 : SPSI_PARTS;
+    const spsi_v from = spsi_sub(part->middle, part->half);
+    const spsi_v step = spsi_mul(part->half, spsi_set(2.0f / (float)steps));
     spsi_v sum[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
-    for (int i = 0; i < shadow->pane_map_count; ++i) {
-        spsi_pane_map_filter(&shadow->pane_maps[i], shader->faces, p->line.at, (float)p->line.y, d0, d1, filter);
+    for (int i = 0; i < shadow->pane_map_count * steps; ++i) {
+        const float n = (float)(i % steps);
+        const spsi_v d[2] = {spsi_fma(step, spsi_set(n), from), spsi_fma(step, spsi_set(n + 1), from)};
+        spsi_pane_map_filter(&shadow->pane_maps[i / steps], shader->faces, p->line.at, (float)p->line.y, d, filter);
         for (int c = 0; c < 3; ++c) sum[c] = spsi_add(sum[c], filter[c]);
     }
-    for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)shadow->pane_map_count));
+    for (int c = 0; c < 3; ++c) filter[c] = spsi_mul(sum[c], spsi_set(1.0f / (float)(shadow->pane_map_count * steps)));
 }
 
 /* Adds one of the lights that the sweep carries, attenuated by its planes or its map, cut off by opaque polygons and
@@ -15090,11 +15163,14 @@ typedef struct spsi_ahead {
 /* Looks at a pixel's next layer, and at what those in front of it let pass. */
 static void spsi_ahead_look(const spsi_shader *shader, int lane, spsi_ahead *ahead) {
     const int backwards = shader->sweep->back_to_front, left = ahead->first[lane] < ahead->end[lane];
-    const spsi_layer *layer = ahead->list + (backwards ? ahead->end[lane] : ahead->first[lane]) - backwards;
-    const spsi_layer *front = backwards ? layer : layer - 1;
     const int filtered = backwards ? left : !ahead->nearest[lane];
-    ahead->depth[lane] = left ? layer->hit.depth : SPSI_INFINITY;
-    for (int c = 0; c < 3; ++c) ahead->filter[c][lane] = filtered ? front->behind[c] : 1;
+    ahead->depth[lane] = SPSI_INFINITY;
+    if (left) ahead->depth[lane] = ahead->list[backwards ? ahead->end[lane] - 1 : ahead->first[lane]].hit.depth;
+    for (int c = 0; c < 3; ++c) {
+        ahead->filter[c][lane] = 1;
+        if (filtered)
+            ahead->filter[c][lane] = ahead->list[(backwards ? ahead->end[lane] : ahead->first[lane]) - 1].behind[c];
+    }
 }
 
 /* Goes on to the layer after the next one. */
@@ -15385,9 +15461,12 @@ static void spsi_add_parts_cut(const spsi_shading *shading, spsi_v first, spsi_v
 static void spsi_add_layered(const spsi_shading *shading, int held, float high, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
-    const spsi_v zero = spsi_set(0), one = spsi_set(1), from = backwards ? row->slab.leave : row->slab.enter;
-    const spsi_v way = spsi_sub(backwards ? row->slab.enter : row->slab.leave, from);
-    spsi_v first = zero;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1);
+    spsi_v first = zero, from = zero, way = zero;
+    if (held) {
+        from = backwards ? row->slab.leave : row->slab.enter;
+        way = spsi_sub(backwards ? row->slab.enter : row->slab.leave, from);
+    }
     for (;;) {
         const spsi_m here = spsi_less(row->ahead.slab, spsi_set(high));
         const int bits = spsi_bits(here);
@@ -15423,7 +15502,6 @@ static int spsi_add_slab(const spsi_shading *shading, int k, spsi_row *row) {
 static void spsi_add_range(const spsi_shading *shading, spsi_row *row) {
     const spsi_shader *shader = shading->shader;
     const int backwards = shader->sweep->back_to_front;
-    row->slab.enter = row->slab.leave = spsi_set(0);
     for (int pass = 0; pass < 2; ++pass) /* surfaces are behind layers */
         if (pass == !backwards)
             spsi_add_surfaces(shader, &row->pixels, row->width, shading->low, shading->high, spsi_row_ahead(row),

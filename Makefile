@@ -134,7 +134,8 @@ maps: build/maps
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
 CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme fused clang glsl hlsl
 
-COMPILE_native    = gcc $(STANDARD) -O2 -march=native
+# -O1: half the time to compile, and tests run 4 % slower; -O2 and -O3 are those of the others
+COMPILE_native    = gcc $(STANDARD) -O1 -march=native
 COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
 COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L -O2
 COMPILE_baseline  = gcc $(STANDARD) -O2

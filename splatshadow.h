@@ -715,8 +715,9 @@ typedef struct sps_view {
     int no_shadows; /* 1: as no_shadow on every light */
     /* Samples of polygons' edges along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
        pixel shows the polygons that N x N points see, weighted by their number, before gas that is sampled once: a
-       straight edge covers a pixel to within 1 / 2N of the area, 0.5 / N^1.5 rms. Cost: all of the image is rasterised
-       at N x N times as many pixels, twice; every polygon beyond one that a pixel shows is shaded by itself. */
+       straight edge covers a pixel to within 1 / 2N of the area, 0.5 / N^1.5 rms. Cost: all of the image, whatever the
+       region, is rasterised at N x N times as many pixels, twice; every polygon beyond one that a pixel shows is
+       shaded by itself. */
     int coverage_samples;
     /* Optical depth, along an eye's ray, over which gas may be lit as at the last place where its shadows were looked
        up, 0..1. 0: they are looked up at every slab. A pixel is off by no more than twice this times what its gas would

@@ -316,11 +316,13 @@ build/tests/header.fast_math.log: splatshadow.h
 		$(UNIT) | gcc -x c $$option -DSPLATSHADOW_IMPLEMENTATION -DSPS_ALLOW_FAST_MATH -I. -E - -o /dev/null || exit 1; \
 		done) && $(ONE_PASSED))
 
-# Examples are built completely, which is quick without optimisation. The quick start is also run, compiled as its readers
-# would; its picture must have 256 * 256 * 3 numbers, not all of them 0.
+# Examples are checked for syntax and warnings; the long tests build them. The quick start is also run, compiled as its
+# readers would; its picture must have 256 * 256 * 3 numbers, not all of them 0.
+EXAMPLE_OUTPUT = $(if $(SPLATSHADOW_LONG),-O0 -o build/tests/example.$(1) $(LIBRARIES),-fsyntax-only)
+
 build/tests/example.%.log: $(HEADERS)
-	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L -O0 $(INCLUDES) \
-		examples/$(patsubst $(call part,1,$*)_%,%,$*).c -o build/tests/example.$* $(LIBRARIES) && $(ONE_PASSED))
+	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L $(INCLUDES) \
+		examples/$(patsubst $(call part,1,$*)_%,%,$*).c $(call EXAMPLE_OUTPUT,$*) && $(ONE_PASSED))
 
 build/tests/example.%_hello.log: examples/hello.c splatshadow.h
 	@$(call run,example.$*_hello,$* $(STANDARD) -O1 -Wall -Werror -I. $< -o build/tests/example.$*_hello $(LIBRARIES) && \

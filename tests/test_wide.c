@@ -176,7 +176,7 @@ static void test_matrices(void) {
         check_matrix(&s.view.camera, matrix);
         CHECK(plan_of(&s).sweep_count == sweeps[n]);
         check_render(context, &s, image_a);
-        check_march(context, &s, 0.25, image_b, NULL);
+        check_march(context, &s, 0.5, image_b, NULL);
         if (!CHECK(check_rms(image_a, image_b, COUNT) < 0.002 * mean_of(image_b)))
             printf("    camera %d: off by %g of %g\n", n, check_rms(image_a, image_b, COUNT), mean_of(image_b));
     }
@@ -189,7 +189,7 @@ static void test_few_pixels(void) {
         start(&s, GAS, 3.1);
         s.view.width = 1 + n % 4, s.view.height = 1 + n / 4 % 3;
         check_render(context, &s, image_a);
-        check_march(context, &s, 0.25, image_b, NULL);
+        check_march(context, &s, 0.5, image_b, NULL);
         for (int i = 0; i < 4 * s.view.width * s.view.height; ++i) CHECK_NEAR(image_a[i], (double)image_b[i], 0.005);
     }
 }

@@ -917,6 +917,29 @@ static void many_steep_panes(const renderer *r) {
 }
 static void test_many_steep_panes(void) { EACH_RENDERER(many_steep_panes); }
 
+/* A polygon that covers half of the pixel, before fog that glows: the other half shows all of the fog, S (1 - e^-tau).
+ */
+static void gas_behind_an_edge(const renderer *r) {
+    const double tau = 1, S = 0.5, fog_seen = S * -expm1(-tau);
+    check_scene s;
+    sps_volume *fog;
+    start(&s, 1, 1);
+    s.view.coverage_samples = 2;
+    check_orthographic(&s.view.camera, 0.5);
+    fog = add_fog(&s, tau);
+    for (int c = 0; c < 3; ++c) fog->emission[c] = (float)(S * (double)fog->extinction);
+    {
+        const double origin[3] = {-5, -5, 3}, u[3] = {5, 0, 0}, v[3] = {0, 10, 0};
+        check_add_quad(&lists[0], origin, u, v);
+    }
+    check_color(add_mesh(&s, 0, 0, 0)->color, 0.5, 0.5, 0.5);
+    check_color(s.scene.ambient, 1, 1, 1);
+    if (!render_into(r, &s, image)) return;
+    for (int c = 0; c < 3; ++c)
+        CHECK_NEAR((double)image[c], 0.5 * 0.5 + 0.5 * fog_seen, 0.5 * r->ripple * tau * S + EXACT);
+}
+static void test_gas_behind_an_edge(void) { EACH_RENDERER(gas_behind_an_edge); }
+
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_background_through);
@@ -941,6 +964,7 @@ int main(void) {
     RUN(test_dense_stand_in);
     RUN(test_seams);
     RUN(test_many_steep_panes);
+    RUN(test_gas_behind_an_edge);
     for (int i = 0; i < LISTS; ++i) check_free_triangles(&lists[i]);
     sps_destroy(context);
     return check_report();

@@ -917,8 +917,8 @@ static void many_steep_panes(const renderer *r) {
 }
 static void test_many_steep_panes(void) { EACH_RENDERER(many_steep_panes); }
 
-/* A polygon that covers half of the pixel, before fog that glows: the other half shows all of the fog, S (1 - e^-tau).
- */
+/* A polygon that covers half of the pixel, before fog that glows: the other half shows all of the fog, S (1 - e^-tau),
+   off by the grid's ripple. */
 static void gas_behind_an_edge(const renderer *r) {
     const double tau = 1, S = 0.5, fog_seen = S * -expm1(-tau);
     check_scene s;

@@ -372,9 +372,9 @@ typedef struct sps_mesh {
     /* Optional, for textures: sets the appearance of `count` points of this mesh, at most 4096. Each pixel of the
        region that shows the mesh, even through gas, is passed once, in rows from the top, whatever the number of
        workers; where it shows several of its triangles (through translucent ones, or at sampled edges), once for each.
-       Light is added later. `out` holds the mesh's own color beforehand, or that of the corners, and no
-       emission. A point's appearance must not depend on the other points of a call, which depend on the region. Values
-       out of the ranges of sps_surface are SPS_ERROR_DATA. Maps do not call it. Returns non-zero on failure. */
+       Light is added later. `out` holds the mesh's own color beforehand, or that of the corners, and no emission. A
+       point's appearance must not depend on the other points of a call, which depend on the region. Values out of the
+       ranges of sps_surface are SPS_ERROR_DATA. Maps do not call it. Returns non-zero on failure. */
     int (*shade_fn)(void *user, size_t count, const sps_surface_point *points, sps_surface *out);
     void *shade_user;
     /* Share of red, green and blue that passes straight through, at any angle, 0..1; all 0: opaque. The rest of what
@@ -2103,17 +2103,25 @@ static double spsi_pixel_size_at(const spsi_rays *rays, double t) {
     return rays->perspective ? fmax(t, 0) * size : size;
 }
 
-/* The rays of n x n points of each pixel, in even steps. Depths stay the same. */
+/* Rays shifted by parts of a pixel. Depths stay the same. */
+static void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
+    double *from = rays->perspective ? shifted->c : shifted->origin;
+    *shifted = *rays;
+    spsi_along(from, rays->a, x, from);
+    spsi_along(from, rays->b, y, from);
+    if (!rays->perspective) return;
+    spsi_along(rays->inverse[0], rays->inverse[2], -x, shifted->inverse[0]);
+    spsi_along(rays->inverse[1], rays->inverse[2], -y, shifted->inverse[1]);
+}
+
+/* The rays of n x n points of each pixel, in even steps. */
 static int spsi_rays_split(const spsi_rays *rays, int n, spsi_rays *fine) {
-    const double first = 0.5 / n - 0.5;
-    double *corner = rays->perspective ? fine->c : fine->origin;
-    *fine = *rays;
+    spsi_rays_shift(rays, 0.5 / n - 0.5, 0.5 / n - 0.5, fine);
     fine->width *= n;
     fine->height *= n;
-    for (int i = 0; i < 3 && n > 1; ++i) {
-        corner[i] += first * (rays->a[i] + rays->b[i]);
-        fine->a[i] = rays->a[i] / n;
-        fine->b[i] = rays->b[i] / n;
+    for (int i = 0; i < 3; ++i) {
+        fine->a[i] /= n;
+        fine->b[i] /= n;
     }
     return n == 1 || spsi_rays_complete(fine);
 }
@@ -6885,7 +6893,7 @@ static void spsi_layer_place(const spsi_layers_job *job, const spsi_fragment *fr
         row = fragment->sample / n;
         spsi_face_hit(&e, x + column, y + row, w);
     }
-    layer->hit.depth = 0; /* from the fragment's, until all samples are known */
+    layer->hit.depth = fragment->depth;
     layer->hit.face = fragment->face;
     layer->hit.weights[0] = (float)w[1];
     layer->hit.weights[1] = (float)w[2];
@@ -6962,8 +6970,8 @@ static void spsi_layer_pass(const spsi_layers_job *job, const spsi_fragment *fra
         covered += through[c] * (1 - passes[c]);
         through[c] *= passes[c];
     }
-    layer->covered += covered;
-    layer->hit.depth += covered * (depth - fragment->depth);
+    layer->covered += covered; /* its depth is the mean so far, weighted by what is covered */
+    layer->hit.depth += layer->covered > 0 ? covered / layer->covered * (depth - layer->hit.depth) : 0;
 }
 
 /* Follows the light of every sample of a pixel past its fragments, in the sample's own order or, if they are many, in
@@ -7004,7 +7012,6 @@ static void spsi_layers_accumulate(const spsi_layers_job *job, const spsi_stack 
             layers[i].behind[c] /= (float)samples;
             layers[i].seen[c] /= (float)samples;
         }
-        layers[i].hit.depth = fragment->depth + (layers[i].covered > 0 ? layers[i].hit.depth / layers[i].covered : 0);
         layers[i].covered /= 3 * (float)samples;
     }
 }
@@ -8100,6 +8107,7 @@ typedef struct spsi_map_plane {
     int number;       /* of its face; -1: none */
     double a, b;      /* n.a and n.b, with the rays' steps from texel to texel */
     double normal[3]; /* n */
+    double texel;     /* size of a step */
 } spsi_map_plane;
 
 static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
@@ -8110,6 +8118,7 @@ static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi
     spsi_cross(u, v, plane->normal);
     plane->a = spsi_dot(plane->normal, rays->a);
     plane->b = spsi_dot(plane->normal, rays->b);
+    plane->texel = spsi_length(rays->a);
     plane->number = number;
 }
 
@@ -8119,30 +8128,38 @@ static float spsi_map_slope(double across, double facing, double t, double steep
     return (float)(slope >= -steepest && slope <= steepest ? slope : slope > 0 ? steepest : -steepest);
 }
 
+/* The slopes at a texel where the plane has this depth. Returns the minimum that it reaches within a texel. */
+static float spsi_map_plane_slopes(const spsi_map_plane *plane, const spsi_rays *rays, int x, int y, float depth,
+                                   float slope[2]) {
+    double ray[3], facing, t = 1;
+    spsi_ray_direction(rays, x, y, ray);
+    facing = spsi_dot(plane->normal, ray);
+    if (rays->perspective) t = (double)depth + rays->depth_reference;
+    slope[0] = spsi_map_slope(plane->a, facing, t, SPSI_STEEP * t * plane->texel);
+    slope[1] = spsi_map_slope(plane->b, facing, t, SPSI_STEEP * t * plane->texel);
+    return depth - fabsf(slope[0]) - fabsf(slope[1]);
+}
+
 /* Replaces the face numbers that the rasteriser left in one row of texels by the slopes of their planes, and lowers the
    row's cells to the minimum that its planes reach within a texel. */
 static void spsi_planes_row(const spsi_planes_job *job, int y, float *cells) {
     const spsi_depth_map *map = job->map;
     const spsi_rays *rays = &map->rays[job->face];
     const size_t first = (size_t)y * (size_t)rays->width;
-    const double texel = spsi_length(rays->a);
-    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}};
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x) {
         float *along_x = &map->slopes[job->face][0][first + (size_t)x];
         float *along_y = &map->slopes[job->face][1][first + (size_t)x];
-        const float depth = map->depths[job->face][first + (size_t)x];
-        double ray[3], facing, t = 1;
+        float slope[2] = {0, 0}, least = SPSI_INFINITY;
         int number;
         memcpy(&number, along_y, sizeof number);
-        *along_x = *along_y = 0;
-        if (number < 0) continue;
-        if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
-        spsi_ray_direction(rays, x, y, ray);
-        facing = spsi_dot(plane.normal, ray);
-        if (rays->perspective) t = (double)depth + rays->depth_reference;
-        *along_x = spsi_map_slope(plane.a, facing, t, SPSI_STEEP * t * texel);
-        *along_y = spsi_map_slope(plane.b, facing, t, SPSI_STEEP * t * texel);
-        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], depth - fabsf(*along_x) - fabsf(*along_y));
+        if (number >= 0) {
+            if (number != plane.number) spsi_map_plane_build(job->faces, number, rays, &plane);
+            least = spsi_map_plane_slopes(&plane, rays, x, y, map->depths[job->face][first + (size_t)x], slope);
+        }
+        *along_x = slope[0];
+        *along_y = slope[1];
+        cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
     }
 }
 
@@ -8361,23 +8378,17 @@ static void spsi_panes_row(const spsi_panes_job *job, int y, float *cells) {
     spsi_pane_map *map = job->map;
     const spsi_rays *rays = &map->grid.rays[job->face];
     const uint32_t *first = map->first[job->face] + (size_t)y * (size_t)rays->width;
-    const double texel = spsi_length(rays->a);
+    spsi_map_plane plane = {-1, 0, 0, {0, 0, 0}, 0};
     for (int x = 0; x < rays->width; ++x)
         for (uint32_t i = first[x]; i < first[x + 1]; ++i) {
             const spsi_fragment *fragment = &job->fragments[i];
             spsi_pane *pane = &map->list[job->face][i];
-            spsi_map_plane plane;
-            double ray[3], facing, t = 1;
-            spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
-            spsi_ray_direction(rays, x, y, ray);
-            facing = spsi_dot(plane.normal, ray);
-            if (rays->perspective) t = (double)fragment->depth + rays->depth_reference;
+            float least;
+            if (fragment->face != plane.number) spsi_map_plane_build(job->faces, fragment->face, rays, &plane);
+            least = spsi_map_plane_slopes(&plane, rays, x, y, fragment->depth, pane->slope);
             pane->depth = fragment->depth;
             pane->face = fragment->face;
-            pane->slope[0] = spsi_map_slope(plane.a, facing, t, SPSI_STEEP * t * texel);
-            pane->slope[1] = spsi_map_slope(plane.b, facing, t, SPSI_STEEP * t * texel);
-            cells[x / SPSI_CELL] =
-                spsi_lower(cells[x / SPSI_CELL], pane->depth - fabsf(pane->slope[0]) - fabsf(pane->slope[1]));
+            cells[x / SPSI_CELL] = spsi_lower(cells[x / SPSI_CELL], least);
         }
 }
 
@@ -12833,8 +12844,8 @@ static void spsi_shadow_tables_drop(sps_context *context) {
     context->shadow_table_count = 0;
 }
 
-/* Releases a map, or, unless the call has failed, holds its table for the next one: there is room for as many as there
-   are maps. */
+/* Releases a map, or, unless the call has failed, holds its table for the next one, where there is room for the tables
+   of all maps. */
 static void spsi_shadow_table_hold(sps_context *context, sps_tmap *map) {
     sps_tmap *held = (sps_tmap *)context->buffers[SPSI_BUFFER_SHADOW_TABLES].data;
     if (!context->result && map->key && map->data.table.data)
@@ -16793,17 +16804,6 @@ static double spsi_march_ray(const spsi_rays *eye, int x, int y, spsi_ray *ray) 
     ray->low = eye->near_depth > -DBL_MAX ? eye->near_depth * length : -HUGE_VAL;
     ray->high = HUGE_VAL;
     return length;
-}
-
-/* The same rays, shifted by parts of a pixel. */
-static void spsi_rays_shift(const spsi_rays *rays, double x, double y, spsi_rays *shifted) {
-    double *from = rays->perspective ? shifted->c : shifted->origin;
-    *shifted = *rays;
-    spsi_along(from, rays->a, x, from);
-    spsi_along(from, rays->b, y, from);
-    if (!rays->perspective) return;
-    spsi_along(rays->inverse[0], rays->inverse[2], -x, shifted->inverse[0]);
-    spsi_along(rays->inverse[1], rays->inverse[2], -y, shifted->inverse[1]);
 }
 
 /* Finds a face where a pixel's ray meets it, in the same way as the rasteriser does, but in double precision; returns

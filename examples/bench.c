@@ -1097,8 +1097,8 @@ static void bench_polygons(void) {
 
 /* =================================================================================================== edges */
 
-/* The truth is rendered at so many times the size, with 2 x 2 samples of edges in each of its pixels, none of which is
-   where those of coverage_samples 8 are; and averaged. */
+/* The truth is rendered at this number of times the size, with 2 x 2 samples of edges in each of its pixels, none of
+   which is where those of coverage_samples 8 are; and averaged. */
 enum { EDGE_TRUTH = 8 };
 
 /* A way to render edges: samples along a side of a pixel, and how many times as large before averaging. */

@@ -455,6 +455,17 @@ static inline sps_light *check_add_point(check_scene *s, double x, double y, dou
     return light;
 }
 
+/* sps_config.progress_fn: cancels the at-th call. */
+typedef struct check_cancel {
+    long calls, at;
+} check_cancel;
+
+static inline int check_cancel_at(void *user, float fraction) {
+    check_cancel *cancel = (check_cancel *)user;
+    (void)fraction;
+    return ++cancel->calls == cancel->at;
+}
+
 /* Makes a mesh let the same share of each color pass. */
 static inline void check_translucent(sps_mesh *mesh, double transmittance) {
     for (int c = 0; c < 3; ++c) mesh->transmittance[c] = (float)transmittance;

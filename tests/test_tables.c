@@ -598,20 +598,10 @@ static void test_updated_several(void) {
     sps_destroy(holder);
 }
 
-typedef struct cancel {
-    long calls, at;
-} cancel;
-
-static int cancel_at(void *user, float fraction) {
-    cancel *c = (cancel *)user;
-    (void)fraction;
-    return ++c->calls == c->at;
-}
-
 /* A call that updates a table is cancelled, lacks memory or cannot read: the next one has the bits of a fresh context.
    Returns whether the call in between has failed. */
 static int check_interrupted(int kind, long cancelled, long refused, int reading) {
-    cancel c = {0, 0};
+    check_cancel c = {0, 0};
     check_hooks hooks;
     sps_config config;
     sps_context *holder;
@@ -621,7 +611,7 @@ static int check_interrupted(int kind, long cancelled, long refused, int reading
     memset(&hooks, 0, sizeof hooks);
     memset(&image, 0, sizeof image);
     config = check_config(&hooks);
-    config.progress_fn = cancel_at;
+    config.progress_fn = check_cancel_at;
     config.progress_user = &c;
     holder = sps_create(&config, NULL);
     image.rgba = image_a;

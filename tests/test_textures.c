@@ -692,16 +692,6 @@ static void test_bad_uvs(void) {
     }
 }
 
-typedef struct cancel {
-    long calls, at;
-} cancel;
-
-static int cancel_at(void *user, float fraction) {
-    cancel *c = (cancel *)user;
-    (void)fraction;
-    return ++c->calls == c->at;
-}
-
 /* Cancelled at any call of progress_fn, the image is untouched; between two batches no more points are shaded. */
 static void test_cancel(void) {
     long n;
@@ -713,14 +703,14 @@ static void test_cancel(void) {
     shade(check_add_mesh(&s, &ground, 0.5), &seen);
     check_add_directional(&s, 0, 0, -1, 2);
     for (n = 1; n < 1000; ++n) {
-        cancel c = {0, n};
+        check_cancel c = {0, n};
         sps_config config;
         sps_context *other;
         sps_image image;
         sps_result result;
         memset(&config, 0, sizeof config);
         memset(&image, 0, sizeof image);
-        config.progress_fn = cancel_at;
+        config.progress_fn = check_cancel_at;
         config.progress_user = &c;
         image.rgba = image_a;
         for (int i = 0; i < 4 * PIXELS; ++i) image_a[i] = (float)-i;

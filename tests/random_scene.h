@@ -1092,4 +1092,27 @@ static inline scene_report measure_scene(sps_context *context, random_scene *x, 
     return report;
 }
 
+/* The scene in even light and without particles, with samples of its polygons' edges. What the renderer takes once per
+   pixel, gas and the light of a triangle, is then nearly what the reference takes at each sample. */
+static inline sps_result measure_edges(sps_context *context, const random_scene *from, int samples,
+                                       scene_error *error) {
+    static random_scene even;
+    static scene_picture mine, exact;
+    static unsigned char judged[SCENE_PIXELS];
+    sps_result result;
+    even = *from;
+    even.s.scene.meshes = even.s.mesh;
+    even.s.scene.light_count = even.s.scene.particle_set_count = 0;
+    even.s.view.coverage_samples = samples;
+    even.s.view.quality = SPS_QUALITY_MEDIUM;
+    check_color(even.s.scene.ambient, 1, 1, 1);
+    for (int i = 0; i < even.s.scene.mesh_count; ++i) even.s.mesh[i].shade_fn = NULL;
+    memset(judged, 1, sizeof judged);
+    memset(error, 0, sizeof *error);
+    result = scene_render(context, &even, 0, &mine);
+    if (result == SPS_OK) result = scene_render(context, &even, 0.7, &exact);
+    if (result == SPS_OK) compare_pictures(&even, &mine, &exact, judged, error);
+    return result;
+}
+
 #endif /* RANDOM_SCENE_H */

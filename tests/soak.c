@@ -1,7 +1,8 @@
 /* Random scenes against sps_reference: soak SEED COUNT FIRST compares COUNT of them, from number FIRST on, the same
    ones for the same SEED on every machine; without COUNT, 20 chosen ones, or 200 where SPLATSHADOW_LONG is set. A scene
    fails if its error, relative to the reference's mean, is neither below 3 % at medium quality nor falls to half of
-   that at high quality, unless it is one of the known ones below. Prints the worst ten, each with the line that renders
+   that at high quality, unless it is one of the known ones below. Every other one with polygons is compared again, with
+   samples of their edges. Prints the worst ten, each with the line that renders
    it again; with SOAK_ALL in the environment, every one. */
 
 #include "random_scene.h"
@@ -132,6 +133,16 @@ static void judge(soak *s, const outcome *o) {
     print_outcome(s, o);
 }
 
+static void soak_edges(sps_context *context, const random_scene *x, long number) {
+    const int samples = 2 + (int)(number / 2 % 4);
+    scene_error error;
+    if (x->s.scene.mesh_count == 0 || number % 2 == 1) return;
+    if (!CHECK_OK(context, measure_edges(context, x, samples, &error))) return;
+    if (!CHECK(error.mean < SCENE_DARK || (error.light <= SCENE_BOUND && error.coverage <= SCENE_COVERAGE)))
+        printf("    scene %ld with %d x %d samples: %.2f %%, coverage %.4f\n", number, samples, samples,
+               100 * error.light, error.coverage);
+}
+
 static void soak_scene(sps_context *context, soak *s, long number) {
     static random_scene x;
     check_random random;
@@ -160,6 +171,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
         ++s->hidden;
     else
         judge(s, &o);
+    if (o.report.result == SPS_OK) soak_edges(context, &x, number);
     free_scene(&x);
 }
 

@@ -635,7 +635,7 @@ static int check_interrupted(int kind, long cancelled, long refused, int reading
 
 static void test_updated_failures(void) {
     long n;
-    for (n = 1; check_interrupted(GAS, n, 0, 0); n += 1 + n / 4) CHECK(n < 10000);
+    for (n = 1; check_interrupted(GAS, n, 0, 0); n += 1 + n / 2) CHECK(n < 10000);
     CHECK(n > 20);
     for (n = 1; check_interrupted(GAS, 0, n, 0); ++n) CHECK(n < 1000);
     CHECK(n > 1);

@@ -1092,8 +1092,9 @@ static inline scene_report measure_scene(sps_context *context, random_scene *x, 
     return report;
 }
 
-/* The scene in even light and without particles, with samples of its polygons' edges. What the renderer takes once per
-   pixel, gas and the light of a triangle, is then nearly what the reference takes at each sample. */
+/* The scene in even light, without particles and classified volumes, whose edges may be as sharp as those of polygons,
+   with samples of the latter. What the renderer takes once per pixel, gas and the light of a triangle, is then nearly
+   what the reference takes at each sample. */
 static inline sps_result measure_edges(sps_context *context, const random_scene *from, int samples,
                                        scene_error *error) {
     static random_scene even;
@@ -1102,7 +1103,10 @@ static inline sps_result measure_edges(sps_context *context, const random_scene 
     sps_result result;
     even = *from;
     even.s.scene.meshes = even.s.mesh;
-    even.s.scene.light_count = even.s.scene.particle_set_count = 0;
+    even.s.scene.volumes = even.s.volume;
+    even.s.scene.light_count = even.s.scene.particle_set_count = even.s.scene.volume_count = 0;
+    for (int i = 0; i < from->s.scene.volume_count; ++i)
+        if (!from->s.volume[i].transfer) even.s.volume[even.s.scene.volume_count++] = from->s.volume[i];
     even.s.view.coverage_samples = samples;
     even.s.view.quality = SPS_QUALITY_MEDIUM;
     check_color(even.s.scene.ambient, 1, 1, 1);

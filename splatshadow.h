@@ -55,10 +55,12 @@ CONTENTS (search for the tag)
     >>shadows       25 shadows on gas, surfaces      >>shading       26 light leaving a sheet
     >>sweep         27 chunks of slabs, tiles        >>frame         28 sweep after sweep, the image
     >>plan          29 what a scene calls for        >>reference     30 brute-force ray marching
-    >>public        31 the public functions          >>licence
+    >>paths         31 random paths                  >>public        32 the public functions
+    >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light).
+    No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light),
+    but for sps_reference.
     No refraction, no mirrors: light passes translucent polygons straight on.
     Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
     volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
@@ -133,6 +135,9 @@ PAPERS
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
+    E. R. Woodcock et al., "Techniques Used in the GEM Code for Monte Carlo Neutronics Calculations", 1965 >>paths
+    J. Novak et al., "Residual Ratio Tracking for Estimating Attenuation in Participating Media", 2014 >>paths
+    G. Steele et al., "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014 >>paths
     J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>surfaces
     T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
     T.-Y. Kim, U. Neumann, "Opacity Shadow Maps", EGSR 2001 >>transmittance
@@ -185,7 +190,8 @@ typedef enum sps_object {
     SPS_OBJECT_PARTICLES, /* set number `index` */
     SPS_OBJECT_TMAP,      /* a transmittance map itself, not what it was made from */
     SPS_OBJECT_TMAP_LIGHT,
-    SPS_OBJECT_TMAP_SETTINGS
+    SPS_OBJECT_TMAP_SETTINGS,
+    SPS_OBJECT_REFERENCE_SETTINGS
 } sps_object;
 
 /* A failure, as data; `sentence` says the same for people. */
@@ -738,6 +744,26 @@ typedef struct sps_image {
     size_t row_pixels; /* pixels from one row to the next, in both; 0 means the region's width */
 } sps_image;
 
+/* How sps_reference computes an image. */
+typedef struct sps_reference_settings {
+    uint32_t start_canary; /* leave 0 */
+    /* Length of a step along a ray, > 0, in voxels, or in units of 0.7 times the particles' geometric mean radius if
+       that is less. The error is second order in it. */
+    double step;
+    /* Random paths per pixel, up to 2^20. 0: light scatters once, and ambient light is shadowed by nothing. Otherwise
+       light scatters any number of times, in gas and between gas and polygons, though not from polygon to polygon, and
+       ambient light comes from infinity, through the gas and past the polygons. What the eye sees of light that has
+       scattered once is marched as without paths; the rest is an unbiased estimate, whose error falls with the square
+       root of their number. A path takes a microsecond or so per voxel edge of its length. Polygons that only paths
+       meet show the colors of their meshes, without shade_fn. */
+    int samples;
+    uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
+    /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
+       the radiance, estimated from the variance of the paths. Written on SPS_OK only. */
+    float *error;
+    uint32_t end_canary; /* leave 0 */
+} sps_reference_settings;
+
 typedef enum sps_pass {
     SPS_PASS_GATHER = 0,     /* reads relevant voxels into bricks, and particles */
     SPS_PASS_PROJECTORS,     /* reads the images that lights throw */
@@ -913,15 +939,15 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 
 /* Renders the same scene by brute force, in double precision, as a reference to measure against. Marches f(p) along
    each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
-   has the optical depth of the balls along it, lit as at its middle. `step`, > 0, is in voxels, or in units of 0.7
-   times the particles' geometric mean radius if that is less; the error is second order in it. No slicing limit: any
-   light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle, and 144 bytes per
-   pixel of the region. Particles smaller than a pixel are not widened. With coverage_samples, each of a pixel's rays is
-   marched by itself, through gas as well; only the background is that at the pixel's centre. shade_fn is called for the
-   nearest polygons of all pixels, then for those seen through these, and so on; all of it again for each sample. The
-   image is written only if SPS_OK is returned. Any sps_result can occur. */
-SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
-                                 const sps_image *image);
+   has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
+   more than once is added by random paths. No slicing limit: any light, any camera. Holds all voxels, triangles and
+   particles in memory, 68 bytes per particle, 144 bytes per pixel of the region, and 48 more with samples. Particles
+   smaller than a pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas
+   as well; only the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all
+   pixels, then for those seen through these, and so on; all of it again for each sample. The image is written only if
+   SPS_OK is returned. Any sps_result can occur. */
+SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                 const sps_reference_settings *settings, const sps_image *image);
 
 /* Fills a report of what the last sps_render, sps_reference, sps_plan or sps_tmap_create, _add, _finish did, even if it
    failed. Footprints splatted into maps are not counted. If context is NULL, all of the report is 0. */
@@ -1599,6 +1625,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TOTAL,             /* sum of the sweeps' images */
     SPSI_BUFFER_ROW,               /* directions and colors of one row of background */
     SPSI_BUFFER_MARCHER,           /* >>reference */
+    SPSI_BUFFER_PATHS,             /* >>paths */
     SPSI_BUFFER_WALKERS,           /* the reference's rays, one per pixel */
     SPSI_BUFFER_REFERENCE_VALUES,
     SPSI_BUFFER_REFERENCE_PARTICLES,
@@ -1659,8 +1686,8 @@ static void spsi_clear_error(sps_error_info *info) {
 /* Describes a failure, in data and as the sentence "OBJECT[index].PHRASE REST"; index < 0 omits the brackets. */
 static void spsi_describe(sps_error_info *info, sps_object object, int index, const char *phrase, double value,
                           const char *rest) {
-    static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",   "volume",
-                                        "mesh", "light", "particles", "tmap",  "light", "settings"};
+    static const char *const names[] = {"",     "",      "config",    "scene", "view",  "image",    "volume",
+                                        "mesh", "light", "particles", "tmap",  "light", "settings", "settings"};
     char brackets[24] = "";
     info->object = object;
     info->index = index;
@@ -6483,20 +6510,12 @@ static int spsi_face_is_flat(const spsi_face *face) {
            memcmp(face->normal[0], face->normal[2], sizeof face->normal[0]) == 0;
 }
 
-static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const spsi_hit *hit, double x, double y,
-                            spsi_surface *surface) {
-    const spsi_face *face = &faces->list[hit->face];
-    double w[3], u[3], v[3], plane[3], ray[3], rasterised[3];
-    int turned;
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, plane);
-    spsi_ray_direction(eye, x, y, ray);
-    spsi_ray_point(eye, x, y, (double)hit->depth + eye->depth_reference, rasterised);
-    spsi_surface_place(face, plane, ray, rasterised, surface->point);
-    surface->pixel = spsi_pixel_size_at(eye, (double)hit->depth + eye->depth_reference);
+/* Sets the normal and the start of shadow rays at surface->point, which a ray meets. `plane`: the face's normal. */
+static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const double plane[3], const double ray[3],
+                              spsi_surface *surface) {
+    const int turned = spsi_dot(plane, ray) > 0;
+    double w[3];
     memcpy(surface->start, surface->point, sizeof surface->start);
-    turned = spsi_dot(plane, ray) > 0;
     for (int i = 0; i < 3; ++i) surface->normal[i] = (double)face->normal[0][i];
     if (!spsi_face_is_flat(face)) {
         spsi_hit_weights(hit, w);
@@ -6504,10 +6523,29 @@ static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const
             surface->normal[i] = w[0] * (double)face->normal[0][i] + w[1] * (double)face->normal[1][i] +
                                  w[2] * (double)face->normal[2][i];
         spsi_surface_raise(face, w, plane, turned, surface);
-        if (!(spsi_dot(surface->normal, surface->normal) > 0)) memcpy(surface->normal, plane, sizeof plane);
+        if (!(spsi_dot(surface->normal, surface->normal) > 0)) memcpy(surface->normal, plane, 3 * sizeof *plane);
     }
     if ((spsi_dot(surface->normal, plane) < 0) != turned)
         for (int i = 0; i < 3; ++i) surface->normal[i] = -surface->normal[i];
+}
+
+static void spsi_face_plane(const spsi_face *face, double plane[3]) {
+    double u[3], v[3];
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, plane);
+}
+
+static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const spsi_hit *hit, double x, double y,
+                            spsi_surface *surface) {
+    const spsi_face *face = &faces->list[hit->face];
+    double plane[3], ray[3], rasterised[3];
+    spsi_face_plane(face, plane);
+    spsi_ray_direction(eye, x, y, ray);
+    spsi_ray_point(eye, x, y, (double)hit->depth + eye->depth_reference, rasterised);
+    spsi_surface_place(face, plane, ray, rasterised, surface->point);
+    surface->pixel = spsi_pixel_size_at(eye, (double)hit->depth + eye->depth_reference);
+    spsi_surface_face(face, hit, plane, ray, surface);
 }
 
 /* Reflectance of a face by itself. Where corners have the same color, so has the face, to the bit. */
@@ -16619,15 +16657,17 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 
 #define SPSI_REFERENCE_REACH  3.25 /* voxels, 5 standard deviations: 2e-6 of the kernel's mass is beyond */
 #define SPSI_REFERENCE_TAPS   8
-#define SPSI_REFERENCE_POINTS 64 /* of an extended light at each place */
+#define SPSI_MARCH_SHARE      0.25 /* of a call's progress, if paths follow */
+#define SPSI_REFERENCE_POINTS 64   /* of an extended light at each place */
 
 typedef struct spsi_dense {
     const float *values;
-    unsigned char *occupied; /* per brick, 1: it or a neighbour holds something */
-    int size[3];             /* in voxels */
-    int bricks[3];           /* size in bricks */
-    double inverse[3][3];    /* rows; world offset from the corner to voxels */
-    double corner[3];        /* in the world */
+    float *most;          /* per brick: maximum value of it and its neighbours */
+    float *bound;         /* per brick: upper bound of the extinction that goes with it; for paths only */
+    int size[3];          /* in voxels */
+    int bricks[3];        /* size in bricks */
+    double inverse[3][3]; /* rows; world offset from the corner to voxels */
+    double corner[3];     /* in the world */
 } spsi_dense;
 
 /* The ray of a pixel, on its way from one translucent face to the next. */
@@ -16648,29 +16688,34 @@ typedef struct spsi_marcher {
     spsi_dense grids[SPSI_VOLUMES_MAX]; /* one for each volume */
     spsi_tree particles;                /* of all sets */
     int part_count;                     /* number of volumes and sets of particles; parts are in this order */
-    double step;                        /* maximum, in world length */
-    float *total;                       /* the region's pixels, spsi_total_floats each */
-    int first_row;                      /* of the current batch, in the region */
-    spsi_walker *walkers;               /* of the region's pixels */
-    int side;                           /* number of samples along a pixel's side */
-    int sample;                         /* number of the current one */
-    spsi_hit *hits;                     /* of the whole image, for shade_fn; NULL: no mesh has one */
-    spsi_visible visible;               /* those hits, and what shade_fn has set there */
-    spsi_sample *samples;               /* one per part, per worker */
+    const sps_reference_settings *settings;
+    double step;          /* maximum, in world length */
+    float *total;         /* the region's pixels, spsi_total_floats each */
+    int first_row;        /* of the current batch, in the region */
+    spsi_walker *walkers; /* of the region's pixels */
+    int side;             /* number of samples along a pixel's side */
+    int sample;           /* number of the current one */
+    spsi_hit *hits;       /* of the whole image, for shade_fn; NULL: no mesh has one */
+    spsi_visible visible; /* those hits, and what shade_fn has set there */
+    spsi_sample *samples; /* one per part, per worker */
 } spsi_marcher;
 
 /* --- the field --- */
 
-/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. */
+/* Computes the weights of the taps around `at` along one axis, and their derivatives. Returns the first tap. From tap
+   to tap the Gaussian changes by a factor, which itself changes by a constant one. */
 static int spsi_field_taps(double at, int size, int *count, double *weights, double *slopes) {
     const int first = spsi_most(0, (int)ceil(fmax(at - 0.5 - SPSI_REFERENCE_REACH, -1)));
     const int last = spsi_least(size - 1, (int)floor(fmin(at - 0.5 + SPSI_REFERENCE_REACH, size)));
     const double scale = 1 / (sqrt(2 * SPSI_PI) * SPSI_SIGMA * erf(SPSI_REFERENCE_REACH / SPSI_SIGMA / sqrt(2.0)));
+    const double step = 1 / SPSI_SIGMA, bend = exp(-step * step), d = (at - 0.5 - first) * step;
+    double weight = scale * exp(-0.5 * d * d), change = exp(step * (d - 0.5 * step));
     *count = spsi_most(0, last - first + 1);
     for (int i = 0; i < *count; ++i) {
-        const double d = (at - 0.5 - first - i) / SPSI_SIGMA;
-        weights[i] = scale * exp(-0.5 * d * d);
-        slopes[i] = -weights[i] * d / SPSI_SIGMA;
+        weights[i] = weight;
+        slopes[i] = -weight * (d - i * step) * step;
+        weight *= change;
+        change *= bend;
     }
     return first;
 }
@@ -16682,12 +16727,14 @@ static int spsi_dense_empty(const spsi_dense *grid, const double at[3]) {
         if (at[i] < -SPSI_REFERENCE_REACH || at[i] > grid->size[i] + SPSI_REFERENCE_REACH) return 1;
         index = index * grid->bricks[i] + brick;
     }
-    return !grid->occupied[index];
+    return !(grid->most[index] > 0);
 }
 
-/* f at a world point, and its gradient in the world unless `gradient` is NULL. */
+/* f at a world point, and its gradient in the world unless `gradient` is NULL. Rows are added up before they are
+   weighted along x, as sums that do not wait for each other. */
 static double spsi_field(const spsi_dense *grid, const double point[3], double gradient[3]) {
     double offset[3], at[3], w[3][SPSI_REFERENCE_TAPS], s[3][SPSI_REFERENCE_TAPS], sum = 0, g[3] = {0, 0, 0};
+    double row[SPSI_REFERENCE_TAPS] = {0}, by_y[SPSI_REFERENCE_TAPS] = {0}, by_z[SPSI_REFERENCE_TAPS] = {0};
     int first[3], count[3];
     spsi_along(point, grid->corner, -1, offset);
     for (int i = 0; i < 3; ++i) at[i] = spsi_dot(grid->inverse[i], offset);
@@ -16696,19 +16743,23 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     for (int i = 0; i < 3; ++i) first[i] = spsi_field_taps(at[i], grid->size[i], &count[i], w[i], s[i]);
     for (int z = 0; z < count[2]; ++z)
         for (int y = 0; y < count[1]; ++y) {
-            const float *row =
+            const float *values =
                 grid->values +
                 ((size_t)(first[2] + z) * (size_t)grid->size[1] + (size_t)(first[1] + y)) * (size_t)grid->size[0] +
                 (size_t)first[0];
-            double along = 0, slope = 0;
-            for (int x = 0; x < count[0]; ++x) along += w[0][x] * (double)row[x];
-            sum += w[2][z] * w[1][y] * along;
-            if (!gradient) continue;
-            for (int x = 0; x < count[0]; ++x) slope += s[0][x] * (double)row[x];
-            g[0] += w[2][z] * w[1][y] * slope;
-            g[1] += w[2][z] * s[1][y] * along;
-            g[2] += s[2][z] * w[1][y] * along;
+            const double weight = w[2][z] * w[1][y];
+            for (int x = 0; x < count[0]; ++x) row[x] += weight * (double)values[x];
+            for (int x = 0; x < count[0] && gradient; ++x) {
+                by_y[x] += w[2][z] * s[1][y] * (double)values[x];
+                by_z[x] += s[2][z] * w[1][y] * (double)values[x];
+            }
         }
+    for (int x = 0; x < count[0]; ++x) {
+        sum += w[0][x] * row[x];
+        g[0] += s[0][x] * row[x];
+        g[1] += w[0][x] * by_y[x];
+        g[2] += w[0][x] * by_z[x];
+    }
     for (int i = 0; i < 3 && gradient; ++i)
         for (int k = 0; k < 3; ++k) gradient[k] += g[i] * grid->inverse[i][k];
     return sum;
@@ -17055,32 +17106,39 @@ static double spsi_point_inverse_square(const spsi_point *point, const double fr
     return y < 1e-6 * x ? 1 / x : atan2(y, x) / y;
 }
 
-/* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
-static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
-                                double weight, double source[3]) {
-    double travel[3], image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = weight;
-    spsi_v toward_v[3], travel_v[3], response[3];
+/* Irradiance at a point in gas from one point of a light, past all polygons but through no gas. Returns 0 if there is
+   none. */
+static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
+                              double travel[3], double arrives[3]) {
+    double image[3] = {1, 1, 1}, passes[3] = {1, 1, 1}, irradiance = 1;
     spsi_lamp_direction(lamp, point->position, travel);
     if (lamp->falls_off) irradiance *= spsi_point_inverse_square(point, lamp->position);
     if (lamp->projection.exists) spsi_projection_at(marcher->frame, lamp, point->position, point->pixel, image);
-    if (!(image[0] > 0 || image[1] > 0 || image[2] > 0)) return;
+    if (!(image[0] > 0 || image[1] > 0 || image[2] > 0)) return 0;
     irradiance *= spsi_cone_at(&lamp->cone, spsi_dot(lamp->direction, travel));
-    if (!(irradiance > 0)) return;
-    if (lamp->shadows) {
-        if (!spsi_march_sight(marcher->faces, lamp, point->position, -1, passes)) return;
-        irradiance *= spsi_march_lamp(marcher, lamp, point->position);
-    }
+    if (!(irradiance > 0)) return 0;
+    if (lamp->shadows && !spsi_march_sight(marcher->faces, lamp, point->position, -1, passes)) return 0;
+    for (int c = 0; c < 3; ++c) arrives[c] = irradiance * image[c] * passes[c] * (double)lamp->color[c];
+    return 1;
+}
+
+/* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
+static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
+                                double weight, double source[3]) {
+    double travel[3], arrives[3], share = weight;
+    spsi_v toward_v[3], travel_v[3], response[3];
+    if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
+    if (lamp->shadows) share *= spsi_march_lamp(marcher, lamp, point->position);
     spsi_set3(point->direction, toward_v);
     spsi_set3(travel, travel_v);
-    for (int m = 0; m < marcher->part_count && irradiance > 0; ++m) {
+    for (int m = 0; m < marcher->part_count && share > 0; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         float lanes[SPSI_LANES];
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
         spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, response[c]);
-            source[c] +=
-                point->extinction[m] * (double)lanes[0] * irradiance * image[c] * passes[c] * (double)lamp->color[c];
+            source[c] += point->extinction[m] * (double)lanes[0] * share * arrives[c];
         }
     }
 }
@@ -17094,7 +17152,8 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
         float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, point->samples[m].color[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient.radiance[c];
+            if (marcher->settings->samples == 0) /* otherwise paths find it */
+                source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient.radiance[c];
             source[c] += point->value[m] * (double)material->emission[c];
         }
     }
@@ -17126,13 +17185,14 @@ static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lam
 /* Radiance of the polygon that a ray meets, from all lights and ambient light. */
 static void spsi_march_surface(const spsi_marcher *marcher, const spsi_hit *hit, int x, int y, double radiance[3]) {
     const spsi_frame *frame = marcher->frame;
+    const double ambient = marcher->settings->samples == 0 ? 1 : 0; /* otherwise paths find it */
     spsi_appearance look;
     spsi_surface surface;
     spsi_place place = {hit, x, y, {(double)x, (double)y}, 0};
     spsi_surface_at(&frame->content->eye, marcher->faces, hit, x, y, &surface);
     spsi_appearance_at(marcher->faces, hit, spsi_surface_set(frame, marcher->visible.set, &place), &look);
     for (int c = 0; c < 3; ++c)
-        radiance[c] = look.color[c] * (double)frame->ambient.radiance[c] + (double)look.emission[c];
+        radiance[c] = look.color[c] * ambient * (double)frame->ambient.radiance[c] + (double)look.emission[c];
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         double arrives[3];
@@ -17268,12 +17328,13 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
     const int *region = frame->view.region;
     const size_t pixels = (size_t)region[2] * (size_t)region[3];
     const int rows = spsi_worker_count(context); /* between two calls of progress_fn: one row can take a second */
+    const double share = marcher->settings->samples > 0 ? SPSI_MARCH_SHARE : 1; /* of the call */
     spsi_parallel(context, region[3], spsi_march_meet_task, marcher);
     marcher->visible.hits = marcher->hits;
     if (spsi_textures(context, frame, marcher->faces, &marcher->visible)) return context->result;
     for (marcher->first_row = 0; marcher->first_row < region[3]; marcher->first_row += rows) {
         const double done = marcher->sample + (double)marcher->first_row / region[3];
-        if (spsi_progress(context, done / (marcher->side * marcher->side))) return context->result;
+        if (spsi_progress(context, share * done / (marcher->side * marcher->side))) return context->result;
         spsi_parallel(context, spsi_least(rows, region[3] - marcher->first_row) * spsi_march_spans(region[2]),
                       spsi_march_span_task, marcher);
     }
@@ -17284,7 +17345,7 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
 
 /* --- setting up --- */
 
-/* Reads a whole volume, and marks the bricks that hold anything, and their neighbours. */
+/* Reads a whole volume, and its maxima by brick. */
 static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
                                   spsi_dense *grid) {
     const spsi_medium *m = &frame->media[medium];
@@ -17311,14 +17372,17 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
                 const int b[3] = {x / SPSI_BRICK, y / SPSI_BRICK, z / SPSI_BRICK};
-                if (!(values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x] > 0))
-                    continue;
+                const float value =
+                    values[((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)x];
+                if (!(value > 0)) continue;
                 for (int n = 0; n < 27; ++n) {
                     const int bx = b[0] + n % 3 - 1, by = b[1] + n / 3 % 3 - 1, bz = b[2] + n / 9 - 1;
+                    float *most;
                     if (bx < 0 || by < 0 || bz < 0 || bx >= grid->bricks[0] || by >= grid->bricks[1] ||
                         bz >= grid->bricks[2])
                         continue;
-                    grid->occupied[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx] = 1;
+                    most = &grid->most[(bz * grid->bricks[1] + by) * grid->bricks[0] + bx];
+                    *most = spsi_higher(*most, value);
                 }
             }
     return SPS_OK;
@@ -17326,7 +17390,7 @@ static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame,
 
 static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame, spsi_marcher *marcher) {
     uint64_t voxels = 0, bricks = 0;
-    float *values;
+    float *values, *most;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_lattice *lattice = frame->media[i].lattice;
         spsi_dense *grid = &marcher->grids[i];
@@ -17342,26 +17406,24 @@ static sps_result spsi_march_grids(sps_context *context, const spsi_frame *frame
         voxels += v;
         bricks += b;
     }
-    if (voxels + bricks > SIZE_MAX / 8)
+    if (voxels + 2 * bricks > SIZE_MAX / 8)
         return spsi_fail_field(context, SPS_ERROR_MEMORY, SPS_OBJECT_SCENE, -1, "volumes' number of voxels",
                                (double)voxels,
                                "sps_reference holds all of them, and they are more than memory can have");
-    values = (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES,
-                                   (size_t)voxels + (size_t)bricks / sizeof(float) + 1, sizeof(float));
+    values =
+        (float *)spsi_reserve(context, SPSI_BUFFER_REFERENCE_VALUES, (size_t)(voxels + 2 * bricks) + 1, sizeof(float));
     if (!values) return context->result;
-    memset(values + voxels, 0, (size_t)bricks);
+    memset(values + voxels, 0, (size_t)bricks * 2 * sizeof(float));
+    most = values + voxels;
     for (int i = 0; i < frame->medium_count; ++i) {
         spsi_dense *grid = &marcher->grids[i];
-        grid->occupied = (unsigned char *)(values + voxels) +
-                         (i > 0 ? marcher->grids[i - 1].occupied - (unsigned char *)(values + voxels) +
-                                      marcher->grids[i - 1].bricks[0] * marcher->grids[i - 1].bricks[1] *
-                                          marcher->grids[i - 1].bricks[2]
-                                : 0);
-        grid->values = i > 0 ? marcher->grids[i - 1].values + (size_t)marcher->grids[i - 1].size[0] *
-                                                                  (size_t)marcher->grids[i - 1].size[1] *
-                                                                  (size_t)marcher->grids[i - 1].size[2]
-                             : values;
-        if (spsi_dense_read(context, frame, i, values + (grid->values - values), grid)) return context->result;
+        const size_t count = (size_t)grid->bricks[0] * (size_t)grid->bricks[1] * (size_t)grid->bricks[2];
+        grid->values = values;
+        grid->most = most;
+        grid->bound = most + count;
+        if (spsi_dense_read(context, frame, i, values, grid)) return context->result;
+        values += (size_t)grid->size[0] * (size_t)grid->size[1] * (size_t)grid->size[2];
+        most += 2 * count;
     }
     return SPS_OK;
 }
@@ -17391,7 +17453,7 @@ static sps_result spsi_march_particles(sps_context *context, const spsi_frame *f
     return spsi_tree_build(context, tree, items);
 }
 
-static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame, spsi_faces *faces, double step,
+static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame, spsi_faces *faces,
                                    spsi_marcher *marcher) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     double extent = HUGE_VAL;
@@ -17403,7 +17465,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     spsi_tell_replaced(context, 0);
     if (spsi_gather_particles(context, frame) || spsi_gather_images(context, frame)) return context->result;
     if (frame->content->particle_count > 0) extent = fmin(extent, SPSI_PARTICLE_EDGE * frame->content->particle_radius);
-    marcher->step = step * extent;
+    marcher->step = marcher->settings->step * extent;
     marcher->part_count = frame->medium_count + frame->particles.set_count;
     spsi_eye_reference(frame);
     marcher->total =
@@ -17423,15 +17485,613 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
     return spsi_march_particles(context, frame, &marcher->particles);
 }
 
-static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame, double step, const sps_image *image) {
+/* ================================================================================================ >>paths
+   31 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
+   1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
+   has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
+   faces on the ray is the event. There, shadow rays to all lights, through gas by ratio tracking [Novak et al. 2014],
+   add what scatters there, and the phase function draws the way on. The first event has been marched already, so that
+   it only turns the path. Cost: paths * events * (1 + lights) * bound * way * 343 voxels. */
+
+#define SPSI_PATHS_MAX    (1 << 20)
+#define SPSI_PATH_ROUND   16    /* paths of a pixel between two calls of progress_fn, at most */
+#define SPSI_PATH_BRICK   1e4f  /* optical depth of a brick beyond which more makes no difference: no light passes */
+#define SPSI_PATH_GOES_ON 0.998 /* greatest probability: even without absorption, a path ends after 500 events */
+#define SPSI_PATH_WEIGHTY 3     /* events after which it may end */
+#define SPSI_PATH_SPLITS  0.05  /* transmittance below which one of two shadow rays ends, and the other counts twice */
+#define SPSI_PATH_STEPS   100   /* towards the place where particles scatter, at most: halves a ray 50 times */
+#define SPSI_PATH_ROOM    1e-7  /* of optical depth, by which that place may be off */
+
+typedef struct spsi_path {
+    spsi_ray ray; /* from the last event on; its direction has unit length, low is 0 */
+    double weight[3];
+    double radiance[3];
+    uint64_t random; /* state of the generator */
+    int face;        /* that it begins on; -1: none */
+    int scattered;   /* number of times so far */
+    int off_face;    /* 1: last by a polygon */
+} spsi_path;
+
+/* --- random numbers --- */
+
+/* Evenly distributed over 0..1, without 1 [Steele et al. 2014, SplitMix64]. */
+static double spsi_random(uint64_t *state) {
+    uint64_t z = *state += UINT64_C(0x9e3779b97f4a7c15);
+    z = (z ^ z >> 30) * UINT64_C(0xbf58476d1ce4e5b9);
+    z = (z ^ z >> 27) * UINT64_C(0x94d049bb133111eb);
+    return (double)((z ^ z >> 31) >> 11) * (1.0 / 9007199254740992.0);
+}
+
+/* Exponentially distributed, with mean 1. */
+static double spsi_random_depth(uint64_t *state) { return -log1p(-spsi_random(state)); }
+
+/* A unit vector at a given cosine from another one, in any direction about it. */
+static void spsi_random_about(uint64_t *state, const double axis[3], double cosine, double out[3]) {
+    const double turn = 2 * SPSI_PI * spsi_random(state), sine = sqrt(fmax(0, 1 - cosine * cosine));
+    double across[3] = {0, 0, 0}, other[3];
+    across[fabs(axis[0]) < 0.6 ? 0 : 1] = 1;
+    spsi_cross(axis, across, other);
+    spsi_normalise(other);
+    spsi_cross(axis, other, across);
+    for (int i = 0; i < 3; ++i) out[i] = cosine * axis[i] + sine * (cos(turn) * other[i] + sin(turn) * across[i]);
+    spsi_normalise(out);
+}
+
+/* The cosine by which a gas turns light: of one of its lobes [Henyey & Greenstein 1941], inverted. */
+static double spsi_random_phase(uint64_t *state, const spsi_material *material) {
+    double pick = spsi_random(state), u = spsi_random(state), g = 0, part;
+    for (int i = 0; i < material->lobe_count; ++i) {
+        g = (double)material->lobes[i].asymmetry;
+        pick -= (double)material->lobes[i].weight;
+        if (pick < 0) break;
+    }
+    if (fabs(g) < 1e-3) return 2 * u - 1 + 1.5 * g * (1 - (2 * u - 1) * (2 * u - 1)); /* its error is of order g^2 */
+    part = (1 - g * g) / (1 - g + 2 * g * u);
+    return fmin(fmax((1 + g * g - part * part) / (2 * g), -1), 1);
+}
+
+/* --- volumes: tentative collisions --- */
+
+/* Bounds the extinction of a volume, by brick. Kernels at the voxels' distance ripple by 0.1 %. */
+static void spsi_dense_bound(const spsi_material *material, const spsi_dense *grid) {
+    const int count = grid->bricks[0] * grid->bricks[1] * grid->bricks[2];
+    float up_to[SPSI_TABLE_SIZE + 1] = {0}, most = SPSI_PATH_BRICK;
+    double plane = 0;
+    for (int i = 0; i < 3; ++i) plane = fmax(plane, spsi_length(grid->inverse[i]));
+    most *= (float)(plane / SPSI_BRICK);
+    for (int i = 0; i <= SPSI_TABLE_SIZE && material->table; ++i)
+        up_to[i] = spsi_higher(material->table->entry[i][3], i > 0 ? up_to[i - 1] : 0);
+    for (int b = 0; b < count; ++b) {
+        const float value = 1.01f * grid->most[b], entry = ceilf(value * material->table_scale);
+        float bound = value * material->extinction;
+        if (material->table)
+            bound = value > 0 ? up_to[entry < (float)SPSI_TABLE_SIZE ? (int)entry : SPSI_TABLE_SIZE] : 0;
+        grid->bound[b] = spsi_lower(bound, most);
+    }
+}
+
+/* A ray on its way through a volume. */
+typedef struct spsi_tracker {
+    const spsi_dense *grid;
+    const spsi_material *material;
+    const spsi_ray *ray;
+    double at[3], along[3]; /* the ray's origin and direction, in voxels */
+    double voxel;           /* t per voxel, or a little less */
+    double t, end;
+    double leave; /* t at which it leaves the current brick */
+    double bound; /* of the extinction there */
+} spsi_tracker;
+
+/* Looks up the brick that begins at t. Those at the border reach as far as their kernels. */
+static void spsi_tracker_enter(spsi_tracker *tracker) {
+    const spsi_dense *grid = tracker->grid;
+    int index = 0;
+    tracker->leave = HUGE_VAL;
+    for (int i = 2; i >= 0; --i) {
+        const double p = tracker->at[i] + (tracker->t + 1e-7 * tracker->voxel) * tracker->along[i];
+        const int brick = (int)fmin(fmax(p, 0), grid->size[i] - 1) / SPSI_BRICK, last = grid->bricks[i] - 1;
+        const double low = brick > 0 ? brick * SPSI_BRICK : -SPSI_REFERENCE_REACH;
+        const double high = brick < last ? (brick + 1) * SPSI_BRICK : grid->size[i] + SPSI_REFERENCE_REACH;
+        if (fabs(tracker->along[i]) > 0)
+            tracker->leave =
+                fmin(tracker->leave, ((tracker->along[i] > 0 ? high : low) - tracker->at[i]) / tracker->along[i]);
+        index = index * grid->bricks[i] + brick;
+    }
+    tracker->leave = fmin(fmax(tracker->leave, tracker->t + 1e-7 * tracker->voxel), tracker->end);
+    tracker->bound = (double)grid->bound[index];
+}
+
+/* Returns 0 if the ray does not meet the volume. */
+static int spsi_tracker_begin(const spsi_marcher *marcher, int medium, const spsi_ray *ray, spsi_tracker *tracker) {
+    spsi_ray local;
+    double offset[3], low[3], high[3], range[2];
+    tracker->grid = &marcher->grids[medium];
+    tracker->material = spsi_part_material(marcher->frame, medium);
+    tracker->ray = ray;
+    if (!tracker->material->extinguishes) return 0;
+    spsi_along(ray->origin, tracker->grid->corner, -1, offset);
+    for (int i = 0; i < 3; ++i) {
+        tracker->at[i] = local.origin[i] = spsi_dot(tracker->grid->inverse[i], offset);
+        tracker->along[i] = local.direction[i] = spsi_dot(tracker->grid->inverse[i], ray->direction);
+        low[i] = -SPSI_REFERENCE_REACH;
+        high[i] = tracker->grid->size[i] + SPSI_REFERENCE_REACH;
+    }
+    local.low = ray->low;
+    local.high = ray->high;
+    if (!spsi_ray_meets_box(&local, low, high, range) || !(range[1] > range[0])) return 0;
+    tracker->voxel = 1 / spsi_length(tracker->along);
+    tracker->t = range[0];
+    tracker->end = range[1];
+    spsi_tracker_enter(tracker);
+    return 1;
+}
+
+/* Goes on to the next tentative collision. Returns the probability that it is real, or -1 if there is none. */
+static double spsi_tracker_next(spsi_tracker *tracker, uint64_t *random) {
+    float appearance[4];
+    double point[3];
+    for (;;) {
+        const double next = tracker->t + spsi_random_depth(random) / tracker->bound; /* infinity if there is no gas */
+        if (next < tracker->leave) {
+            tracker->t = next;
+            break;
+        }
+        tracker->t = tracker->leave;
+        if (tracker->t >= tracker->end) return -1;
+        spsi_tracker_enter(tracker);
+    }
+    spsi_along(tracker->ray->origin, tracker->ray->direction, tracker->t, point);
+    return fmin(
+        spsi_extinction_at(tracker->material, spsi_field(tracker->grid, point, NULL), appearance) / tracker->bound, 1);
+}
+
+/* Finds the first collision with a volume. Shortens the ray to it, and sets `part`. */
+static void spsi_path_through_volumes(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
+    for (int m = 0; m < marcher->frame->medium_count; ++m) {
+        spsi_tracker tracker;
+        double share;
+        if (!spsi_tracker_begin(marcher, m, ray, &tracker)) continue;
+        while ((share = spsi_tracker_next(&tracker, random)) >= 0)
+            if (spsi_random(random) < share) {
+                ray->high = tracker.t;
+                *part = m;
+                break;
+            }
+    }
+}
+
+/* --- particles --- */
+
+static double spsi_particles_depth(const spsi_marcher *marcher, const spsi_ray *ray, double *depths) {
+    double sum = 0;
+    memset(depths, 0, SPSI_SETS_MAX * sizeof *depths);
+    spsi_trace_particles(marcher, ray, depths);
+    for (int i = 0; i < marcher->frame->particles.set_count; ++i) sum += depths[i];
+    return sum;
+}
+
+/* Which set of particles scatters at t, in proportion to their extinctions there. */
+static int spsi_particles_pick(const spsi_marcher *marcher, const spsi_ray *ray, double t, double room,
+                               uint64_t *random) {
+    double depths[SPSI_SETS_MAX], pick;
+    spsi_ray here = *ray;
+    int set = 0;
+    here.low = t - room;
+    here.high = t + room;
+    pick = spsi_random(random) * spsi_particles_depth(marcher, &here, depths);
+    for (; set < marcher->frame->particles.set_count - 1 && pick >= depths[set]; ++set) pick -= depths[set];
+    return set;
+}
+
+/* The same for particles: where their optical depth reaches a random one, to SPSI_PATH_ROOM. Every other step takes the
+   depth to grow evenly, the others halve what is left of the ray. */
+static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *ray, uint64_t *random, int *part) {
+    const spsi_bounds *bounds = &marcher->frame->content->bounds;
+    double depths[SPSI_SETS_MAX], range[2], left = spsi_random_depth(random), sum, depth = 0;
+    spsi_ray way = *ray;
+    if (marcher->particles.count == 0 || !spsi_ray_meets_box(ray, bounds->low, bounds->high, range)) return;
+    way.low = range[0];
+    way.high = range[1];
+    sum = spsi_particles_depth(marcher, &way, depths);
+    if (!(sum > left)) return;
+    for (int i = 0; i < SPSI_PATH_STEPS && fabs(depth - left) > SPSI_PATH_ROOM; ++i) {
+        const double end = way.high;
+        way.high = way.low + (i % 2 ? 0.5 : left / sum) * (end - way.low);
+        depth = spsi_particles_depth(marcher, &way, depths);
+        if (depth > left) {
+            sum = depth;
+        } else {
+            left -= depth;
+            sum -= depth;
+            depth = 0;
+            way.low = way.high;
+            way.high = end;
+        }
+    }
+    ray->high = way.low + (depth > 0 ? left / depth : 0) * (way.high - way.low);
+    *part = marcher->frame->medium_count +
+            spsi_particles_pick(marcher, ray, ray->high, 1e-6 * (range[1] - range[0]), random);
+}
+
+/* --- faces --- */
+
+/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. */
+static int spsi_path_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
+    const double *d = ray->direction;
+    double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
+    for (int i = 0; i < 3; ++i) {
+        a[i] = face->position[0][i] - ray->origin[i];
+        b[i] = face->position[1][i] - ray->origin[i];
+        c[i] = face->position[2][i] - ray->origin[i];
+    }
+    spsi_face_plane(face, n);
+    room = rounding * (fabs(n[0]) + fabs(n[1]) + fabs(n[2]));
+    ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
+    facing = spsi_dot(n, d);
+    ahead = facing < 0 ? -spsi_dot(n, a) : spsi_dot(n, a);
+    if (!spsi_edges_hold(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0) || !(ahead > room)) return 0;
+    *t = ahead / fabs(facing);
+    if (!(*t > ray->low && *t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
+    weights[0] = (float)(-ac / (ab + bc - ac));
+    weights[1] = (float)(ab / (ab + bc - ac));
+    return 1;
+}
+
+/* Finds the nearest face on a path, and shortens the ray to it. */
+static void spsi_path_to_face(const spsi_marcher *marcher, spsi_path *path, spsi_hit *hit) {
+    const spsi_faces *faces = marcher->faces;
+    int stack[SPSI_TREE_STACK], top = 0;
+    hit->face = -1;
+    if (faces->tree.count > 0) stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
+        if (!spsi_ray_meets_node(&faces->tree, &path->ray, node)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const int number = faces->tree.order[node->first + i];
+            const spsi_face *face = &faces->list[number];
+            const double rounding = path->face >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
+            double t;
+            float weights[2];
+            if (number == path->face || !spsi_path_meets(face, &path->ray, rounding, &t, weights)) continue;
+            path->ray.high = t;
+            hit->face = number;
+            memcpy(hit->weights, weights, sizeof weights);
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+}
+
+/* --- events --- */
+
+/* Estimate of the transmittance of all gas between a point and a light. */
+static double spsi_path_transmittance(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3],
+                                      uint64_t *random) {
+    double depths[SPSI_SETS_MAX], passes;
+    spsi_ray ray;
+    if (!lamp->shadows) return 1;
+    memcpy(ray.origin, point, sizeof ray.origin);
+    spsi_toward_lamp(lamp, point, ray.direction);
+    ray.low = 0;
+    ray.high = lamp->is_point ? spsi_length(ray.direction) : HUGE_VAL;
+    spsi_normalise(ray.direction);
+    passes = exp(-spsi_particles_depth(marcher, &ray, depths));
+    for (int m = 0; m < marcher->frame->medium_count; ++m) {
+        spsi_tracker tracker;
+        double share;
+        if (!spsi_tracker_begin(marcher, m, &ray, &tracker)) continue;
+        while ((share = spsi_tracker_next(&tracker, random)) >= 0) {
+            passes *= 1 - share;
+            if (passes > SPSI_PATH_SPLITS) continue;
+            if (!(passes > 0) || spsi_random(random) < 0.5) return 0;
+            passes *= 2;
+        }
+    }
+    return passes;
+}
+
+static void spsi_path_take(spsi_path *path, const double radiance[3]) {
+    for (int c = 0; c < 3; ++c) path->radiance[c] += path->weight[c] * radiance[c];
+}
+
+/* Adds what the gas on the path's ray emits, up to its end: what is emitted before the event, on average over all
+   events, is what is emitted times the transmittance before it. */
+static void spsi_path_emission(const spsi_marcher *marcher, spsi_path *path) {
+    const spsi_frame *frame = marcher->frame;
+    double depths[SPSI_SETS_MAX], range[2], point[3], sum[3] = {0, 0, 0};
+    int emits = 0;
+    for (int m = 0; m < frame->matter.material_count; ++m) emits |= frame->matter.materials[m].emits;
+    if (!emits || !spsi_ray_meets_box(&path->ray, frame->content->bounds.low, frame->content->bounds.high, range))
+        return;
+    spsi_along(path->ray.origin, path->ray.direction, range[0] + spsi_random(&path->random) * (range[1] - range[0]),
+               point);
+    spsi_particles_depth(marcher, &path->ray, depths);
+    for (int m = 0; m < marcher->part_count; ++m) {
+        const spsi_material *material = spsi_part_material(frame, m);
+        const double amount = !material->emits ? 0
+                              : m < frame->medium_count
+                                  ? spsi_field(&marcher->grids[m], point, NULL) * (range[1] - range[0])
+                                  : depths[m - frame->medium_count];
+        for (int c = 0; c < 3; ++c) sum[c] += amount * (double)material->emission[c];
+    }
+    spsi_path_take(path, sum);
+}
+
+/* Begins the next ray at the end of the last one. */
+static void spsi_path_turn(spsi_path *path, const double direction[3], int face) {
+    spsi_along(path->ray.origin, path->ray.direction, path->ray.high, path->ray.origin);
+    memcpy(path->ray.direction, direction, sizeof path->ray.direction);
+    path->ray.low = 0;
+    path->ray.high = HUGE_VAL;
+    path->face = face;
+}
+
+/* Share of a light's irradiance that gas at a point sends along the path, by color. */
+static void spsi_path_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
+                               const double travel[3], double response[3]) {
+    spsi_v toward_v[3], travel_v[3], all[3];
+    float lanes[SPSI_LANES];
+    spsi_set3(toward, toward_v);
+    spsi_set3(travel, travel_v);
+    spsi_sample_response(material, sample, toward_v, travel_v, all);
+    for (int c = 0; c < 3; ++c) {
+        spsi_store(lanes, all[c]);
+        response[c] = (double)lanes[0];
+    }
+}
+
+/* Adds the light that gas at a point scatters along the path. */
+static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
+                                spsi_path *path) {
+    for (int i = 0; i < marcher->frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
+        double travel[3], arrives[3], response[3], passes;
+        spsi_lamp at;
+        spsi_reference_point(lamp, point->position, 0, &at);
+        if (!spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
+        passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
+        spsi_path_response(material, point->samples, point->direction, travel, response);
+        for (int c = 0; c < 3; ++c) response[c] *= arrives[c] * passes;
+        spsi_path_take(path, response);
+    }
+}
+
+/* Scatters a path in a volume or a set of particles. Gas draws the way on by its phase function, surfaces any way. */
+static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample *sample, spsi_path *path) {
+    const spsi_material *material = spsi_part_material(marcher->frame, part);
+    const int surface = material->table && material->shading == SPS_SHADING_SURFACE;
+    float appearance[4] = {0, 0, 0, 0};
+    double gradient[3] = {0, 0, 0}, way[3], back[3], response[3], cosine;
+    spsi_point point;
+    memset(&point, 0, sizeof point);
+    spsi_along(path->ray.origin, path->ray.direction, path->ray.high, point.position);
+    memcpy(point.direction, path->ray.direction, sizeof point.direction);
+    point.samples = sample;
+    if (part < marcher->frame->medium_count)
+        spsi_extinction_at(material, spsi_field(&marcher->grids[part], point.position, surface ? gradient : NULL),
+                           appearance);
+    spsi_march_sample(material, appearance, gradient, sample);
+    if (path->scattered > 0) spsi_path_light_gas(marcher, &point, material, path);
+    cosine = surface ? 2 * spsi_random(&path->random) - 1 : spsi_random_phase(&path->random, material);
+    spsi_random_about(&path->random, path->ray.direction, cosine, way);
+    for (int i = 0; i < 3; ++i) back[i] = -way[i];
+    if (surface) {
+        spsi_path_response(material, sample, path->ray.direction, back, response);
+        for (int c = 0; c < 3; ++c) path->weight[c] *= 4 * SPSI_PI * response[c];
+    } else {
+        for (int c = 0; c < 3; ++c) path->weight[c] *= (double)(material->table ? appearance[c] : material->albedo[c]);
+    }
+    spsi_path_turn(path, way, -1);
+    path->off_face = 0;
+    path->scattered += 1;
+}
+
+/* Adds the light that a surface reflects along the path. */
+static void spsi_path_light_face(const spsi_marcher *marcher, int face, const spsi_surface *surface,
+                                 const double color[3], spsi_path *path) {
+    for (int i = 0; i < marcher->frame->lamps.count; ++i) {
+        const spsi_lamp *lamp = &marcher->frame->lamps.list[i];
+        double irradiance[3], passes[3] = {1, 1, 1}, through;
+        spsi_lamp at;
+        spsi_reference_point(lamp, surface->point, 0, &at);
+        if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
+        if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
+        through = spsi_path_transmittance(marcher, &at, surface->point, &path->random);
+        for (int c = 0; c < 3; ++c) irradiance[c] *= color[c] / SPSI_PI * passes[c] * through * (double)lamp->color[c];
+        spsi_path_take(path, irradiance);
+    }
+}
+
+/* Lets a path pass a face, or reflects it. Returns 0 if it ends there. */
+static int spsi_path_on_face(const spsi_marcher *marcher, const spsi_hit *hit, spsi_path *path) {
+    const spsi_face *face = &marcher->faces->list[hit->face];
+    const double passes[3] = {(double)face->transmittance[0], (double)face->transmittance[1],
+                              (double)face->transmittance[2]};
+    double color[3], plane[3], way[3], share;
+    spsi_surface surface;
+    spsi_face_color(face, hit, color);
+    share = spsi_color_mean(passes) + spsi_color_mean(color);
+    if (!(share > 0)) return 0;
+    share = spsi_color_mean(passes) / share;
+    if (spsi_random(&path->random) < share) {
+        for (int c = 0; c < 3; ++c) path->weight[c] *= passes[c] / share;
+        memcpy(way, path->ray.direction, sizeof way);
+        spsi_path_turn(path, way, hit->face);
+        return 1;
+    }
+    if (path->off_face || !(share < 1)) return 0;
+    for (int c = 0; c < 3; ++c) path->weight[c] /= 1 - share;
+    spsi_along(path->ray.origin, path->ray.direction, path->ray.high, surface.point);
+    surface.pixel = 0;
+    spsi_face_plane(face, plane);
+    spsi_surface_face(face, hit, plane, path->ray.direction, &surface);
+    if (!spsi_normalise(surface.normal)) return 0;
+    if (path->scattered > 0) spsi_path_light_face(marcher, hit->face, &surface, color, path);
+    spsi_random_about(&path->random, surface.normal, sqrt(spsi_random(&path->random)), way);
+    if (spsi_dot(way, plane) * spsi_dot(path->ray.direction, plane) >= 0) return 0; /* into the face */
+    for (int c = 0; c < 3; ++c) path->weight[c] *= color[c];
+    spsi_path_turn(path, way, hit->face);
+    path->off_face = 1;
+    path->scattered += 1;
+    return 1;
+}
+
+/* Ends paths that no longer matter, at random, so that those which go on stand for them. */
+static int spsi_path_goes_on(spsi_path *path) {
+    const double most = fmax(path->weight[0], fmax(path->weight[1], path->weight[2]));
+    const double chance = fmin(most, SPSI_PATH_GOES_ON);
+    if (!(most > 0)) return 0;
+    if (path->scattered < SPSI_PATH_WEIGHTY) return 1;
+    if (spsi_random(&path->random) >= chance) return 0;
+    for (int c = 0; c < 3; ++c) path->weight[c] /= chance;
+    return 1;
+}
+
+/* Follows a path to its end. */
+static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, spsi_path *path) {
+    const double ambient[3] = {(double)marcher->frame->ambient.radiance[0], (double)marcher->frame->ambient.radiance[1],
+                               (double)marcher->frame->ambient.radiance[2]};
+    do {
+        spsi_hit hit;
+        int part = -1;
+        spsi_path_to_face(marcher, path, &hit);
+        spsi_path_through_volumes(marcher, &path->ray, &path->random, &part);
+        spsi_path_through_particles(marcher, &path->ray, &path->random, &part);
+        if (path->scattered > 0) spsi_path_emission(marcher, path);
+        if (part >= 0) {
+            spsi_path_in_gas(marcher, part, sample, path);
+        } else if (hit.face >= 0) {
+            if (!spsi_path_on_face(marcher, &hit, path)) return;
+        } else {
+            if (path->scattered > 0) spsi_path_take(path, ambient);
+            return;
+        }
+    } while (spsi_path_goes_on(path));
+}
+
+/* --- pixels --- */
+
+/* Sums over the paths of a pixel. */
+typedef struct spsi_path_sums {
+    double sum[3], square[3];
+} spsi_path_sums;
+
+typedef struct spsi_paths {
+    const spsi_marcher *marcher;
+    spsi_path_sums *sums; /* of the region's pixels */
+    int first_row;        /* of the current batch, in the region */
+    int from, to;         /* numbers of the current paths */
+} spsi_paths;
+
+/* Begins the n-th path of a pixel, through one of its samples, where its ray enters what can be seen. */
+static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, spsi_path *path) {
+    const spsi_rays *eye = &marcher->frame->content->eye;
+    const int side = marcher->side, sample = n % (side * side);
+    const double at[2] = {x + (sample % side + 0.5) / side - 0.5, y + (sample / side + 0.5) / side - 0.5};
+    double start = eye->near_depth;
+    memset(path, 0, sizeof *path);
+    path->random = spsi_fingerprint_word(SPSI_FINGERPRINT_START, marcher->settings->seed);
+    path->random = spsi_fingerprint_word(path->random, (uint64_t)y * (uint64_t)eye->width + (uint64_t)x);
+    path->random = spsi_fingerprint_word(path->random, (uint64_t)n);
+    spsi_ray_direction(eye, at[0], at[1], path->ray.direction);
+    if (!(start > -DBL_MAX)) { /* an orthographic camera without a near plane sees what is behind its origin */
+        const spsi_bounds *bounds = &marcher->frame->content->bounds;
+        start = -4 * marcher->faces->extent;
+        spsi_ray_point(eye, at[0], at[1], 0, path->ray.origin);
+        for (int i = 0; i < 3; ++i) start -= 2 * fabs(path->ray.origin[i]);
+        for (int i = 0; i < 3 && !spsi_bounds_empty(bounds); ++i)
+            start -= 2 * (fabs(bounds->low[i]) + fabs(bounds->high[i]));
+        start /= spsi_length(path->ray.direction);
+    }
+    spsi_ray_point(eye, at[0], at[1], start, path->ray.origin);
+    spsi_normalise(path->ray.direction);
+    path->ray.high = HUGE_VAL;
+    path->face = -1;
+    path->weight[0] = path->weight[1] = path->weight[2] = 1;
+}
+
+static void spsi_paths_span_task(void *data, int index, int worker) {
+    const spsi_paths *paths = (const spsi_paths *)data;
+    const spsi_marcher *marcher = paths->marcher;
+    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
+    const int row = paths->first_row + index / spans;
+    const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
+    spsi_sample *sample = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
+    for (int x = first; x < last; ++x) {
+        spsi_path_sums *sums = &paths->sums[(size_t)row * (size_t)region[2] + (size_t)x];
+        for (int n = paths->from; n < paths->to; ++n) {
+            spsi_path path;
+            spsi_path_begin(marcher, region[0] + x, region[1] + row, n, &path);
+            spsi_path_follow(marcher, sample, &path);
+            for (int c = 0; c < 3; ++c) {
+                sums->sum[c] += path.radiance[c];
+                sums->square[c] += path.radiance[c] * path.radiance[c];
+            }
+        }
+    }
+}
+
+/* Adds the paths' means to the pixels, and writes the standard errors of these means. */
+static void spsi_paths_finish(const spsi_paths *paths, const sps_image *image) {
+    const spsi_marcher *marcher = paths->marcher;
+    const int *region = marcher->frame->view.region;
+    const size_t pitch = image->row_pixels ? image->row_pixels : (size_t)region[2];
+    const double n = marcher->settings->samples;
+    for (int y = 0; y < region[3]; ++y)
+        for (int x = 0; x < region[2]; ++x) {
+            const size_t at = (size_t)y * (size_t)region[2] + (size_t)x;
+            for (int c = 0; c < 3; ++c) {
+                const double mean = paths->sums[at].sum[c] / n, square = paths->sums[at].square[c] / n;
+                float *pixel = &marcher->total[at * spsi_total_floats(marcher->frame) + (size_t)c];
+                *pixel = (float)((double)*pixel + mean);
+                if (marcher->settings->error)
+                    marcher->settings->error[3 * ((size_t)y * pitch + (size_t)x) + (size_t)c] =
+                        (float)sqrt(fmax(0, square - mean * mean) / (n - 1));
+            }
+        }
+}
+
+/* Follows all paths. Afterwards only spsi_paths_finish is left to do. */
+static sps_result spsi_paths_run(sps_context *context, const spsi_marcher *marcher, spsi_paths *paths) {
+    const int *region = marcher->frame->view.region, samples = marcher->settings->samples;
+    const size_t pixels = (size_t)region[2] * (size_t)region[3];
+    const int rows = spsi_worker_count(context); /* between two calls of progress_fn */
+    memset(paths, 0, sizeof *paths);
+    paths->marcher = marcher;
+    paths->sums = (spsi_path_sums *)spsi_reserve(context, SPSI_BUFFER_PATHS, pixels, sizeof *paths->sums);
+    if (!paths->sums) return context->result;
+    memset(paths->sums, 0, pixels * sizeof *paths->sums);
+    for (int m = 0; m < marcher->frame->medium_count; ++m)
+        spsi_dense_bound(spsi_part_material(marcher->frame, m), &marcher->grids[m]);
+    for (; paths->from < samples; paths->from = paths->to) {
+        paths->to = spsi_least(samples, paths->from + SPSI_PATH_ROUND);
+        for (paths->first_row = 0; paths->first_row < region[3]; paths->first_row += rows) {
+            const double done = (paths->from + (paths->to - paths->from) * (double)paths->first_row / region[3]);
+            if (spsi_progress(context, SPSI_MARCH_SHARE + (1 - SPSI_MARCH_SHARE) * done / samples))
+                return context->result;
+            spsi_parallel(context, spsi_least(rows, region[3] - paths->first_row) * spsi_march_spans(region[2]),
+                          spsi_paths_span_task, paths);
+        }
+    }
+    return SPS_OK;
+}
+
+/* --- the image --- */
+
+static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *frame,
+                                       const sps_reference_settings *settings, const sps_image *image) {
     const int *region = frame->view.region, floats = (int)spsi_total_floats(frame);
     spsi_rays centre;
     spsi_faces faces;
+    spsi_paths paths;
     spsi_marcher *marcher = (spsi_marcher *)spsi_reserve(context, SPSI_BUFFER_MARCHER, 1, sizeof(spsi_marcher));
     float *rgb = (float *)spsi_reserve(context, SPSI_BUFFER_ROW, (size_t)region[2], SPSI_ROW_FLOATS * sizeof(float));
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
-    if (spsi_march_build(context, frame, &faces, step, marcher)) return context->result;
+    marcher->settings = settings;
+    if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     for (int y = 0; y < region[3]; ++y) {
         if (spsi_background_row(context, frame, y, rgb)) return context->result;
         for (int x = 0; x < region[2]; ++x)
@@ -17446,14 +18106,17 @@ static sps_result spsi_march_frame(sps_context *context, const spsi_frame *frame
             if (spsi_march_round(context, marcher, &left)) return context->result;
         spsi_march_add(marcher);
     }
+    frame->content->eye = centre;
+    if (settings->samples > 0 && spsi_paths_run(context, marcher, &paths)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
     spsi_march_finish(marcher);
+    if (settings->samples > 0) spsi_paths_finish(&paths, image);
     spsi_write_image(frame, marcher->total, image);
     return SPS_OK;
 }
 
 /* =============================================================================================== >>public
-   31 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   32 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */
@@ -17624,14 +18287,28 @@ SPS_API const char *sps_pass_name(sps_pass pass) {
     return (int)pass >= 0 && pass < SPS_PASS_COUNT ? spsi_pass_names[pass] : "unknown";
 }
 
-SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view, double step,
-                                 const sps_image *image) {
+static sps_result spsi_check_reference(sps_context *context, const sps_reference_settings *settings) {
+    const sps_object object = SPS_OBJECT_REFERENCE_SETTINGS;
+    if (spsi_require(context, settings, "settings") ||
+        spsi_check_canaries(context, object, -1, "", settings->start_canary, settings->end_canary))
+        return context->result;
+    if (!(settings->step > 0 && settings->step <= DBL_MAX))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "step", settings->step, "it must be above 0");
+    if (settings->samples < 0 || settings->samples > SPSI_PATHS_MAX)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "samples", settings->samples,
+                               "it must be 0..1048576");
+    if (settings->error && settings->samples < 2)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, -1, "samples", settings->samples,
+                               "an estimate of the error needs at least 2");
+    return SPS_OK;
+}
+
+SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                 const sps_reference_settings *settings, const sps_image *image) {
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (!context) return SPS_ERROR_ARGUMENT;
-    if (frame && !(step > 0 && step <= DBL_MAX))
-        spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_CALL, -1, "step", step, "it must be above 0");
-    else if (frame)
-        spsi_march_frame(context, frame, step, image);
+    if (frame && spsi_check_reference(context, settings) == SPS_OK)
+        spsi_reference_frame(context, frame, settings, image);
     return spsi_end(context);
 }
 

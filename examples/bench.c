@@ -94,6 +94,12 @@ static double render_seconds(ex_session *session, const frame *f, const sps_view
     return ex_now(NULL) - start;
 }
 
+/* sps_reference, without light that scatters more than once. */
+static sps_result march(ex_session *session, const frame *f, double step, const sps_image *image) {
+    const sps_reference_settings settings = {.step = step};
+    return sps_reference(session->context, &f->scene, &f->view, &settings, image);
+}
+
 /* A way to render a frame that is timed against others. */
 typedef struct contender {
     ex_session *session;
@@ -791,7 +797,7 @@ static void bench_reference(ex_session *session, double error) {
     do {
         step *= sqrt(0.5);
         const double start = ex_now(NULL);
-        ex_stop_unless_ok(sps_reference(session->context, &f.scene, &f.view, step, &image), program, session);
+        ex_stop_unless_ok(march(session, &f, step, &image), program, session);
         seconds = ex_now(NULL) - start;
         reached = image_error(f.rgba, own, SIZE, NULL);
         printf("    sps_reference, step %7.3f voxels: own rmse %.6f, %.2f s for %d x %d pixels\n", step, reached,
@@ -883,7 +889,7 @@ static void dense_reference(ex_session *session, dense_shape shape, const sps_tr
     memset(&image, 0, sizeof image);
     image.rgba = out;
     dense_frame(&f, &shape, transfer, SPS_SHADING_SURFACE);
-    ex_stop_unless_ok(sps_reference(session->context, &f.scene, &f.view, 0.25, &image), program, session);
+    ex_stop_unless_ok(march(session, &f, 0.25, &image), program, session);
     frame_end(&f);
 }
 

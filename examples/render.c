@@ -392,13 +392,16 @@ static int write_files(const arguments *all, const ex_session *session, const fl
 static int render(const arguments *all, ex_session *session, const sps_scene *scene, const sps_view *view,
                   ex_error *error) {
     sps_image image;
+    sps_reference_settings reference;
     const int width = view->region[2] ? view->region[2] : view->width;
     const int height = view->region[2] ? view->region[3] : view->height;
     memset(&image, 0, sizeof image);
+    memset(&reference, 0, sizeof reference);
+    reference.step = all->slab > 0 ? all->slab : 0.5;
+    reference.samples = all->samples;
     image.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof *image.rgba);
-    const sps_result result =
-        is_marched(all) ? sps_reference(session->context, scene, view, all->slab > 0 ? all->slab : 0.5, &image)
-                        : sps_render(session->context, scene, view, &image);
+    const sps_result result = is_marched(all) ? sps_reference(session->context, scene, view, &reference, &image)
+                                              : sps_render(session->context, scene, view, &image);
     ex_progress_end(&session->progress);
     int status = EX_OK;
     if (result != SPS_OK)

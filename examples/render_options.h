@@ -101,7 +101,7 @@ typedef struct arguments {
     light_arguments *lights;
     int volume_count, particle_set_count, mesh_count, light_count;
     double camera[6], up[3], fov, ortho, ambient[3], background[3], slab;
-    int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, threads, plan, help;
+    int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, samples, threads, plan, help;
     int shadow, map_size, table_size, map_window;
     double map_epsilon;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
@@ -450,6 +450,7 @@ static const option_rule options[] = {
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
+    {"--samples", "N", "paths per pixel of --reference, for light that scatters more than once; default 0", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},
@@ -826,6 +827,8 @@ static int check(const arguments *all, ex_error *error) {
     if (all->plan && is_marched(all))
         return ex_fail(error, "--plan and %s exclude each other: a plan is about sheets and sweeps, and there are none",
                        all->reference ? "--reference" : "--shadow samples");
+    if (has(all->given, "--samples") && !is_marched(all))
+        return ex_fail(error, "--samples says nothing without --reference");
     if (has(all->given, "--region")) {
         if (region[2] < 1 || region[3] < 1 || region[0] + region[2] > all->width || region[1] + region[3] > all->height)
             return ex_fail(error, "--region %d,%d,%d,%d is empty or not within the image of %d x %d", region[0],

@@ -126,6 +126,7 @@ static sps_result render_on_surfaces(sps_context *context, const sps_scene *scen
 static sps_result render_way(sps_context *context, const sps_scene *scene, const sps_view *view, int way,
                              const sps_image *image) {
     static const sps_tmap_settings table = {0}; /* zeros: a shadow table */
+    static const sps_reference_settings traced = {.step = 1};
     sps_light lamp = scene->lights[0];
     sps_scene shaded = *scene;
     sps_view seen = *view;
@@ -133,7 +134,7 @@ static sps_result render_way(sps_context *context, const sps_scene *scene, const
     shaded.lights = &lamp;
     if (way == BY_TABLE) lamp.shadow_map = &table, lamp.shadow_map_size = 64;
     if (way == ON_SURFACES) return render_on_surfaces(context, scene, view, image);
-    if (way == BY_RAYS) return sps_reference(context, scene, view, 1, image);
+    if (way == BY_RAYS) return sps_reference(context, scene, view, &traced, image);
     return sps_render(context, &shaded, &seen, image);
 }
 

@@ -514,12 +514,21 @@ static inline void check_fails(sps_context *context, const check_scene *s, float
     CHECK(rgba[0] == 7);
 }
 
+/* sps_reference in steps of that many voxels, light scattered once. */
+static inline sps_result check_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
+                                         double step, const sps_image *image) {
+    sps_reference_settings settings;
+    memset(&settings, 0, sizeof settings);
+    settings.step = step;
+    return sps_reference(context, scene, view, &settings, image);
+}
+
 static inline int check_march(sps_context *context, const check_scene *s, double step, float *rgba, float *depth) {
     sps_image image;
     memset(&image, 0, sizeof image);
     image.rgba = rgba;
     image.depth = depth;
-    return CHECK_OK(context, sps_reference(context, &s->scene, &s->view, step, &image));
+    return CHECK_OK(context, check_reference(context, &s->scene, &s->view, step, &image));
 }
 
 /* Root mean square of a - b. */

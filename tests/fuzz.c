@@ -463,7 +463,7 @@ static sps_result render(sps_context *context, const scenery *x, int reference) 
     image.rgba = rgba;
     image.depth = distance;
     clear_image();
-    if (reference) return sps_reference(context, &x->s.scene, &x->s.view, 2, &image);
+    if (reference) return check_reference(context, &x->s.scene, &x->s.view, 2, &image);
     return sps_render(context, &x->s.scene, &x->s.view, &image);
 }
 

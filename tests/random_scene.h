@@ -886,7 +886,7 @@ static inline sps_result scene_render(sps_context *context, const random_scene *
     image.rgba = rgba;
     image.depth = deep ? depth : NULL;
     image.row_pixels = more ? (size_t)(width + more) : 0;
-    result = step > 0 ? sps_reference(context, &x->s.scene, &x->s.view, step, &image)
+    result = step > 0 ? check_reference(context, &x->s.scene, &x->s.view, step, &image)
                       : sps_render(context, &x->s.scene, &x->s.view, &image);
     memset(out, 0, sizeof *out);
     for (int y = 0; y < scene_height(x) && result == SPS_OK; ++y) {

@@ -189,7 +189,7 @@ static sps_result run(sps_context *context, const mixed *m, kind which, float *p
     image.rgba = pixels;
     image.depth = pixels + 4 * PIXELS;
     if (which == RENDER) return sps_render(context, &m->s.scene, &m->s.view, &image);
-    if (which == REFERENCE) return sps_reference(context, &m->s.scene, &m->s.view, 4, &image);
+    if (which == REFERENCE) return check_reference(context, &m->s.scene, &m->s.view, 4, &image);
     result = sps_plan(context, &m->s.scene, &m->s.view, &report);
     if (result == SPS_OK) pixels[0] = (float)report.read_calls + 100 * (float)report.slab_count;
     return result;
@@ -852,13 +852,13 @@ static void test_null_arguments(const mixed *m) {
     CHECK(stats.bytes == 0 && stats.slabs == 0);
     CHECK(sps_error(NULL)[0] != 0);
     CHECK(sps_render(NULL, &m->s.scene, &m->s.view, &image) == SPS_ERROR_ARGUMENT);
-    CHECK(sps_reference(NULL, &m->s.scene, &m->s.view, 1, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(check_reference(NULL, &m->s.scene, &m->s.view, 1, &image) == SPS_ERROR_ARGUMENT);
     CHECK(sps_plan(NULL, &m->s.scene, &m->s.view, &report) == SPS_ERROR_ARGUMENT);
     CHECK(sps_render(context, NULL, &m->s.view, &image) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
     CHECK(sps_render(context, &m->s.scene, NULL, &image) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
     CHECK(sps_render(context, &m->s.scene, &m->s.view, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
     CHECK(sps_render(context, &m->s.scene, &m->s.view, &no_pixels) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
-    CHECK(sps_reference(context, NULL, NULL, 1, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
+    CHECK(check_reference(context, NULL, NULL, 1, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
     CHECK(sps_plan(context, &m->s.scene, &m->s.view, NULL) == SPS_ERROR_ARGUMENT && sps_error(context)[0]);
     memset(&report, 1, sizeof report);
     CHECK(sps_plan(context, NULL, &m->s.view, &report) == SPS_ERROR_ARGUMENT);
@@ -1544,6 +1544,20 @@ static void test_translucent_mesh(void) {
     sps_destroy(context);
 }
 
+#define LIT VOLUME "--reference --albedo 1,1,1 --extinction 9 --ambient 1,1,1 "
+
+/* Paths of the reference; 0 of them is none. */
+static void test_samples_option(void) {
+    static const complaint all[] = {
+        {"--reference --samples -1", 2, "--samples: '-1' is out of range: N must be within 0.."},
+        {SMALL VOLUME "--samples 2", 2, "--samples says nothing without --reference"},
+        {SMALL VOLUME "--shadow sheets --samples 2", 2, "--samples says nothing"}};
+    CHECK_COMPLAINTS(all);
+    CHECK(same_shadows(LIT "--pfm shadow.pfm", LIT "--samples 0 --pfm shadow.pfm"));
+    CHECK(!same_shadows(LIT "--pfm shadow.pfm", LIT "--samples 9 --pfm shadow.pfm"));
+}
+#undef LIT
+
 #define EDGES SMALL "--mesh corner.obj --camera 0.5,1,4,0.5,1,-0.5 --ambient 1,1,1 --pfm extent.pfm "
 
 /* Edges of corner.obj, sampled and not, by both renderers, against the library's pictures; 0 and 1 are the same. */
@@ -2018,6 +2032,7 @@ static void test_command_line(void) {
     test_light_options();
     test_translucent_mesh();
     test_coverage_option();
+    test_samples_option();
     test_library_errors();
     test_bad_files();
     test_precious_files();

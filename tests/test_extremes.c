@@ -293,7 +293,7 @@ static void check_refused(mixed *m, const char *text) {
         if (call == 1 && (strstr(text, "slab is 1e-09") || results[0] != SPS_ERROR_ARGUMENT))
             continue; /* no marching to NaN */
         if (call == 0) results[call] = sps_render(context, &m->s.scene, &m->s.view, &image);
-        if (call == 1) results[call] = sps_reference(context, &m->s.scene, &m->s.view, 1, &image);
+        if (call == 1) results[call] = check_reference(context, &m->s.scene, &m->s.view, 1, &image);
         if (call == 2) results[call] = sps_plan(context, &m->s.scene, &m->s.view, &report);
         if (!CHECK(results[call] == SPS_ERROR_ARGUMENT) ||
             (call == 0 && !CHECK(strstr(sps_error(context), text) != NULL)) ||
@@ -421,10 +421,10 @@ static void test_image_argument(void) {
         CHECK(strncmp(sps_error(context), "image.row_pixels is ", 20) == 0);
     }
     image.row_pixels = 0;
-    CHECK(sps_reference(context, &m.s.scene, &m.s.view, 0, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(check_reference(context, &m.s.scene, &m.s.view, 0, &image) == SPS_ERROR_ARGUMENT);
     CHECK(strstr(sps_error(context), "step is 0;") != NULL);
-    CHECK(sps_reference(context, &m.s.scene, &m.s.view, not_a_number(), &image) == SPS_ERROR_ARGUMENT);
-    CHECK(sps_reference(context, &m.s.scene, &m.s.view, infinite, &image) == SPS_ERROR_ARGUMENT);
+    CHECK(check_reference(context, &m.s.scene, &m.s.view, not_a_number(), &image) == SPS_ERROR_ARGUMENT);
+    CHECK(check_reference(context, &m.s.scene, &m.s.view, infinite, &image) == SPS_ERROR_ARGUMENT);
     sps_destroy(context);
     mixed_free(&m);
 }

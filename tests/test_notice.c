@@ -915,7 +915,7 @@ static void test_progress_of_calls(void) {
         image.rgba = image_a;
         c.cancel_at = call == 2 || call == 3 ? 4 : 0;
         result =
-            call % 2 ? sps_reference(own, &s.scene, &s.view, 1, &image) : sps_render(own, &s.scene, &s.view, &image);
+            call % 2 ? check_reference(own, &s.scene, &s.view, 1, &image) : sps_render(own, &s.scene, &s.view, &image);
         CHECK(c.calls > 3 && c.wrong == 0 && c.first < 0.2f && c.messages == 0);
         if (c.cancel_at)
             CHECK(result == SPS_ERROR_CANCELLED && c.calls == 4 && strstr(sps_error(own), "cancelled"));

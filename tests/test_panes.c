@@ -27,7 +27,7 @@ typedef struct renderer {
 
 /* Steps of a quarter of a voxel. */
 static sps_result march(const check_scene *s, const sps_image *into) {
-    return sps_reference(context, &s->scene, &s->view, 0.25, into);
+    return check_reference(context, &s->scene, &s->view, 0.25, into);
 }
 
 static sps_result draw(const check_scene *s, const sps_image *into) {

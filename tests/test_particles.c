@@ -724,7 +724,7 @@ static void check_refused(stage *x, sps_result expected, const char *words) {
     image.rgba = image_a;
     stage_ready(x);
     for (int reference = 0; reference < 2; ++reference) {
-        const sps_result result = reference ? sps_reference(context, &x->s.scene, &x->s.view, 1, &image)
+        const sps_result result = reference ? check_reference(context, &x->s.scene, &x->s.view, 1, &image)
                                             : sps_render(context, &x->s.scene, &x->s.view, &image);
         if (!CHECK(result == expected && strstr(sps_error(context), words)))
             printf("    %d: %s, not %s\n", (int)result, sps_error(context), words);
@@ -928,7 +928,7 @@ static void test_memory(void) {
             image.rgba = image_b;
             own = check_context(&hooks);
             hooks.fail_at = hooks.allocations + fail;
-            result = reference ? sps_reference(own, &x.s.scene, &x.s.view, 30, &image)
+            result = reference ? check_reference(own, &x.s.scene, &x.s.view, 30, &image)
                                : sps_render(own, &x.s.scene, &x.s.view, &image);
             if (result != SPS_OK) {
                 CHECK(result == SPS_ERROR_MEMORY);

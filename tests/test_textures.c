@@ -616,7 +616,7 @@ static void check_call_fails(check_scene *s, int reference, sps_result expected,
     memset(&image, 0, sizeof image);
     image.rgba = image_a;
     for (int i = 0; i < 4 * PIXELS; ++i) image_a[i] = (float)-i;
-    result = reference ? sps_reference(context, &s->scene, &s->view, 4, &image)
+    result = reference ? check_reference(context, &s->scene, &s->view, 4, &image)
                        : sps_render(context, &s->scene, &s->view, &image);
     if (!CHECK(result == expected) || !CHECK(strcmp(sps_error(context), sentence) == 0))
         printf("    wanted \"%s\", got %d: %s\n", sentence, (int)result, sps_error(context));

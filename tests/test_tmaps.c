@@ -3554,7 +3554,7 @@ static void test_picture_refusals(void) {
         if (i >= 8) {
             CHECK(sps_plan(context, &p.s.scene, &p.s.view, &plan) == expected && plan.sweep_count == 0);
             CHECK(strstr(sps_error(context), texts[i]) != NULL);
-            CHECK(sps_reference(context, &p.s.scene, &p.s.view, 0.5, &image) == expected);
+            CHECK(check_reference(context, &p.s.scene, &p.s.view, 0.5, &image) == expected);
         }
         check_renders(context);
         check_free_triangles(&p.floor);

@@ -1,0 +1,482 @@
+/* Multiple scattering in sps_reference, by random paths: against closed forms and published figures, with eye and light
+   exchanged, and on its own terms: seeds, errors, workers, regions, failures. Paths are drawn from fixed seeds, so what
+   passes once passes always; means are held against five of their standard errors. */
+
+#include "check.h"
+
+enum { SIDE = 24, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS, PARTICLES = 60 };
+static float image_a[COUNT], image_b[COUNT], error_a[3 * PIXELS], error_b[3 * PIXELS];
+static sps_context *context;
+static check_triangles ground, pane;
+
+static const float one = 1;
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+/* Number of paths: four times as many in long tests. */
+static int many(int samples) { return getenv("SPLATSHADOW_LONG") ? 4 * samples : samples; }
+
+static sps_result follow(sps_context *by, const check_scene *s, int samples, uint64_t seed, float *rgba, float *error) {
+    sps_reference_settings settings;
+    sps_image image;
+    memset(&settings, 0, sizeof settings);
+    memset(&image, 0, sizeof image);
+    settings.step = 0.25, settings.samples = samples, settings.seed = seed, settings.error = error;
+    image.rgba = rgba;
+    return sps_reference(by, &s->scene, &s->view, &settings, &image);
+}
+
+/* Mean of a color over the image, and the standard error of that. */
+static double mean_of(const check_scene *s, const float *rgba, const float *error, int c, double *deviation) {
+    const int count = s->view.width * s->view.height;
+    double sum = 0, square = 0;
+    for (int i = 0; i < count; ++i) {
+        sum += (double)rgba[4 * i + c] / count;
+        square += pow((double)error[3 * i + c] / count, 2);
+    }
+    *deviation = sqrt(square);
+    return sum;
+}
+
+/* Compares the mean of a color over image_a with the exact one. `systematic`: what may be off besides noise. */
+static void check_mean(const check_scene *s, const char *name, int c, double exact, double systematic) {
+    double deviation;
+    const double mean = mean_of(s, image_a, error_a, c, &deviation);
+    if (figures()) printf("%s: %.5f +- %.5f, exact %.5f\n", name, mean, deviation, exact);
+    if (!CHECK(fabs(mean - exact) <= 5 * deviation + systematic)) printf("    %s\n", name);
+}
+
+/* --- layers that are much wider than thick --- */
+
+/* A layer of unit thickness, and a black plane behind it if `black`. What leaves at its edges is below 1 / WIDE. */
+enum { WIDE = 400 };
+static void start_layer(check_scene *s, double depth, const sps_lobe *lobe, int black) {
+    const double origin[3] = {-3 * WIDE, -3 * WIDE, -2}, u[3] = {6 * WIDE, 0, 0}, v[3] = {0, 6 * WIDE, 0};
+    sps_volume *volume;
+    check_clear(s, 8, 8);
+    volume = check_add_volume(s, 9, 9, 3, check_box(-WIDE, -WIDE, 0, WIDE, WIDE, 1));
+    volume->read_fn = check_read_constant;
+    volume->user = (void *)(size_t)&one;
+    volume->extinction = (float)depth;
+    volume->lobes = lobe;
+    volume->lobe_count = lobe != NULL;
+    ground.count = 0;
+    check_add_quad(&ground, origin, u, v);
+    if (black) check_add_mesh(s, &ground, 0);
+}
+
+/* Light from one side of a layer, seen square to it: what the layer reflects of light that comes square to it. H. C.
+   van de Hulst, Multiple Light Scattering, 1980, gives 0.0974 for the second. Without absorption and asymmetry,
+   doubling gives 0.853 for a depth of 10, and 0.0005 is its last digit. */
+static void test_layers(void) {
+    static const sps_lobe lobe = {0.75f, 1};
+    check_scene s;
+    start_layer(&s, 10, NULL, 1);
+    check_color(s.volume[0].albedo, 1, 1, 1);
+    check_color(s.scene.ambient, 1, 1, 1);
+    if (!CHECK_OK(context, follow(context, &s, many(100), 1, image_a, error_a))) return;
+    check_mean(&s, "reflected by depth 10", 0, 0.853, 0.0005);
+    start_layer(&s, 2, &lobe, 1);
+    check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
+    check_color(s.scene.ambient, 1, 1, 1);
+    if (!CHECK_OK(context, follow(context, &s, many(1000), 1, image_a, error_a))) return;
+    check_mean(&s, "reflected by depth 2", 0, 0.0974, 0.00005);
+}
+
+/* Chandrasekhar's H function at 1, of isotropic scattering: H(m) = 1 / (sqrt(1 - w) + w / 2 int x H(x) / (x + m) dx),
+   by the midpoint rule, to 1e-6. */
+static double h_function(double w) {
+    enum { N = 400 };
+    double h[N], last = 0, value = 1;
+    for (int i = 0; i < N; ++i) h[i] = 1;
+    while (fabs(value - last) > 1e-7) {
+        double next[N];
+        last = value;
+        for (int i = 0; i <= N; ++i) {
+            const double m = i < N ? (i + 0.5) / N : 1;
+            double sum = 0;
+            for (int k = 0; k < N; ++k) sum += (k + 0.5) / N * h[k] / ((k + 0.5) / N + m) / N;
+            if (i < N) next[i] = 1 / (sqrt(1 - w) + 0.5 * w * sum);
+            if (i == N) value = 1 / (sqrt(1 - w) + 0.5 * w * sum);
+        }
+        for (int i = 0; i < N; ++i) h[i] = 0.5 * (h[i] + next[i]);
+    }
+    return value;
+}
+
+/* A layer without end, under a sun that shines square to it with irradiance 1, sends w / (8 pi) H(1)^2 back. Steps of a
+   quarter voxel find light that has scattered once to 1e-3. */
+static void test_half_space(void) {
+    static const double albedos[3] = {0.5, 0.9, 0};
+    double unused;
+    check_scene s;
+    start_layer(&s, 60, NULL, 0);
+    s.volume[0].size[2] = 40;
+    check_color(s.volume[0].albedo, albedos[0], albedos[1], albedos[2]);
+    check_add_directional(&s, 0, 0, -1, 1);
+    if (!CHECK_OK(context, follow(context, &s, many(200), 1, image_a, error_a))) return;
+    for (int c = 0; c < 3; ++c) {
+        const double h = h_function(albedos[c]), exact = albedos[c] / (8 * 3.14159265358979) * h * h;
+        check_mean(&s, "half-space under a sun", c, exact, 1e-3 * exact);
+    }
+    CHECK(!(mean_of(&s, image_a, error_a, 2, &unused) > 0));
+}
+
+/* --- a furnace: where all light is the same, nothing can be told apart --- */
+
+static double waves(const void *user, const double p[3]) {
+    (void)user;
+    return 0.6 + 0.2 * (sin(3 * p[0]) + sin(3 * p[1] + 1) + sin(3 * p[2] + 2));
+}
+
+static const check_field wave_field = {waves, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+static const sps_lobe lobes[2] = {{0.8f, 3}, {-0.3f, 1}};
+static sps_particle swarm[PARTICLES];
+static sps_particles swarm_set;
+
+static void add_swarm(check_scene *s) {
+    check_random random = {3};
+    for (int i = 0; i < PARTICLES; ++i) {
+        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.6 * check_next(&random) - 0.8);
+        swarm[i].radius = 0.3f, swarm[i].optical_depth = 0.7f;
+    }
+    memset(&swarm_set, 0, sizeof swarm_set);
+    swarm_set.count = PARTICLES, swarm_set.read_fn = check_read_particles, swarm_set.user = swarm, swarm_set.soft = 1;
+    check_color(swarm_set.albedo, 1, 1, 1);
+    swarm_set.lobes = lobes, swarm_set.lobe_count = 1;
+    s->scene.particles = &swarm_set, s->scene.particle_set_count = 1;
+}
+
+static void add_waves(check_scene *s) {
+    sps_volume *volume = check_add_volume(s, 12, 12, 12, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field;
+    volume->user = (void *)(size_t)&wave_field;
+    volume->extinction = 2;
+    volume->lobes = lobes, volume->lobe_count = 2;
+    check_color(volume->albedo, 1, 1, 1);
+}
+
+enum { GAS, TABLE, SWARM, BOTH, FLOOR, PANE, GLOWING, KINDS };
+static const char *const names[] = {"gas", "transfer", "particles", "gas and particles", "floor", "pane", "glowing"};
+static const sps_transfer_point points[] = {{0, {1, 1, 1}, 0}, {0.5f, {1, 1, 1}, 0.5f}, {1.2f, {1, 1, 1}, 4}};
+static const sps_transfer tissue = {points, 3, NULL, NULL, 0};
+
+static void start(check_scene *s, int kind) {
+    const double origin[3] = {-5, -0.5, -5}, u[3] = {10, 0, 0}, v[3] = {0, 0, 10};
+    const double corner[3] = {-0.6, -1.2, 0.1}, across[3] = {1.1, 0, 0.3}, up[3] = {0, 2.2, 0};
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 2.6, 1.8, 4);
+    check_perspective(&s->view.camera, 0.6);
+    if (kind != SWARM) add_waves(s);
+    if (kind == TABLE) s->volume[0].transfer = &tissue;
+    if (kind == SWARM || kind == BOTH || kind == FLOOR) add_swarm(s);
+    if (kind == FLOOR) {
+        ground.count = 0;
+        check_add_quad(&ground, origin, u, v);
+        check_add_mesh(s, &ground, 1);
+    }
+    if (kind == PANE) {
+        pane.count = 0;
+        check_add_quad(&pane, corner, across, up);
+        check_add_mesh(s, &pane, 0);
+        check_color(s->mesh[0].transmittance, 0.4, 0.7, 0.2);
+        check_color(s->mesh[0].color, 0.6, 0.3, 0.8);
+    }
+    if (kind == GLOWING)
+        for (int c = 0; c < 3; ++c) /* what it does not scatter it emits */
+            s->volume[0].albedo[c] = 0.3f * (float)c, s->volume[0].emission[c] = 2 - 0.6f * (float)c;
+}
+
+/* Surroundings of radiance 1, and nothing that absorbs more than it emits: radiance is 1 everywhere. Pixels are off by
+   as much as their errors say: sums of squares agree to 1 / sqrt(pixels), and with some skewness. */
+static void check_furnace(check_scene *s, const char *name) {
+    double squares = 0, errors = 0;
+    for (int c = 0; c < 3; ++c) s->scene.ambient[c] = s->scene.background[c] = 1;
+    if (!CHECK_OK(context, follow(context, s, many(64), 1, image_a, error_a))) return;
+    for (int c = 0; c < 3; ++c) check_mean(s, name, c, 1, 2e-5);
+    for (int i = 0; i < PIXELS; ++i) {
+        squares += pow((double)image_a[4 * i + 2] - 1, 2);
+        errors += pow((double)error_a[3 * i + 2], 2);
+    }
+    if (figures()) printf("    deviation / error: %.3f\n", sqrt(squares / errors));
+    CHECK(errors > 0 && fabs(squares / errors - 1) < 0.3);
+}
+
+static void test_furnace(void) {
+    check_scene s;
+    for (int kind = 0; kind < KINDS; ++kind) {
+        start(&s, kind);
+        check_furnace(&s, names[kind]);
+    }
+    start(&s, FLOOR);
+    check_orthographic(&s.view.camera, 2.5);
+    s.view.coverage_samples = 2;
+    check_furnace(&s, "parallel rays, four a pixel");
+    start(&s, BOTH);
+    check_set3(s.view.camera.position, 0.1, 0.2, 0.3);
+    s.view.near_distance = 0.2;
+    check_furnace(&s, "from within");
+}
+
+/* --- eye and light exchanged --- */
+
+/* Light sent back by a scene, seen from one direction under a sun from the other: the image's sum, times its area. */
+static double sent(int kind, int swapped, double *deviation) {
+    static const double ways[2][3] = {{0.5, 0.8, 0.6}, {-0.7, 0.5, 0.4}};
+    const double *to_eye = ways[swapped], *to_sun = ways[1 - swapped];
+    const double origin[3] = {-1, -0.5, -1}, u[3] = {2, 0, 0}, v[3] = {0, 0, 2};
+    check_scene s;
+    start(&s, kind == FLOOR ? BOTH : kind);
+    for (int i = 0; i < 3; ++i) s.view.camera.position[i] = 9 * to_eye[i];
+    check_orthographic(&s.view.camera, 4);
+    check_add_directional(&s, -to_sun[0], -to_sun[1], -to_sun[2], 1);
+    if (kind == FLOOR) {
+        ground.count = 0;
+        check_add_quad(&ground, origin, u, v);
+        check_add_mesh(&s, &ground, 0.8);
+    }
+    if (!CHECK_OK(context, follow(context, &s, many(150), 1, image_a, error_a))) return 0;
+    return mean_of(&s, image_a, error_a, 1, deviation);
+}
+
+/* Helmholtz: they may be exchanged. The picture is much larger than what is seen, so pixels at edges average out to
+   1 / SIDE^1.5 of the mean, and step by step marching to 1e-3. */
+static void test_exchanged(void) {
+    static const int kinds[] = {GAS, BOTH, FLOOR, PANE};
+    for (int k = 0; k < 4; ++k) {
+        double errors[2], one = sent(kinds[k], 0, &errors[0]), other = sent(kinds[k], 1, &errors[1]);
+        const double mean = 0.5 * (one + other), room = 5 * hypot(errors[0], errors[1]);
+        if (figures())
+            printf("%s: %.5f, exchanged %.5f, +- %.5f\n", names[kinds[k]], one, other, hypot(errors[0], errors[1]));
+        CHECK(fabs(one - other) < room + mean * (1 / pow(SIDE, 1.5) + 1e-3));
+    }
+}
+
+/* --- what scatters, and what does not --- */
+
+/* Where there is no gas, paths add nothing: polygons pass no light on to each other. They take away ambient light that
+   comes from behind a polygon. */
+static void test_polygons(void) {
+    const double origin[3] = {-1, -0.5, -1}, across[3] = {2, 0, 0}, back[3] = {0, 0, 2}, up[3] = {0, 2, 0};
+    check_scene s;
+    start(&s, FLOOR);
+    s.scene.volume_count = s.scene.particle_set_count = 0;
+    ground.count = 0;
+    check_add_quad(&ground, origin, across, back);
+    check_add_quad(&ground, origin, across, up);
+    s.mesh[0].triangle_count = ground.count;
+    check_add_directional(&s, -0.3, -1, -0.6, 1);
+    check_march(context, &s, 0.25, image_b, NULL);
+    CHECK_OK(context, follow(context, &s, 16, 1, image_a, NULL));
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    for (int c = 0; c < 3; ++c) s.scene.ambient[c] = 1;
+    check_march(context, &s, 0.25, image_b, NULL);
+    CHECK_OK(context, follow(context, &s, 16, 1, image_a, NULL));
+    for (int i = 0; i < PIXELS; ++i) CHECK(image_a[4 * i] <= image_b[4 * i] + 1e-6f);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
+}
+
+/* Balls that lie twice in the same places, once white and once black, each of half the depth, are grey ones; so are the
+   voxels of two such volumes. */
+static void test_shared(void) {
+    static sps_particles sets[2];
+    double deviations[2], means[2];
+    for (int both = 0; both < 2; ++both) {
+        check_scene s;
+        start(&s, BOTH);
+        check_color(s.scene.ambient, 1, 1, 1);
+        sets[0] = sets[1] = swarm_set;
+        check_color(sets[1].albedo, 0, 0, 0);
+        s.scene.particles = sets;
+        s.volume[1] = s.volume[0];
+        check_color(s.volume[1].albedo, 0, 0, 0);
+        s.scene.volume_count = s.scene.particle_set_count = 2;
+        if (!both) {
+            check_color(sets[0].albedo, 0.5, 0.5, 0.5);
+            check_color(s.volume[0].albedo, 0.5, 0.5, 0.5);
+            sets[1].count = 0;
+            s.volume[0].extinction *= 2, s.scene.volume_count = 1;
+        }
+        for (int i = 0; i < PARTICLES; ++i) swarm[i].optical_depth = both ? 0.7f : 1.4f;
+        if (!CHECK_OK(context, follow(context, &s, many(32), 1, image_a, error_a))) return;
+        means[both] = mean_of(&s, image_a, error_a, 0, &deviations[both]);
+    }
+    if (figures()) printf("grey: %.5f, white and black: %.5f\n", means[0], means[1]);
+    CHECK(fabs(means[0] - means[1]) < 5 * hypot(deviations[0], deviations[1]));
+}
+
+/* --- settings --- */
+
+static void test_seeds(void) {
+    check_scene s;
+    double square = 0, errors = 0;
+    start(&s, BOTH);
+    check_add_point(&s, 1, 3, 2, 20);
+    if (!CHECK_OK(context, follow(context, &s, 32, 7, image_a, error_a))) return;
+    CHECK_OK(context, follow(context, &s, 32, 7, image_b, error_b));
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0 && memcmp(error_a, error_b, sizeof error_a) == 0);
+    CHECK_OK(context, follow(context, &s, 32, 8, image_b, error_b));
+    for (int i = 0; i < PIXELS; ++i) {
+        square += pow((double)image_a[4 * i] - (double)image_b[4 * i], 2);
+        errors += pow((double)error_a[3 * i], 2) + pow((double)error_b[3 * i], 2);
+    }
+    CHECK(fabs(square / errors - 1) < 0.3); /* as in check_furnace */
+    CHECK_OK(context, follow(context, &s, 1, 7, image_b, NULL));
+    for (int i = 0; i < PIXELS; ++i) CHECK(!(fabsf(image_a[4 * i + 3] - image_b[4 * i + 3]) > 0));
+}
+
+/* Any number of workers, and any region, give the same bits; rows may be longer than the region. */
+static void test_regions(void) {
+    enum { PITCH = 20, LEFT = 5, TOP = 7, ACROSS = 11, DOWN = 9 };
+    check_hooks hooks;
+    sps_context *workers;
+    sps_reference_settings settings;
+    sps_image image;
+    check_scene s;
+    memset(&hooks, 0, sizeof hooks);
+    memset(&settings, 0, sizeof settings);
+    memset(&image, 0, sizeof image);
+    workers = check_context(&hooks);
+    start(&s, FLOOR);
+    check_add_point(&s, 1, 3, 2, 20);
+    if (!CHECK_OK(context, follow(context, &s, 20, 7, image_a, error_a))) return;
+    s.view.region[0] = LEFT, s.view.region[1] = TOP, s.view.region[2] = ACROSS, s.view.region[3] = DOWN;
+    settings.step = 0.25, settings.samples = 20, settings.seed = 7, settings.error = error_b;
+    image.rgba = image_b, image.row_pixels = PITCH;
+    CHECK_OK(workers, sps_reference(workers, &s.scene, &s.view, &settings, &image));
+    for (int y = 0; y < DOWN; ++y) {
+        const int from = (TOP + y) * SIDE + LEFT, to = y * PITCH;
+        CHECK(memcmp(image_a + 4 * from, image_b + 4 * to, ACROSS * 4 * sizeof *image_a) == 0);
+        CHECK(memcmp(error_a + 3 * from, error_b + 3 * to, ACROSS * 3 * sizeof *error_a) == 0);
+    }
+    sps_destroy(workers);
+    CHECK(hooks.live == 0);
+}
+
+static void check_refused(sps_reference_settings *settings, const char *field, const char *words) {
+    check_scene s;
+    sps_image image;
+    sps_error_info info;
+    memset(&image, 0, sizeof image);
+    image.rgba = image_a;
+    image_a[0] = 7;
+    start(&s, GAS);
+    CHECK(sps_reference(context, &s.scene, &s.view, settings, &image) == SPS_ERROR_ARGUMENT);
+    sps_get_error(context, &info);
+    CHECK(info.object == (settings ? SPS_OBJECT_REFERENCE_SETTINGS : SPS_OBJECT_CALL));
+    CHECK(strcmp(info.field, field) == 0);
+    if (!CHECK(strstr(info.sentence, words) != NULL)) printf("    %s\n", info.sentence);
+    CHECK(!(fabsf(image_a[0] - 7) > 0));
+}
+
+static void test_settings(void) {
+    sps_reference_settings settings;
+    memset(&settings, 0, sizeof settings);
+    check_refused(NULL, "settings", "is NULL");
+    check_refused(&settings, "step", "settings.step is 0; it must be above 0");
+    settings.step = 1, settings.samples = -1;
+    check_refused(&settings, "samples", "settings.samples is -1; it must be 0..1048576");
+    settings.samples = (1 << 20) + 1;
+    check_refused(&settings, "samples", "settings.samples is 1.04858e+06; it must be 0..1048576");
+    settings.samples = 1, settings.error = error_a;
+    check_refused(&settings, "samples", "settings.samples is 1; an estimate of the error needs at least 2");
+    settings.samples = 2, settings.start_canary = 1;
+    check_refused(&settings, "start_canary", "not zeroed");
+    settings.start_canary = 0, settings.end_canary = 1;
+    check_refused(&settings, "end_canary", "not zeroed");
+}
+
+/* Cancelled at any point, or out of memory at any allocation: the image stays, nothing leaks. */
+static void test_failures(void) {
+    check_cancel cancel = {0, 0};
+    check_hooks hooks;
+    sps_config config;
+    sps_result result;
+    check_scene s;
+    int cancelled = 0, refused = 0;
+    start(&s, FLOOR);
+    s.view.width = s.view.height = 8;
+    check_add_point(&s, 1, 3, 2, 20);
+    memset(&hooks, 0, sizeof hooks);
+    config = check_config(&hooks);
+    config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+    do {
+        sps_context *own = sps_create(&config, NULL);
+        cancel.calls = 0, cancel.at = ++cancelled;
+        image_a[0] = 7, error_a[0] = 7;
+        result = follow(own, &s, 40, 1, image_a, error_a);
+        CHECK(result == SPS_OK || (result == SPS_ERROR_CANCELLED && !(image_a[0] < 7) && !(error_a[0] < 7)));
+        sps_destroy(own);
+    } while (result != SPS_OK && cancelled < 1000);
+    CHECK(cancelled > 10);
+    cancel.at = 0;
+    do {
+        sps_context *own = sps_create(&config, NULL);
+        hooks.fail_at = hooks.allocations + ++refused;
+        image_a[0] = 7, error_a[0] = 7;
+        result = follow(own, &s, 2, 1, image_a, error_a);
+        CHECK(result == SPS_OK || (result == SPS_ERROR_MEMORY && !(image_a[0] < 7) && !(error_a[0] < 7)));
+        hooks.fail_at = 0;
+        sps_destroy(own);
+    } while (result != SPS_OK && refused < 1000);
+    CHECK(refused > 5 && hooks.live == 0);
+}
+
+/* --- hard cases --- */
+
+static int finite_image(const check_scene *s, int samples) {
+    if (!CHECK_OK(context, follow(context, s, samples, 1, image_a, error_a))) return 0;
+    for (int i = 0; i < 4 * s->view.width * s->view.height; ++i)
+        if (!CHECK(image_a[i] >= 0 && image_a[i] <= FLT_MAX)) return 0;
+    return 1;
+}
+
+/* Nothing but surroundings; gas as dense as it may be; a light in the middle of it; a scene far from the origin. */
+static void test_extremes(void) {
+    double near_by, far_away, deviations[2];
+    check_scene s;
+    check_clear(&s, 4, 4);
+    check_color(s.scene.ambient, 1, 1, 1);
+    finite_image(&s, 4);
+    for (int i = 0; i < 16; ++i) CHECK(!(image_a[4 * i] > 0));
+    start(&s, FLOOR);
+    check_add_point(&s, 0, 0, 0, 1);
+    finite_image(&s, 4);
+    s.volume[0].extinction = 1e18f;
+    finite_image(&s, 2);
+    start(&s, GAS);
+    s.volume[0].eval_fn = NULL, s.volume[0].read_fn = check_read_constant, s.volume[0].user = (void *)(size_t)&one;
+    check_add_directional(&s, 1, -1, 0, 1);
+    for (int i = 0; i < 3; ++i) {
+        s.volume[0].placement.origin[i] += 1e6;
+        s.view.camera.position[i] += 1e6, s.view.camera.target[i] += 1e6;
+    }
+    finite_image(&s, 64);
+    far_away = mean_of(&s, image_a, error_a, 0, &deviations[1]);
+    for (int i = 0; i < 3; ++i) {
+        s.volume[0].placement.origin[i] -= 1e6;
+        s.view.camera.position[i] -= 1e6, s.view.camera.target[i] -= 1e6;
+    }
+    finite_image(&s, 64);
+    near_by = mean_of(&s, image_a, error_a, 0, &deviations[0]);
+    CHECK(fabs(near_by - far_away) < 5 * hypot(deviations[0], deviations[1]));
+}
+
+int main(void) {
+    context = sps_create(NULL, NULL);
+    RUN(test_layers);
+    RUN(test_half_space);
+    RUN(test_furnace);
+    RUN(test_exchanged);
+    RUN(test_polygons);
+    RUN(test_shared);
+    RUN(test_seeds);
+    RUN(test_regions);
+    RUN(test_settings);
+    RUN(test_failures);
+    RUN(test_extremes);
+    check_free_triangles(&ground);
+    check_free_triangles(&pane);
+    sps_destroy(context);
+    return check_report();
+}

@@ -76,6 +76,7 @@ static void test_layers(void) {
     check_color(s.scene.ambient, 1, 1, 1);
     if (!CHECK_OK(context, follow(context, &s, many(100), 1, image_a, error_a))) return;
     check_mean(&s, "reflected by depth 10", 0, 0.853, 0.0005);
+    CHECK(fabsf(image_a[0] - image_a[4]) > 0 && fabsf(image_a[0] - image_a[4 * 8]) > 0); /* paths of their own */
     start_layer(&s, 2, &lobe, 1);
     check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
     check_color(s.scene.ambient, 1, 1, 1);
@@ -120,6 +121,79 @@ static void test_half_space(void) {
         check_mean(&s, "half-space under a sun", c, exact, 1e-3 * exact);
     }
     CHECK(!(mean_of(&s, image_a, error_a, 2, &unused) > 0));
+}
+
+/* The same, seen from below a layer of depth 4 that only absorbs: shadow rays of little transmittance. */
+static void test_dim(void) {
+    const double h = h_function(0.9), exact = exp(-4.0) * 0.9 / (8 * 3.14159265358979) * h * h;
+    check_scene s;
+    sps_volume *absorber;
+    start_layer(&s, 60, NULL, 0);
+    s.volume[0].size[2] = 40;
+    check_color(s.volume[0].albedo, 0.9, 0.9, 0.9);
+    absorber = check_add_volume(&s, 9, 9, 3, check_box(-WIDE, -WIDE, 11, WIDE, WIDE, 12));
+    absorber->read_fn = check_read_constant, absorber->user = (void *)(size_t)&one;
+    absorber->extinction = 4;
+    s.view.near_distance = 1;
+    check_add_directional(&s, 0, 0, -1, 1);
+    if (!CHECK_OK(context, follow(context, &s, many(200), 1, image_a, error_a))) return;
+    check_mean(&s, "half-space below an absorber", 0, exact, 1e-3 * exact);
+}
+
+/* A floor of reflectance r under thin gas that scatters evenly, in a sun that shines square to both, seen from between
+   them: of the sun's light gas sends L(m) = E / (4 pi) (e^-t - e^(-t / m)) / (1 - m) down at cosine m, and the floor r
+   times the mean of L over solid angles, weighted by m. Half of the gas's surroundings are the floor, of radiance
+   r E / pi, which is 2 r times what the sun is to it. What is lost on the way, and scatters twice, are shares of about
+   t. */
+static void test_floor(void) {
+    const double t = 0.01, r = 0.2, pi = 3.14159265358979;
+    const double origin[3] = {-3 * WIDE, -3 * WIDE, -20}, u[3] = {6 * WIDE, 0, 0}, v[3] = {0, 6 * WIDE, 0};
+    enum { N = 10000 };
+    double exact = 0;
+    check_scene s;
+    start_layer(&s, t, NULL, 0);
+    check_color(s.volume[0].albedo, 1, 1, 1);
+    ground.count = 0;
+    check_add_quad(&ground, origin, u, v);
+    check_add_mesh(&s, &ground, r);
+    s.view.camera.position[2] = -3;
+    s.view.camera.target[2] = -20;
+    s.view.near_distance = 1;
+    check_add_directional(&s, 0, 0, -1, 1);
+    for (int i = 0; i < N; ++i) {
+        const double m = (i + 0.5) / N, away = 1 / (4 * pi) * (exp(-t) - exp(-t / m)) / (1 - m);
+        exact += (1 + 2 * r) * r * 2 * m * away / N;
+    }
+    check_march(context, &s, 0.25, image_b, NULL);
+    if (!CHECK_OK(context, follow(context, &s, many(1000), 1, image_a, error_a))) return;
+    for (int i = 0; i < 4 * 64; ++i) image_a[i] -= image_b[i];
+    check_mean(&s, "floor lit by gas", 0, exact, 3 * t * exact);
+}
+
+/* Cosines that a sum of lobes draws: their mean is that of g, and that of 1.5 c^2 - 0.5 is that of g^2. */
+static void test_lobes(void) {
+    static const sps_lobe all[] = {{0.9f, 0.5f}, {-0.6f, 0.3f}, {0.0005f, 0.2f}};
+    enum { N = 200000 };
+    spsi_material material;
+    uint64_t state = 5;
+    double exact[2] = {0, 0}, sums[2] = {0, 0};
+    int within = 1;
+    memset(&material, 0, sizeof material);
+    memcpy(material.lobes, all, sizeof all);
+    material.lobe_count = 3;
+    for (int i = 0; i < 3; ++i) {
+        const double g = (double)all[i].asymmetry;
+        exact[0] += (double)all[i].weight * g;
+        exact[1] += (double)all[i].weight * g * g;
+    }
+    for (int i = 0; i < N; ++i) {
+        const double c = spsi_random_phase(&state, &material);
+        within &= c >= -1 && c <= 1;
+        sums[0] += c / N;
+        sums[1] += (1.5 * c * c - 0.5) / N;
+    }
+    CHECK(within);
+    for (int k = 0; k < 2; ++k) CHECK(fabs(sums[k] - exact[k]) < 5 / sqrt((double)N)); /* both are within -1..1 */
 }
 
 /* --- a furnace: where all light is the same, nothing can be told apart --- */
@@ -202,7 +276,13 @@ static void check_furnace(check_scene *s, const char *name) {
     CHECK(errors > 0 && fabs(squares / errors - 1) < 0.3);
 }
 
+/* The last two triangles of the ground. */
+static int read_second(void *user, size_t first, size_t count, sps_triangle *out) {
+    return check_read_triangles(user, first + 2, count, out);
+}
+
 static void test_furnace(void) {
+    const double below[3] = {-1, -0.6, -1}, u[3] = {2, 0, 0}, v[3] = {0, 0, 2};
     check_scene s;
     for (int kind = 0; kind < KINDS; ++kind) {
         start(&s, kind);
@@ -216,6 +296,18 @@ static void test_furnace(void) {
     check_set3(s.view.camera.position, 0.1, 0.2, 0.3);
     s.view.near_distance = 0.2;
     check_furnace(&s, "from within");
+    check_orthographic(&s.view.camera, 1);
+    s.view.near_distance = 0;
+    check_furnace(&s, "what is behind the camera, too");
+    start(&s, FLOOR);
+    check_add_quad(&ground, below, u, v);
+    s.mesh[1] = s.mesh[0];
+    s.mesh[0].triangle_count = 2;
+    s.mesh[1].read_fn = read_second;
+    s.mesh[1].triangle_count = 2;
+    check_color(s.mesh[1].color, 0, 0, 0);
+    s.scene.mesh_count = 2;
+    check_furnace(&s, "a black floor below the white one");
 }
 
 /* --- eye and light exchanged --- */
@@ -466,6 +558,9 @@ int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_layers);
     RUN(test_half_space);
+    RUN(test_dim);
+    RUN(test_floor);
+    RUN(test_lobes);
     RUN(test_furnace);
     RUN(test_exchanged);
     RUN(test_polygons);

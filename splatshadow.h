@@ -754,7 +754,7 @@ typedef struct sps_reference_settings {
        light scatters any number of times, in gas and between gas and polygons, though not from polygon to polygon, and
        ambient light comes from infinity, through the gas and past the polygons. What the eye sees of light that has
        scattered once is marched as without paths; the rest is an unbiased estimate, whose error falls with the square
-       root of their number. A path takes a microsecond or so per voxel edge of its length. Polygons that only paths
+       root of their number. Polygons that only paths
        meet show the colors of their meshes, without shade_fn. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */

@@ -6,6 +6,7 @@
    bench lights     one light and more, by maps, sheets and shadow tables; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
+   bench paths      multiple scattering by random paths, error against time
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
 
@@ -1528,6 +1529,47 @@ static void bench_penumbrae(void) {
 
 /* ==================================================================================================== main */
 
+/* ================================================================================================== paths */
+
+/* What the standard error of multiple scattering costs: the blob over a plane, in a sun and under a sky. */
+static void bench_paths(void) {
+    enum { SIDE = 96, TRIALS = 4 };
+    static float error[3 * SIDE * SIDE];
+    sps_reference_settings settings = {.step = 0.5, .seed = 1};
+    ex_session session;
+    sps_image image;
+    frame f;
+    double marched = 0;
+    ex_session_measure(&session, program, WORKERS);
+    memset(&image, 0, sizeof image);
+    blob_frame(&f, 64, SIDE);
+    for (int c = 0; c < 3; ++c) f.scene.ambient[c] = 0.5f;
+    image.rgba = f.rgba;
+    printf("\nMultiple scattering by random paths: a blob of 64^3 voxels over a plane, %d x %d, 2 workers\n\n", SIDE,
+           SIDE);
+    printf("| paths a pixel | s | s per million paths | standard error, of the mean radiance |\n|---|---|---|---|\n");
+    for (int i = 0; i <= TRIALS; ++i) {
+        double squares = 0, mean = 0, seconds;
+        const double start = ex_now(NULL);
+        settings.samples = i > 0 ? 1 << 2 * i : 0;
+        settings.error = i > 0 ? error : NULL;
+        ex_stop_unless_ok(sps_reference(session.context, &f.scene, &f.view, &settings, &image), program, &session);
+        seconds = ex_now(NULL) - start;
+        if (i == 0) marched = seconds;
+        for (int k = 0; k < SIDE * SIDE; ++k) {
+            mean += (double)f.rgba[4 * k + 1] / (SIDE * SIDE);
+            squares += pow((double)error[3 * k + 1], 2) / (SIDE * SIDE);
+        }
+        if (i == 0)
+            printf("| 0 (light scatters once) | %.2f | | |\n", seconds);
+        else
+            printf("| %d | %.2f | %.1f | %.2f %% |\n", settings.samples, seconds,
+                   1e6 * (seconds - marched) / ((double)SIDE * SIDE * settings.samples), 100 * sqrt(squares) / mean);
+    }
+    frame_end(&f);
+    ex_session_end(&session);
+}
+
 int main(int argc, char **argv) {
     const int speed = argc == 1 || (argc == 2 && strcmp(argv[1], "speed") == 0);
     const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
@@ -1535,9 +1577,11 @@ int main(int argc, char **argv) {
     const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
     const int edges = speed || (argc == 2 && strcmp(argv[1], "edges") == 0);
     const int lights = speed || (argc == 2 && strcmp(argv[1], "lights") == 0);
-    if (!maps && !accuracy && !polygons && !edges && !lights) {
+    const int paths = speed || (argc == 2 && strcmp(argv[1], "paths") == 0);
+    if (!maps && !accuracy && !polygons && !edges && !lights && !paths) {
         fprintf(stderr,
-                "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `edges`, or `maps`, or `accuracy`\n",
+                "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `edges`, or `paths`, or `maps`, or "
+                "`accuracy`\n",
                 argv[0]);
         return 2;
     }
@@ -1556,6 +1600,7 @@ int main(int argc, char **argv) {
     }
     if (polygons) bench_polygons();
     if (edges) bench_edges();
+    if (paths) bench_paths();
     if (maps) bench_maps();
     if (accuracy) {
         bench_accuracy();

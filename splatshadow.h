@@ -17586,10 +17586,12 @@ typedef struct spsi_tracker {
 /* Looks up the brick that begins at t. Those at the border reach as far as their kernels. */
 static void spsi_tracker_enter(spsi_tracker *tracker) {
     const spsi_dense *grid = tracker->grid;
+    const double room =
+        1e-7 * tracker->voxel + 4 * DBL_EPSILON * fabs(tracker->t); /* so that it goes on, however far */
     int index = 0;
     tracker->leave = HUGE_VAL;
     for (int i = 2; i >= 0; --i) {
-        const double p = tracker->at[i] + (tracker->t + 1e-7 * tracker->voxel) * tracker->along[i];
+        const double p = tracker->at[i] + (tracker->t + room) * tracker->along[i];
         const int brick = (int)fmin(fmax(p, 0), grid->size[i] - 1) / SPSI_BRICK, last = grid->bricks[i] - 1;
         const double low = brick > 0 ? brick * SPSI_BRICK : -SPSI_REFERENCE_REACH;
         const double high = brick < last ? (brick + 1) * SPSI_BRICK : grid->size[i] + SPSI_REFERENCE_REACH;
@@ -17598,7 +17600,7 @@ static void spsi_tracker_enter(spsi_tracker *tracker) {
                 fmin(tracker->leave, ((tracker->along[i] > 0 ? high : low) - tracker->at[i]) / tracker->along[i]);
         index = index * grid->bricks[i] + brick;
     }
-    tracker->leave = fmin(fmax(tracker->leave, tracker->t + 1e-7 * tracker->voxel), tracker->end);
+    tracker->leave = fmin(fmax(tracker->leave, tracker->t + room), tracker->end);
     tracker->bound = (double)grid->bound[index];
 }
 

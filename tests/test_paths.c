@@ -552,6 +552,13 @@ static void test_extremes(void) {
     finite_image(&s, 64);
     near_by = mean_of(&s, image_a, error_a, 0, &deviations[0]);
     CHECK(fabs(near_by - far_away) < 5 * hypot(deviations[0], deviations[1]));
+    check_orthographic(&s.view.camera, 4);
+    finite_image(&s, 64);
+    near_by = mean_of(&s, image_a, error_a, 0, &deviations[0]);
+    for (int i = 0; i < 3; ++i) s.view.camera.position[i] *= 1e12;
+    finite_image(&s, 64);
+    far_away = mean_of(&s, image_a, error_a, 0, &deviations[1]);
+    CHECK(fabs(near_by - far_away) < 5 * hypot(deviations[0], deviations[1]) + 0.01 * near_by);
 }
 
 int main(void) {

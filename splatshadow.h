@@ -5992,6 +5992,14 @@ static float spsi_face_optical_depth(const spsi_face *face) {
     return mean > 0 ? -logf(mean) : SPSI_DEPTH_MAX;
 }
 
+/* The face's normal, of twice its area. */
+static void spsi_face_plane(const spsi_face *face, double plane[3]) {
+    double u[3], v[3];
+    spsi_along(face->position[1], face->position[0], -1, u);
+    spsi_along(face->position[2], face->position[0], -1, v);
+    spsi_cross(u, v, plane);
+}
+
 static int spsi_face_is_translucent(const spsi_face *face) { return !spsi_black(face->transmittance); }
 
 typedef struct spsi_hit {
@@ -6529,13 +6537,6 @@ static void spsi_surface_face(const spsi_face *face, const spsi_hit *hit, const 
         for (int i = 0; i < 3; ++i) surface->normal[i] = -surface->normal[i];
 }
 
-static void spsi_face_plane(const spsi_face *face, double plane[3]) {
-    double u[3], v[3];
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, plane);
-}
-
 static void spsi_surface_at(const spsi_rays *eye, const spsi_faces *faces, const spsi_hit *hit, double x, double y,
                             spsi_surface *surface) {
     const spsi_face *face = &faces->list[hit->face];
@@ -6749,7 +6750,7 @@ static void spsi_group_begin(const spsi_layers_job *job, int face, float depth, 
 /* Whether shading one of two samples stands for both: they lie on one surface, and look alike. */
 static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, const spsi_group *b) {
     const spsi_face *face = &job->faces->list[a->face];
-    double u[3], v[3], plane[3], offset[3], size;
+    double plane[3], offset[3], size;
     if (a->face == b->face) return 1;
     for (int c = 0; c < 3; ++c)
         if (fabs(a->color[c] - b->color[c]) > SPSI_GROUP_COLOR) return 0;
@@ -6757,9 +6758,7 @@ static int spsi_groups_agree(const spsi_layers_job *job, const spsi_group *a, co
     if (job->faces->meshes &&
         spsi_mesh_of(job->frame, job->faces, a->face) != spsi_mesh_of(job->frame, job->faces, b->face))
         return 0;
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, plane);
+    spsi_face_plane(face, plane);
     spsi_along(b->surface.point, a->surface.point, -1, offset);
     size = SPSI_GROUP_DEPTH * job->samples * fmax(a->surface.pixel, b->surface.pixel);
     return fabs(spsi_dot(plane, offset)) <= size * spsi_length(plane);
@@ -6952,10 +6951,8 @@ typedef struct spsi_stack {
 
 /* Depth at which a sample's ray meets a face's plane, clamped to the depths of the face's corners. */
 static float spsi_fragment_depth(const spsi_layers_job *job, const spsi_edges *e, const spsi_face *face, int x, int y) {
-    double u[3], v[3], plane[3], ray[3], start[3], t;
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, plane);
+    double plane[3], ray[3], start[3], t;
+    spsi_face_plane(face, plane);
     spsi_ray_direction(&job->fine, x, y, ray);
     spsi_ray_point(&job->fine, x, y, job->fine.depth_reference, start);
     spsi_along(face->position[0], start, -1, start);
@@ -8150,10 +8147,7 @@ typedef struct spsi_map_plane {
 
 static void spsi_map_plane_build(const spsi_faces *faces, int number, const spsi_rays *rays, spsi_map_plane *plane) {
     const spsi_face *face = &faces->list[number];
-    double u[3], v[3];
-    spsi_along(face->position[1], face->position[0], -1, u);
-    spsi_along(face->position[2], face->position[0], -1, v);
-    spsi_cross(u, v, plane->normal);
+    spsi_face_plane(face, plane->normal);
     plane->a = spsi_dot(plane->normal, rays->a);
     plane->b = spsi_dot(plane->normal, rays->b);
     plane->texel = spsi_length(rays->a);

@@ -266,7 +266,7 @@ static void start(check_scene *s, int kind) {
 static void check_furnace(check_scene *s, const char *name) {
     double squares = 0, errors = 0;
     for (int c = 0; c < 3; ++c) s->scene.ambient[c] = s->scene.background[c] = 1;
-    if (!CHECK_OK(context, follow(context, s, many(64), 1, image_a, error_a))) return;
+    if (!CHECK_OK(context, follow(context, s, many(32), 1, image_a, error_a))) return;
     for (int c = 0; c < 3; ++c) check_mean(s, name, c, 1, 2e-5);
     for (int i = 0; i < PIXELS; ++i) {
         squares += pow((double)image_a[4 * i + 2] - 1, 2);
@@ -327,7 +327,7 @@ static double sent(int kind, int swapped, double *deviation) {
         check_add_quad(&ground, origin, u, v);
         check_add_mesh(&s, &ground, 0.8);
     }
-    if (!CHECK_OK(context, follow(context, &s, many(150), 1, image_a, error_a))) return 0;
+    if (!CHECK_OK(context, follow(context, &s, many(80), 1, image_a, error_a))) return 0;
     return mean_of(&s, image_a, error_a, 1, deviation);
 }
 
@@ -496,7 +496,7 @@ static void test_failures(void) {
         sps_context *own = sps_create(&config, NULL);
         cancel.calls = 0, cancel.at = ++cancelled;
         image_a[0] = 7, error_a[0] = 7;
-        result = follow(own, &s, 40, 1, image_a, error_a);
+        result = follow(own, &s, 20, 1, image_a, error_a);
         CHECK(result == SPS_OK || (result == SPS_ERROR_CANCELLED && !(image_a[0] < 7) && !(error_a[0] < 7)));
         sps_destroy(own);
     } while (result != SPS_OK && cancelled < 1000);

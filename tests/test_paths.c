@@ -283,6 +283,7 @@ static int read_second(void *user, size_t first, size_t count, sps_triangle *out
 
 static void test_furnace(void) {
     const double below[3] = {-1, -0.6, -1}, u[3] = {2, 0, 0}, v[3] = {0, 0, 2};
+    const double matrix[16] = {0.8, 0, 0, 0, 0, 0.8, 0, 0, 0, 0, -1, -1, 0, 0, 0, 1}; /* from z = 0 down, and up */
     check_scene s;
     for (int kind = 0; kind < KINDS; ++kind) {
         start(&s, kind);
@@ -298,7 +299,9 @@ static void test_furnace(void) {
     check_furnace(&s, "from within");
     check_orthographic(&s.view.camera, 1);
     s.view.near_distance = 0;
-    check_furnace(&s, "what is behind the camera, too");
+    check_furnace(&s, "parallel, from within");
+    check_matrix(&s.view.camera, matrix);
+    check_furnace(&s, "by a matrix without a near plane");
     start(&s, FLOOR);
     check_add_quad(&ground, below, u, v);
     s.mesh[1] = s.mesh[0];

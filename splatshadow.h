@@ -60,7 +60,7 @@ CONTENTS (search for the tag)
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light),
-    but for sps_reference.
+    except in sps_reference.
     No refraction, no mirrors: light passes translucent polygons straight on.
     Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
     volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
@@ -754,8 +754,8 @@ typedef struct sps_reference_settings {
        light scatters any number of times, in gas and between gas and polygons, though not from polygon to polygon, and
        ambient light comes from infinity, through the gas and past the polygons. What the eye sees of light that has
        scattered once is marched as without paths; the rest is an unbiased estimate, whose error falls with the square
-       root of their number. Polygons that only paths
-       meet show the colors of their meshes, without shade_fn. */
+       root of their number. Polygons that only paths meet show the colors of their meshes, without shade_fn. Of
+       translucent triangles in one plane, a path that has passed one does not meet the others. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
@@ -17116,24 +17116,31 @@ static int spsi_point_arrival(const spsi_marcher *marcher, const spsi_point *poi
     return 1;
 }
 
+/* Share of a light's irradiance that a material sends along a ray towards the eye, by color. */
+static void spsi_march_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
+                                const double travel[3], double response[3]) {
+    spsi_v toward_v[3], travel_v[3], all[3];
+    float lanes[SPSI_LANES];
+    spsi_set3(toward, toward_v);
+    spsi_set3(travel, travel_v);
+    spsi_sample_response(material, sample, toward_v, travel_v, all);
+    for (int c = 0; c < 3; ++c) {
+        spsi_store(lanes, all[c]);
+        response[c] = (double)lanes[0];
+    }
+}
+
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
 static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
                                 double weight, double source[3]) {
-    double travel[3], arrives[3], share = weight;
-    spsi_v toward_v[3], travel_v[3], response[3];
+    double travel[3], arrives[3], response[3], share = weight;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
     if (lamp->shadows) share *= spsi_march_lamp(marcher, lamp, point->position);
-    spsi_set3(point->direction, toward_v);
-    spsi_set3(travel, travel_v);
     for (int m = 0; m < marcher->part_count && share > 0; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
-        float lanes[SPSI_LANES];
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
-        spsi_sample_response(material, &point->samples[m], toward_v, travel_v, response);
-        for (int c = 0; c < 3; ++c) {
-            spsi_store(lanes, response[c]);
-            source[c] += point->extinction[m] * (double)lanes[0] * share * arrives[c];
-        }
+        spsi_march_response(material, &point->samples[m], point->direction, travel, response);
+        for (int c = 0; c < 3; ++c) source[c] += point->extinction[m] * response[c] * share * arrives[c];
     }
 }
 
@@ -17248,14 +17255,22 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
 
 static int spsi_march_spans(int width) { return (width + SPSI_MARCH_SPAN - 1) / SPSI_MARCH_SPAN; }
 
+/* The row of a task in the region, and the range of its pixels. */
+static void spsi_march_span(const int region[4], int first_row, int index, int *row, int range[2]) {
+    const int spans = spsi_march_spans(region[2]);
+    *row = first_row + index / spans;
+    range[0] = index % spans * SPSI_MARCH_SPAN;
+    range[1] = spsi_least(region[2], range[0] + SPSI_MARCH_SPAN);
+}
+
 /* Marches a span of a row. With a whole row per task, workers would wait for the slowest one in each batch. */
 static void spsi_march_span_task(void *data, int index, int worker) {
     const spsi_marcher *marcher = (const spsi_marcher *)data;
-    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
-    const int row = marcher->first_row + index / spans;
-    const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
+    const int *region = marcher->frame->view.region;
     spsi_sample *samples = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    for (int x = first; x < last; ++x) {
+    int row, range[2];
+    spsi_march_span(region, marcher->first_row, index, &row, range);
+    for (int x = range[0]; x < range[1]; ++x) {
         spsi_walker *walker = &marcher->walkers[(size_t)row * (size_t)region[2] + (size_t)x];
         if (!walker->ended) spsi_march_on(marcher, region[0] + x, region[1] + row, samples, walker);
     }
@@ -17824,20 +17839,6 @@ static void spsi_path_turn(spsi_path *path, const double direction[3], int face)
     path->face = face;
 }
 
-/* Share of a light's irradiance that gas at a point sends along the path, by color. */
-static void spsi_path_response(const spsi_material *material, const spsi_sample *sample, const double toward[3],
-                               const double travel[3], double response[3]) {
-    spsi_v toward_v[3], travel_v[3], all[3];
-    float lanes[SPSI_LANES];
-    spsi_set3(toward, toward_v);
-    spsi_set3(travel, travel_v);
-    spsi_sample_response(material, sample, toward_v, travel_v, all);
-    for (int c = 0; c < 3; ++c) {
-        spsi_store(lanes, all[c]);
-        response[c] = (double)lanes[0];
-    }
-}
-
 /* Adds the light that gas at a point scatters along the path. */
 static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *point, const spsi_material *material,
                                 spsi_path *path) {
@@ -17848,7 +17849,7 @@ static void spsi_path_light_gas(const spsi_marcher *marcher, const spsi_point *p
         spsi_reference_point(lamp, point->position, 0, &at);
         if (!spsi_point_arrival(marcher, point, &at, travel, arrives)) continue;
         passes = spsi_path_transmittance(marcher, &at, point->position, &path->random);
-        spsi_path_response(material, point->samples, point->direction, travel, response);
+        spsi_march_response(material, point->samples, point->direction, travel, response);
         for (int c = 0; c < 3; ++c) response[c] *= arrives[c] * passes;
         spsi_path_take(path, response);
     }
@@ -17874,7 +17875,7 @@ static void spsi_path_in_gas(const spsi_marcher *marcher, int part, spsi_sample 
     spsi_random_about(&path->random, path->ray.direction, cosine, way);
     for (int i = 0; i < 3; ++i) back[i] = -way[i];
     if (surface) {
-        spsi_path_response(material, sample, path->ray.direction, back, response);
+        spsi_march_response(material, sample, path->ray.direction, back, response);
         for (int c = 0; c < 3; ++c) path->weight[c] *= 4 * SPSI_PI * response[c];
     } else {
         for (int c = 0; c < 3; ++c) path->weight[c] *= (double)(material->table ? appearance[c] : material->albedo[c]);
@@ -18011,11 +18012,11 @@ static void spsi_path_begin(const spsi_marcher *marcher, int x, int y, int n, sp
 static void spsi_paths_span_task(void *data, int index, int worker) {
     const spsi_paths *paths = (const spsi_paths *)data;
     const spsi_marcher *marcher = paths->marcher;
-    const int *region = marcher->frame->view.region, spans = spsi_march_spans(region[2]);
-    const int row = paths->first_row + index / spans;
-    const int first = index % spans * SPSI_MARCH_SPAN, last = spsi_least(region[2], first + SPSI_MARCH_SPAN);
+    const int *region = marcher->frame->view.region;
     spsi_sample *sample = marcher->samples + (size_t)worker * (size_t)marcher->part_count;
-    for (int x = first; x < last; ++x) {
+    int row, range[2];
+    spsi_march_span(region, paths->first_row, index, &row, range);
+    for (int x = range[0]; x < range[1]; ++x) {
         spsi_path_sums *sums = &paths->sums[(size_t)row * (size_t)region[2] + (size_t)x];
         for (int n = paths->from; n < paths->to; ++n) {
             spsi_path path;

@@ -809,7 +809,7 @@ static void test_same_bits(void) { EACH_RENDERER(same_bits); }
 
 /* A pane and a slab of voxels of the same transmittance cast the same shadow, on a ground and on fog in front of it:
    the slab's optical depth is that of a constant grid, off by 0.2 %, so that its transmittance T is off by T log(1 / T)
-   / 500, 0.08 % of the light at most; fog, whose own light both share, is the same in both pictures but for where slabs
+   / 500, 0.08 % of the light at most; fog, whose own light both share, is the same in both pictures except where slabs
    begin, less than 1 %. */
 static void dense_stand_in(const renderer *r) {
     static const double T[3] = {0.5, 0.1, 0};

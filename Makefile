@@ -132,13 +132,13 @@ maps: build/maps
 # and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder. A
 # configuration whose compiler is not available is skipped, with a message.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
-CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme fused clang glsl hlsl
+CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme clang glsl hlsl
 
-# -O1: half the time to compile, and tests run 4 % slower; -O2 and -O3 are those of the others
+# -O1: half the time to compile, and tests run 4 % slower; the long tests have -O2 and -O3, too
 COMPILE_native    = gcc $(STANDARD) -O1 -march=native
 COMPILE_sanitized = clang $(STANDARD) -O1 -gline-tables-only -fsanitize=address,undefined -fno-sanitize-recover=all -DSPS_NO_SIMD
-COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L -O2
-COMPILE_baseline  = gcc $(STANDARD) -O2
+COMPILE_cpp       = g++ -x c++ -std=c++11 -D_POSIX_C_SOURCE=200809L $(if $(SPLATSHADOW_LONG),-O2,-O1)
+COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
 COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
@@ -236,8 +236,8 @@ INSTALL_CHECKS = $(if $(THERE),make pkg-config cmake)
 INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/dev/null && echo $(c)))
 $(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(info skipped: the quick start by $(c): install it))
 
-# Tests that run build/render
-$(if $(STB_THERE),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/render)))
+# Tests that run the command line, which is linked with the native configuration's header
+$(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/tests/render))))
 
 # The test that runs the steps of the tutorial, which are linked with the native configuration's header
 READY_STEPS = $(if $(STB_THERE),$(if $(filter native,$(READY)),$(STEPS:%=build/tests/step.%.log)))
@@ -263,20 +263,23 @@ endef
 
 # Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
 # against its declarations alone; tests/mutants.awk writes both out.
-SPLIT = native sanitized wide_sanitized unoptimized threads
-define split_rules
-build/tests/$(1).code.o: build/tests/weak.h
-	@$$(COMPILE_$(1)) -w -DSPLATSHADOW_IMPLEMENTATION -x c -c $$< -o $$@
+SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads
+SPLIT_CPP = cpp glsl hlsl
+code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
+.PRECIOUS: build/tests/%.code.o
+build/tests/%.code.o: build/tests/weak.h
+	@$(COMPILE_$*) -w -DSPLATSHADOW_IMPLEMENTATION $(if $(filter cpp,$*),,-x c) -c $< -o $@
 
-build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) build/tests/$(1).code.o build/tests/faces/splatshadow.h
-	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< build/tests/$(1).code.o \
+define split_rules
+build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/shaders/*) $(call code,$(1)) build/tests/faces/splatshadow.h
+	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall -Ibuild/tests/faces $$(INCLUDES) -Iexamples -Itests $$< -x none $(call code,$(1)) \
 		-o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 $(foreach configuration,$(filter-out $(SPLIT),$(CONFIGURATIONS)),$(eval $(call configuration_rules,$(configuration))))
 $(foreach configuration,$(filter $(SPLIT),$(CONFIGURATIONS)),$(eval $(call split_rules,$(configuration))))
 
 build/tests/weak.h: splatshadow.h tests/mutants.awk
-	@awk -v mode=weak -f tests/mutants.awk tests/mutants.txt $< > $@
+	@mkdir -p $(@D) && awk -v mode=weak -f tests/mutants.awk tests/mutants.txt $< > $@
 
 build/tests/faces/splatshadow.h: splatshadow.h tests/mutants.awk
 	@mkdir -p $(@D) && awk -v mode=faces -f tests/mutants.awk tests/mutants.txt $< > $@
@@ -335,6 +338,9 @@ build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/sha
 	@$(call run,step.$*,$(COMPILE_native) $(WARNINGS_C) -Werror -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o \
 		-o build/tests/tutorial/$* $(LIBRARIES) && $(ONE_PASSED))
 
+build/tests/render: examples/render.c $(HEADERS) build/tests/native.code.o build/tests/faces/splatshadow.h
+	@$(COMPILE_native) -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
+
 # The implementation in one object, C as well as C++, and a plain user of it in another.
 LINK_USER = printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c
 LINK_CODE = printf '\#define SPLATSHADOW_IMPLEMENTATION\n\#include "splatshadow.h"\n' > link_code.c
@@ -354,7 +360,7 @@ build/tests/mutants.log: splatshadow.h $(wildcard tests/mutants.*)
 	@$(call run,mutants,sh tests/mutants.sh check)
 
 # make mutants SECTION="splat shading" LIMIT=600: see tests/mutants.sh
-mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/render)
+mutants: $(if $(wildcard $(STB)/stb_image_write.h),build/tests/render)
 	@COMPILE="$(COMPILE_native)" STB="$(STB)" JOBS="$(JOBS)" sh tests/mutants.sh run
 
 # make fuzz SEED=7 COUNT=5000: random scenes under sanitizers, vectors on

@@ -2862,7 +2862,7 @@ static void spsi_opacity_finish(const sps_tmap_settings *settings, float *texel)
     double sum = 0;
     for (int i = 0; i < settings->components; ++i) {
         sum += (double)texel[i];
-        texel[i] = (float)fmin(sum, (double)SPSI_DEPTH_MAX);
+        texel[i] = (float)(sum < (double)SPSI_DEPTH_MAX ? sum : (double)SPSI_DEPTH_MAX); /* fmin would be a call */
     }
 }
 

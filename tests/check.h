@@ -101,6 +101,23 @@ static inline void check_run(const char *name, void (*test)(void)) {
 
 #define RUN(test) check_run(#test, test)
 
+/* Whether these are the long tests. The others leave out what costs time and repeats what is tested elsewhere. */
+static inline int check_long(void) { return getenv("SPLATSHADOW_LONG") != NULL; }
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define SANITIZED 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define SANITIZED 1
+#endif
+#endif
+#ifndef SANITIZED
+#define SANITIZED 0
+#endif
+
+/* Whether these are quick tests under sanitizers, which look at memory: fewer variants of a scene show as much. */
+static inline int check_memory_only(void) { return SANITIZED && !check_long(); }
+
 /* ------------------------------------------------------------------------------------------------------------ files */
 
 /* Returns the contents of a file, which the caller frees; NULL if it cannot be read. Tests run in the project's

@@ -1,4 +1,4 @@
-/* Shared by tests of build/render: a folder for their files, and its output when run there. Include after check.h. */
+/* Shared by tests of examples/render.c: a folder for their files, and its output when run there. Include after check.h. */
 
 #ifndef COMMAND_LINE_H
 #define COMMAND_LINE_H
@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 
-/* Where these tests read and write files, and where they run build/render. */
+/* Where these tests read and write files, and where they run build/tests/render. */
 static char folder[] = "build/command_line.XXXXXX";
 
 /* Makes the folder. Returns 0 if that is not possible here. */
@@ -25,7 +25,7 @@ static inline void folder_end(void) {
 }
 
 static inline int render_is_built(void) {
-    FILE *program = fopen("build/render", "rb");
+    FILE *program = fopen("build/tests/render", "rb");
     if (program) fclose(program);
     return program != NULL;
 }
@@ -61,7 +61,7 @@ static inline outcome run_render(const char *options) {
     static char command[4000];
     outcome result;
     int status;
-    snprintf(command, sizeof command, "cd %s && ../render %s 2>said", folder, options);
+    snprintf(command, sizeof command, "cd %s && ../tests/render %s 2>said", folder, options);
     status = system(command);
     result.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     read_file("said", result.said, sizeof result.said);

@@ -195,7 +195,7 @@ static void print_summary(const soak *s) {
 
 int main(int count, char **arguments) {
     static soak s;
-    const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : getenv("SPLATSHADOW_LONG") ? 200L : 0L;
+    const long scenes = count > 2 ? strtol(arguments[2], NULL, 10) : check_long() ? 200L : 0L;
     const long first = count > 3 ? strtol(arguments[3], NULL, 10) : 0;
     ex_session session;
     s.seed = count > 1 ? strtoul(arguments[1], NULL, 10) : 1;

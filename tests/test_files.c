@@ -795,7 +795,7 @@ static void test_complaints(void) {
 
 static void test_render(void) {
     if (!render_is_built()) {
-        printf("skipped: pictures of files: make build/render\n");
+        printf("skipped: pictures of files: make build/tests/render\n");
         return;
     }
     test_pictures();

@@ -14,7 +14,7 @@ static const float one = 1;
 static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
 
 /* Number of paths: four times as many in long tests. */
-static int many(int samples) { return getenv("SPLATSHADOW_LONG") ? 4 * samples : samples; }
+static int many(int samples) { return check_long() ? 4 * samples : samples; }
 
 static sps_result follow(sps_context *by, const check_scene *s, int samples, uint64_t seed, float *rgba, float *error) {
     sps_reference_settings settings;

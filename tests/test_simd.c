@@ -343,7 +343,7 @@ static void check_picture(int n) {
    against high: the same arithmetic has the same bits. */
 static void test_pictures(const char *self) {
     render_pictures();
-    if (!plain_pictures(self, getenv("SPLATSHADOW_LONG") ? "-O0" : "-O1", plain)) return;
+    if (!plain_pictures(self, check_long() ? "-O0" : "-O1", plain)) return;
     for (int n = 0; n < SCENES; ++n) check_picture(n);
     if (SPSI_LANES > 1 || !plain_pictures(self, "-O3", optimised)) return;
     for (int n = 0; n < SCENES; ++n)

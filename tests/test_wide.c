@@ -109,7 +109,7 @@ static void test_against_reference(void) {
     for (int kind = GAS; kind < KINDS; ++kind) {
         const int smooth = kind == GAS || kind == MIXED;
         double off_one = 0, step_one = 0;
-        for (int n = 0; n < (smooth && getenv("SPLATSHADOW_LONG") ? 3 : 2); ++n) {
+        for (int n = 0; n < (smooth && check_long() ? 3 : 2); ++n) {
             check_scene s;
             double mean, off, elsewhere, seam;
             start(&s, kind, angles[n]);

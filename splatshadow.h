@@ -52,15 +52,15 @@ CONTENTS (search for the tag)
     >>slicing       19 slabs and sweeps              >>splat         20 footprints into sheets
     >>targets       21 filling sheets, by tile       >>lightsheets   22 sheets as optical depth
     >>tmaps         23 transmittance maps            >>penumbrae     24 light of many points
-    >>shadows       25 shadows on gas, surfaces      >>shading       26 light leaving a sheet
-    >>sweep         27 chunks of slabs, tiles        >>frame         28 sweep after sweep, the image
-    >>plan          29 what a scene calls for        >>reference     30 brute-force ray marching
-    >>paths         31 random paths                  >>public        32 the public functions
-    >>licence
+    >>shadows       25 shadows on gas, surfaces      >>scattering    26 light scattered more than once
+    >>shading       27 light leaving a sheet         >>sweep         28 chunks of slabs, tiles
+    >>frame         29 sweep after sweep, the image  >>plan          30 what a scene calls for
+    >>reference     31 brute-force ray marching      >>paths         32 random paths
+    >>public        33 the public functions          >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Single scattering (plus unshadowed ambient light),
-    except in sps_reference.
+    No files, no windows, no threads of its own, no GPU. Light scatters once, or forward any number of times; fully only
+    in sps_reference. Ambient light has no shadows.
     No refraction, no mirrors: light passes translucent polygons straight on.
     Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
     volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
@@ -137,6 +137,7 @@ PAPERS
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
     E. R. Woodcock et al., "Techniques Used in the GEM Code for Monte Carlo Neutronics Calculations", 1965 >>paths
     J. Novak et al., "Residual Ratio Tracking for Estimating Attenuation in Participating Media", 2014 >>paths
+    S. Goudsmit, J. L. Saunderson, "Multiple Scattering of Electrons", Physical Review 57, 1940 >>scattering
     G. Steele et al., "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014 >>paths
     J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>surfaces
     T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths
@@ -702,6 +703,18 @@ typedef struct sps_camera {
     const double *world_to_clip;
 } sps_camera;
 
+/* How often light scatters in gas on its way to the eye. What scatters once keeps phase function and angle exactly,
+   whatever is added to it. */
+typedef enum sps_scattering {
+    SPS_SCATTERING_OFF = 0, /* once */
+    /* Any number of times, each time by a small angle, so that light keeps to the straight way there and on to the eye:
+       a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
+       and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
+       turns is mostly left out. Lights without shadows are not scattered again, and polygons receive none of it. Cost:
+       a table per gas, and a lookup of it beside each one of a shadow. */
+    SPS_SCATTERING_FORWARD
+} sps_scattering;
+
 typedef struct sps_view {
     uint32_t start_canary; /* leave 0 */
     int width, height;     /* pixels of the whole image, 1..16384 each */
@@ -730,7 +743,8 @@ typedef struct sps_view {
        scatter without shadow, mostly far less; 0.01 spares most lookups of thin gas. Shadows of polygons are never
        skipped. */
     float lookup_threshold;
-    uint32_t end_canary; /* leave 0 */
+    sps_scattering scattering; /* 0, the default: light scatters once */
+    uint32_t end_canary;       /* leave 0 */
 } sps_view;
 
 /* The caller's buffers: for a region of W x H pixels, (H - 1) * row_pixels + W of them. Written on SPS_OK only. */
@@ -750,12 +764,13 @@ typedef struct sps_reference_settings {
     /* Length of a step along a ray, > 0, in voxels, or in units of 0.7 times the particles' geometric mean radius if
        that is less. The error is second order in it. */
     double step;
-    /* Random paths per pixel, up to 2^20. 0: light scatters once, and ambient light is shadowed by nothing. Otherwise
-       light scatters any number of times, in gas and between gas and polygons, though not from polygon to polygon, and
-       ambient light comes from infinity, through the gas and past the polygons. What the eye sees of light that has
-       scattered once is marched as without paths; the rest is an unbiased estimate, whose error falls with the square
-       root of their number. Polygons that only paths meet show the colors of their meshes, without shade_fn. Of
-       translucent triangles in one plane, a path that has passed one does not meet the others. */
+    /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
+       ambient light is shadowed by nothing. Otherwise, whatever that says, light scatters any number of times, in gas
+       and between gas and polygons, though not from polygon to polygon, and ambient light comes from infinity, through
+       the gas and past the polygons. What the eye sees of light that has scattered once is marched; the rest is an
+       unbiased estimate, whose error falls with the square root of their number. Polygons that only paths meet show the
+       colors of their meshes, without shade_fn. Of translucent triangles in one plane, a path that has passed one does
+       not meet the others. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
@@ -774,13 +789,15 @@ typedef enum sps_pass {
                                 penumbrae */
     SPS_PASS_TRIANGLE_TREE,  /* builds a tree of triangles for shadow rays */
     SPS_PASS_SHADOW_RAYS,    /* traces rays from polygons to each shadowing light */
-    SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep */
+    SPS_PASS_EYE_SHEETS,     /* splats voxels and particles for the eye, once per sweep; twice if light scatters forward
+                                that comes from behind and shades by sheets */
     SPS_PASS_LIGHT_SHEETS,   /* splats voxels and particles for each shadowing light without a map */
     SPS_PASS_LIGHT_MAPS,     /* makes a transmittance map for each shadowing light with a shadow_map or a table; counts
                                 tables that turn out to be held */
     SPS_PASS_PENUMBRAE,      /* follows the points of lights with an extent through the sheets */
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
+    SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
     SPS_PASS_AMBIENT,        /* ambient light on gases and surfaces */
     SPS_PASS_SURFACE_LIGHT,  /* lights on polygons */
@@ -1618,6 +1635,8 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_EYE_BALLS,         /* the particles of one chunk as the eye sees them, by tile */
     SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
     SPSI_BUFFER_TILES,             /* state of each tile */
+    SPSI_BUFFER_AGAIN,             /* gas and light of a sweep from back to front, >>shading */
+    SPSI_BUFFER_FORWARD,           /* what gases scatter forward, >>scattering */
     SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
     SPSI_BUFFER_TMAP_VOLUMES,      /* data for splatting volumes into a map, >>tmaps */
     SPSI_BUFFER_LIGHT_TMAPS,       /* lights' transmittance maps */
@@ -2288,6 +2307,15 @@ typedef struct spsi_table {
     int shown[SPSI_TABLE_SIZE + 2];      /* number of entries before this one that have extinction */
 } spsi_table;
 
+#define SPSI_FORWARD_SIZE   32
+#define SPSI_FORWARD_LEVELS 9
+
+/* What is scattered forward more than once, by optical depth (columns) and angle (rows), >>scattering. */
+typedef struct spsi_forward {
+    int level_count; /* gas: 1, or 3 if its albedo is not grey; classified: all, by albedo */
+    float level[SPSI_FORWARD_LEVELS][SPSI_FORWARD_SIZE * SPSI_FORWARD_SIZE];
+} spsi_forward;
+
 typedef struct spsi_material {
     float extinction, albedo[3], emission[3];
     sps_lobe lobes[SPSI_LOBES_MAX]; /* weights add up to 1 */
@@ -2299,6 +2327,7 @@ typedef struct spsi_material {
     float voxel_length;   /* world; the cube root of a voxel's volume */
     float specular, shininess;
     int scatters, emits, extinguishes;
+    const spsi_forward *forward; /* NULL: light scatters once */
 } spsi_material;
 
 /* One lobe for a vector of cosines. The square in the denominator is at least (1 - |g|)^2 > 0.
@@ -4633,6 +4662,9 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
                                (double)view->lookup_threshold, "it must be 0..1");
+    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FORWARD)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scattering",
+                               (double)(int)view->scattering, "it must be an sps_scattering");
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
@@ -14270,8 +14302,202 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
         if (shadows[i].tmap) spsi_shadow_table_hold(context, maps++);
 }
 
+/* =========================================================================================== >>scattering
+   26 Light that scatters forward more than once. Let it reach a point through optical depth a, turn there by the angle
+   whose cosine is c, and leave through optical depth b; t = a + b. Besides p(c) exp(-t), what scatters once, the point
+   sends X(t, c), provided that events elsewhere turn light so little that it stays on this way. Their number k is
+   Poisson distributed with mean t, and each multiplies the Legendre moments of light's directions by albedo w and the
+   phase function's moment P[l]. Any of the k + 1 events may pass for the point's own, so that points together would
+   count a path k + 1 times; divided by that,
+     X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] exp(-t) r(w P[l] t),   r(x) = (exp(x) - 1) / x - 1
+   Light that has lost its direction leaves aside: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to random
+   paths in clouds. X is cut off where p exp(-t) + X would be negative. Tables are over u = t / (t + 4), whose last node
+   is infinite depth, and s, the angle being pi s^2. Cost: ln 100 / ln(1 / g) terms per entry of a table, and two or
+   three lookups per part of a slab, light and gas. [Goudsmit & Saunderson 1940, for the moments] */
+
+/* Light that scatters forward reaches the eye from farther within: rays end at this many times the optical depth. */
+#define SPSI_FORWARD_END 4
+
+#define SPSI_FORWARD_ORDERS 460 /* the square of the last moment is 1e-4 at an asymmetry of 0.99, the largest */
+
+/* A phase function's series. */
+typedef struct spsi_legendre {
+    double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
+    int count;
+    float phase[SPSI_FORWARD_SIZE]; /* at the angles of a table's rows */
+} spsi_legendre;
+
+/* Moments until their square is below 1e-4. */
+static void spsi_legendre_moments(const spsi_material *material, spsi_legendre *series) {
+    double power[SPSI_LOBES_MAX], most = 0;
+    for (int i = 0; i < material->lobe_count; ++i) {
+        power[i] = (double)material->lobes[i].weight;
+        most = fmax(most, fabs((double)material->lobes[i].asymmetry));
+    }
+    series->count = most > 0 ? spsi_least(2 + (int)(0.5 * log(1e-4) / log(most)), SPSI_FORWARD_ORDERS) : 1;
+    for (int l = 0; l < series->count; ++l) {
+        series->moments[l] = 0;
+        for (int i = 0; i < material->lobe_count; ++i) {
+            series->moments[l] += power[i];
+            power[i] *= (double)material->lobes[i].asymmetry;
+        }
+    }
+}
+
+static void spsi_legendre_build(const spsi_material *material, spsi_legendre *series) {
+    float cosine[SPSI_FORWARD_SIZE];
+    spsi_legendre_moments(material, series);
+    for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
+        const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
+        cosine[i] = (float)cos(SPSI_PI * s * s);
+    }
+    for (int i = 0; i < SPSI_FORWARD_SIZE; i += SPSI_LANES)
+        spsi_store(series->phase + i, spsi_phase(material, spsi_load(cosine + i)));
+}
+
+/* exp(-t) r(x), for x <= t. */
+static double spsi_forward_rest(double x, double t) {
+    if (fabs(x) < 1e-3) return exp(-t) * x * (0.5 + x / 6);
+    return (exp(x - t) - exp(-t)) / x - exp(-t);
+}
+
+/* The factors d[l] at one depth. */
+static void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
+    for (int l = 0; l < series->count; ++l)
+        series->orders[l] = series->moments[l] * spsi_forward_rest(albedo * series->moments[l] * t, t);
+}
+
+/* The sum over these: X. */
+static double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
+    const double mean = series->count > 1 ? series->moments[1] : 0;
+    double sum = series->orders[0] / (1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t), before = 1, now = c;
+    for (int l = 1; l < series->count; ++l) {
+        const double after = ((2 * l + 1) * c * now - l * before) / (l + 1);
+        sum += (2 * l + 1) * series->orders[l] * now;
+        before = now, now = after;
+    }
+    return sum * 0.25 / SPSI_PI;
+}
+
+/* X at one depth for all angles: a column of a table. */
+static void spsi_forward_column(spsi_legendre *series, double albedo, double t, float *column) {
+    spsi_legendre_orders(series, albedo, t);
+    for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
+        const double s = (double)i / (SPSI_FORWARD_SIZE - 1), x = spsi_legendre_sum(series, t, cos(SPSI_PI * s * s));
+        column[(size_t)i * SPSI_FORWARD_SIZE] = (float)fmax(x, -(double)series->phase[i] * exp(-t));
+    }
+}
+
+/* Levels of classified volumes are closer towards an albedo of 1, where few are lost. */
+static double spsi_forward_albedo(const spsi_material *material, int level) {
+    const double left = 1 - (double)level / (SPSI_FORWARD_LEVELS - 1);
+    return material->table ? 1 - left * left : (double)material->albedo[level];
+}
+
+static void spsi_forward_build(const spsi_material *material, spsi_forward *forward) {
+    const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
+    spsi_legendre series;
+    spsi_legendre_build(material, &series);
+    forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
+    for (int k = 0; k < forward->level_count; ++k)
+        for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
+            const double u = (double)i / (SPSI_FORWARD_SIZE - 1), albedo = spsi_forward_albedo(material, k);
+            if (i < SPSI_FORWARD_SIZE - 1)
+                spsi_forward_column(&series, albedo, 4 * u / (1 - u), forward->level[k] + i);
+            else
+                for (int n = 0; n < SPSI_FORWARD_SIZE; ++n) forward->level[k][n * SPSI_FORWARD_SIZE + i] = 0;
+        }
+}
+
+/* Whether any gas scatters light more than once. */
+static int spsi_scatters_forward(const spsi_frame *frame) {
+    return frame->view.scattering == SPS_SCATTERING_FORWARD && frame->matter.scatters && frame->lamps.shadow_count > 0;
+}
+
+/* Whether a sweep has a first pass, which measures gas: spsi_again. */
+static int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
+    return sweep->back_to_front && spsi_scatters_forward(frame);
+}
+
+/* Makes the tables of all gases, which materials refer to from then on. */
+static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
+    spsi_forward *forward;
+    if (!spsi_scatters_forward(frame)) return SPS_OK;
+    forward = (spsi_forward *)spsi_reserve(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count,
+                                           sizeof *forward);
+    if (!forward) return context->result;
+    for (int i = 0; i < frame->matter.material_count; ++i) {
+        spsi_material *material = &frame->matter.materials[i];
+        if (!material->scatters) continue;
+        spsi_forward_build(material, &forward[i]);
+        material->forward = &forward[i];
+    }
+    return SPS_OK;
+}
+
+/* The depths and the angle at which tables are looked up for a mean over a part. */
+typedef struct spsi_forward_part {
+    spsi_v across, along[3], weight[3];
+    int count;
+} spsi_forward_part;
+
+/* The angle whose cosine is c, divided by pi; to 3e-5. [Abramowitz & Stegun 1964, 4.4.45] */
+static inline spsi_v spsi_arccosine(spsi_v c) {
+    const spsi_v x = spsi_min(spsi_abs(c), spsi_set(1));
+    spsi_v p = spsi_set((float)(-0.0187293 / SPSI_PI));
+    p = spsi_fma(p, x, spsi_set((float)(0.0742610 / SPSI_PI)));
+    p = spsi_fma(p, x, spsi_set((float)(-0.2121144 / SPSI_PI)));
+    p = spsi_fma(p, x, spsi_set((float)(1.5707288 / SPSI_PI)));
+    p = spsi_mul(p, spsi_sqrt(spsi_sub(spsi_set(1), x)));
+    return spsi_select(spsi_less(c, spsi_set(0)), spsi_sub(spsi_set(1), p), p);
+}
+
+/* Gauss-Legendre quadrature in u, in which X is smooth where a part is thick, too. With v = 1 - u = 4 / (t + 4), that
+   multiplies a node's weight by v0 v1 / v^2, which is 1 where t0 = t1. Two nodes err by 1 % up to 2 units of optical
+   depth; beyond, three mostly by 3 %. */
+static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, spsi_forward_part *part) {
+    static const float nodes[2][3] = {{0.21132487f, 0.78867513f, 0}, {0.11270167f, 0.5f, 0.88729833f}};
+    static const float shares[2][3] = {{0.5f, 0.5f, 0}, {5.0f / 18, 8.0f / 18, 5.0f / 18}};
+    const spsi_v four = spsi_set(4), one = spsi_set(1), last = spsi_set((float)(SPSI_FORWARD_SIZE - 1));
+    const spsi_v v0 = spsi_div(four, spsi_add(start, four)), v1 = spsi_div(four, spsi_add(end, four));
+    const int thick = spsi_bits(spsi_less(spsi_set(2), spsi_abs(spsi_sub(end, start)))) != 0;
+    part->count = 2 + thick;
+    part->across = spsi_mul(spsi_sqrt(spsi_arccosine(cosine)), last);
+    for (int i = 0; i < part->count; ++i) {
+        const spsi_v v = spsi_mix(v0, v1, spsi_set(nodes[thick][i])), over = spsi_div(spsi_mul(v0, v1), spsi_mul(v, v));
+        part->along[i] = spsi_mul(spsi_sub(one, v), last);
+        part->weight[i] = spsi_mul(over, spsi_set(shares[thick][i]));
+    }
+}
+
+/* The mean of X from one level of a table, or from the levels that `row`, the first row of each, says. */
+static spsi_v spsi_forward_mean(const spsi_forward *forward, spsi_v row, const spsi_forward_part *part) {
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < part->count; ++i)
+        sum = spsi_fma(part->weight[i],
+                       spsi_bilinear(forward->level[0], SPSI_FORWARD_SIZE, SPSI_FORWARD_SIZE * forward->level_count,
+                                     part->along[i], spsi_add(row, part->across)),
+                       sum);
+    return sum;
+}
+
+/* The same for a channel of a material, of that albedo. */
+static spsi_v spsi_forward_channel(const spsi_material *material, int channel, spsi_v albedo,
+                                   const spsi_forward_part *part) {
+    const spsi_forward *forward = material->forward;
+    const spsi_v size = spsi_set((float)SPSI_FORWARD_SIZE), last = spsi_set((float)(SPSI_FORWARD_LEVELS - 1));
+    spsi_v at, level, low, high;
+    if (!material->table)
+        return spsi_forward_mean(forward, spsi_set((float)(channel % forward->level_count * SPSI_FORWARD_SIZE)), part);
+    at = spsi_mul(spsi_sub(spsi_set(1), spsi_sqrt(spsi_max(spsi_sub(spsi_set(1), albedo), spsi_set(0)))), last);
+    level = spsi_min(spsi_floor(at), spsi_sub(last, spsi_set(1)));
+    low = spsi_forward_mean(forward, spsi_mul(level, size), part);
+    high = spsi_forward_mean(forward, spsi_mul(spsi_add(level, spsi_set(1)), size), part);
+    return spsi_mix(low, high, spsi_sub(at, level));
+}
+
 /* ============================================================================================== >>shading
-   26 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
+   27 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -14288,9 +14514,20 @@ typedef struct spsi_arrival {
     spsi_v lit[SPSI_PARTS]; /* share of each part that polygons leave lit; of an undivided slab, lit[0] */
 } spsi_arrival;
 
+/* What is scattered forward more than once depends on all gas between light and eye. Front to back, that is known, and
+   its radiance joins the rest. Back to front, a first pass over the slabs measures all of it, and radiance is kept by
+   itself, since gas in front of it is counted already. */
+typedef struct spsi_again {
+    int measures;       /* 1: this is the first pass */
+    float *gas;         /* per pixel: optical depth of gas so far; NULL: front to back */
+    float *whole;       /* of all gas */
+    float *radiance[3]; /* grey: all one buffer */
+} spsi_again;
+
 typedef struct spsi_shader {
     const spsi_frame *frame;
     const spsi_sweep *sweep;
+    spsi_again again;
     const spsi_faces *faces;
     const spsi_shadow *shadows; /* of the lights that the sweep carries */
     int shadow_count;
@@ -14332,6 +14569,8 @@ typedef struct spsi_gathered {
     spsi_v depth; /* optical depth */
     spsi_v radiance[3];
     spsi_v distance; /* weighted by coverage */
+    spsi_v gas[2];   /* spsi_again: optical depth so far, and of all gas that is seen */
+    spsi_v again[3]; /* spsi_again */
 } spsi_gathered;
 
 /* One material's part of a sheet. */
@@ -14826,24 +15065,65 @@ static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const
     for (int c = 0; c < 3; ++c) incident->irradiance[c] = spsi_mul(sum[c], share);
 }
 
-/* Adds one light's contribution from all samples of a part to radiance. `carried`: mean transmittance between light and
-   eye, times the lit share, by color. */
+/* Where a part adds the radiance that it sends, by color. */
+typedef struct spsi_sent {
+    spsi_v *once, *again; /* that of light scattered forward more than once; the same, front to back */
+    spsi_v ahead;         /* back to front: optical depth of gas that is nearer to the eye */
+} spsi_sent;
+
+/* What of a light passes to a part and on to the eye. */
+typedef struct spsi_carried {
+    spsi_v passes[3];  /* mean transmittance between light and eye, times the lit share, by color */
+    spsi_v lit[3];     /* the lit share alone */
+    spsi_v start, end; /* optical depth between light and eye at the part's ends */
+    int is_attenuated; /* 0: by nothing on its way to the part; start, end and lit are not set */
+} spsi_carried;
+
+/* Radiance of light scattered forward more than once, per unit of the sample's optical depth and of irradiance without
+   gas. */
+static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *material, const spsi_sample *sample,
+                                const spsi_forward_part *part, spsi_v sent[3]) {
+    const int alike = !material->table && material->forward->level_count == 1;
+    for (int c = 0; c < shader->frame->channels; ++c) {
+        const spsi_v gas = spsi_sub(spsi_set(1), sample->surface), albedo = sample->color[c];
+        sent[c] = c > 0 && alike ? sent[0] : spsi_mul(albedo, spsi_forward_channel(material, c, albedo, part));
+        if (sample->has_normal) sent[c] = spsi_mul(sent[c], gas);
+    }
+}
+
+/* Adds what a unit of a light's color would make of one channel of radiance. */
+static inline void spsi_add_light(const spsi_lamp *lamp, int c, spsi_v share, spsi_v radiance[3]) {
+    radiance[c] =
+        spsi_add(radiance[c], spsi_min(spsi_mul(share, spsi_set(lamp->color[c])), spsi_set(SPSI_RADIANCE_MAX)));
+}
+
+/* Adds one light's contribution from all samples of a part. */
 static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, const spsi_lamp *lamp,
-                          const spsi_v carried[3], spsi_v radiance[3]) {
+                          const spsi_carried *carried, const spsi_sent *sent) {
+    const int forward = carried->is_attenuated && spsi_scatters_forward(shader->frame);
     spsi_incident incident;
+    spsi_forward_part place;
+    spsi_v once[3], again[3];
     spsi_lamp_at(shader, lamp, p, part, &incident);
-    for (int c = 0; c < 3; ++c) incident.irradiance[c] = spsi_mul(incident.irradiance[c], carried[c]);
+    if (forward)
+        spsi_forward_part_build(spsi_sub(spsi_set(0), spsi_dot_v(incident.travel, p->toward)),
+                                spsi_add(carried->start, sent->ahead), spsi_add(carried->end, sent->ahead), &place);
+    for (int c = 0; c < 3; ++c) {
+        once[c] = spsi_mul(incident.irradiance[c], carried->passes[c]);
+        again[c] = spsi_mul(incident.irradiance[c], carried->lit[c]);
+    }
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
-        spsi_v response[3];
+        const spsi_sample *sample = &part->samples[m];
+        spsi_v response[3], more[3];
         if (!material->scatters) continue;
-        spsi_sample_response(material, &part->samples[m], p->toward, incident.travel, response);
-        for (int c = 0; c < shader->frame->channels; ++c) {
-            const spsi_v share = spsi_mul(incident.irradiance[c], part->samples[m].depth);
-            radiance[c] =
-                spsi_add(radiance[c], spsi_min(spsi_mul(spsi_mul(share, response[c]), spsi_set(lamp->color[c])),
-                                               spsi_set(SPSI_RADIANCE_MAX)));
-        }
+        spsi_sample_response(material, sample, p->toward, incident.travel, response);
+        for (int c = 0; c < shader->frame->channels; ++c)
+            spsi_add_light(lamp, c, spsi_mul(spsi_mul(once[c], sample->depth), response[c]), sent->once);
+        if (!forward) continue;
+        spsi_sample_forward(shader, material, sample, &place, more);
+        for (int c = 0; c < shader->frame->channels; ++c)
+            spsi_add_light(lamp, c, spsi_mul(spsi_mul(again[c], sample->depth), more[c]), sent->again);
     }
 }
 
@@ -14929,24 +15209,29 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
    filtered by translucent ones. Within a slab, optical depth towards the light and towards the eye grow in proportion:
    both come from the same matter. */
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
-                              const spsi_pixels *p, const spsi_part *part, spsi_v radiance[3]) {
+                              const spsi_pixels *p, const spsi_part *part, const spsi_sent *sent) {
     const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
-    spsi_v start, end, carried[3], filter[3];
+    spsi_v passes, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
+    spsi_carried carried;
     if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
-    start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
-    end = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
-    carried[0] = carried[1] = carried[2] = spsi_mul(lit, spsi_mean_transmittance(start, end));
-    if (shadow->pane_map_count > 0) {
-        spsi_part_filter(shader, shadow, p, part, filter);
-        for (int c = 0; c < 3; ++c) carried[c] = spsi_mul(carried[c], filter[c]);
+    carried.is_attenuated = 1;
+    carried.start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
+    carried.end =
+        spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
+    passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
+    if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
+    for (int c = 0; c < 3; ++c) {
+        carried.passes[c] = spsi_mul(passes, filter[c]);
+        carried.lit[c] = spsi_mul(lit, filter[c]);
     }
-    spsi_add_lamp(shader, p, part, shadow->lamp, carried, radiance);
+    spsi_add_lamp(shader, p, part, shadow->lamp, &carried, sent);
 }
 
 /* Adds ambient light, emission, and the lights that cast no shadows. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
-                                spsi_v radiance[3]) {
-    const spsi_v mean = spsi_mean_transmittance(part->before, part->after), carried[3] = {mean, mean, mean};
+                                const spsi_sent *into) {
+    const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
+    spsi_carried carried;
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         const spsi_sample *sample = &part->samples[m];
@@ -14956,12 +15241,14 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
                 sent =
                     spsi_mul(spsi_mul(sample->depth, sample->color[c]), spsi_set(shader->frame->ambient.radiance[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
-            radiance[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, radiance[c]);
+            into->once[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, into->once[c]);
         }
     }
+    memset(&carried, 0, sizeof carried);
+    for (int c = 0; c < 3; ++c) carried.passes[c] = mean;
     for (int i = 0; i < shader->frame->lamps.count; ++i)
         if (!shader->frame->lamps.list[i].shadows)
-            spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], carried, radiance);
+            spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
 }
 
 /* --- polygons: per pixel, in double precision --- */
@@ -15312,7 +15599,7 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
     float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
     spsi_v share;
-    if (!bits) return;
+    if (!bits || shader->again.measures) return;
     for (int i = 0; i < width; ++i)
         if (bits >> i & 1) {
             float sent[3];
@@ -15428,21 +15715,40 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     return 1;
 }
 
+#define SPSI_GAS_MOST 200.0f /* counted of a part: sums stay precise, and no light passes as much */
+
+/* Where a part adds what it sends: to the sums, or, if layers filter it, to `filtered`. */
+static spsi_sent spsi_part_sent(const spsi_shader *shader, const spsi_part *part, spsi_v filtered[2][3],
+                                spsi_gathered *sum) {
+    spsi_sent sent;
+    sent.once = filtered ? filtered[0] : sum->radiance;
+    sent.again = sent.once;
+    sent.ahead = spsi_set(0);
+    if (!shader->again.gas) return sent;
+    sum->gas[0] = spsi_add(sum->gas[0], spsi_min(part->depth, spsi_set(SPSI_GAS_MOST)));
+    sent.again = filtered ? filtered[1] : sum->again;
+    sent.ahead = spsi_max(spsi_sub(sum->gas[1], sum->gas[0]), spsi_set(0));
+    return sent;
+}
+
 /* Composites one part of a slab. `ahead`: NULL without layers. */
 static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const spsi_slab *slab, const spsi_part *part,
                           const spsi_ahead *ahead, spsi_gathered *sum) {
     const spsi_v zero = spsi_set(0);
-    spsi_v filtered[3] = {zero, zero, zero}, *sent = ahead ? filtered : sum->radiance;
+    spsi_v filtered[2][3] = {{zero, zero, zero}, {zero, zero, zero}};
+    const spsi_sent sent = spsi_part_sent(shader, part, ahead ? filtered : NULL, sum);
     if (shader->sweep->back_to_front) {
         const spsi_v through = spsi_exp(spsi_sub(zero, part->depth));
         for (int c = 0; c < shader->frame->channels; ++c) sum->radiance[c] = spsi_mul(sum->radiance[c], through);
         sum->distance = spsi_mul(sum->distance, through);
     }
     for (int i = 0; i < shader->shadow_count && shader->frame->matter.scatters; ++i)
-        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, sent);
-    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, sent);
-    for (int c = 0; c < shader->frame->channels && ahead; ++c)
-        sum->radiance[c] = spsi_fma(sent[c], spsi_load(ahead->filter[c]), sum->radiance[c]);
+        spsi_add_shadowed(shader, &shader->shadows[i], &slab->arrivals[i], p, part, &sent);
+    if (shader->unshadowed) spsi_add_unshadowed(shader, p, part, &sent);
+    for (int c = 0; c < shader->frame->channels && ahead; ++c) {
+        sum->radiance[c] = spsi_fma(filtered[0][c], spsi_load(ahead->filter[c]), sum->radiance[c]);
+        sum->again[c] = spsi_fma(filtered[1][c], spsi_load(ahead->filter[c]), sum->again[c]);
+    }
     if (shader->distance) { /* the part is seen there with weight T (1 - exp(-depth)) */
         const spsi_v ahead_of = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
@@ -15558,12 +15864,20 @@ static void spsi_gathered_load(const spsi_shader *shader, size_t from, spsi_gath
     sum->depth = spsi_load(shader->depth + from);
     for (int c = 0; c < 3; ++c) sum->radiance[c] = spsi_load(shader->radiance[c] + from); /* grey: all one buffer */
     sum->distance = shader->distance ? spsi_load(shader->distance + from) : spsi_set(0);
+    for (int c = 0; c < 3; ++c) sum->again[c] = spsi_set(0);
+    if (!shader->again.gas) return;
+    for (int c = 0; c < 3; ++c) sum->again[c] = spsi_load(shader->again.radiance[c] + from);
+    sum->gas[0] = spsi_load(shader->again.gas + from);
+    sum->gas[1] = spsi_load(shader->again.whole + from);
 }
 
 static void spsi_gathered_store(const spsi_shader *shader, size_t to, const spsi_gathered *sum) {
     spsi_store(shader->depth + to, sum->depth);
     for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->radiance[c] + to, sum->radiance[c]);
     if (shader->distance) spsi_store(shader->distance + to, sum->distance);
+    if (!shader->again.gas) return;
+    for (int c = 0; c < shader->frame->channels; ++c) spsi_store(shader->again.radiance[c] + to, sum->again[c]);
+    spsi_store(shader->again.gas + to, sum->gas[0]);
 }
 
 /* Early ray termination before plane k. A ray whose transmittance is below the threshold becomes opaque, so that no
@@ -15588,7 +15902,7 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
 static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int width) {
     const uint32_t *first = shader->visible->layers.first;
     const size_t pixel = (size_t)y * (size_t)shader->frame->content->eye.width + (size_t)x;
-    return shader->hits && first && first[pixel] < first[pixel + (size_t)width];
+    return shader->hits && first && !shader->again.measures && first[pixel] < first[pixel + (size_t)width];
 }
 
 /* Composites a chunk on a vector of `width` pixels. Returns the number of slabs that held something, times pixels. */
@@ -15622,7 +15936,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ================================================================================================ >>sweep
-   27 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   28 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
    light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
    shaded. */
 
@@ -15779,7 +16093,7 @@ static void spsi_polygon_range_task(void *data, int index, int worker) {
 
 /* Begins the shadow of the sweep's own lamp. */
 static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
-    run->has_sliced = run->sweep->lamp && spsi_holds_gas(context, run->frame);
+    run->has_sliced = run->sweep->lamp && !run->shader.again.measures && spsi_holds_gas(context, run->frame);
     if (!run->has_sliced) return SPS_OK;
     for (int i = 0; i < run->shader.shadow_count; ++i) {
         if (run->shadows[i].lamp != run->sweep->lamp) continue;
@@ -15817,6 +16131,22 @@ static size_t spsi_region_tiles(const spsi_region *region) { return (size_t)regi
 /* Floats per pixel while a sweep runs: optical depth, radiance, and distance if wanted. */
 static size_t spsi_pixel_floats(const spsi_frame *frame) { return (size_t)(1 + frame->channels + frame->wants_depth); }
 
+/* Floats per pixel of spsi_again. */
+static size_t spsi_again_floats(const spsi_frame *frame) { return (size_t)(2 + frame->channels); }
+
+static sps_result spsi_run_again(sps_context *context, spsi_run *run, size_t pixels) {
+    const size_t channels = (size_t)run->frame->channels;
+    spsi_again *again = &run->shader.again;
+    if (!spsi_sweep_measures(run->frame, run->sweep)) return SPS_OK;
+    again->whole =
+        (float *)spsi_reserve(context, SPSI_BUFFER_AGAIN, pixels, spsi_again_floats(run->frame) * sizeof(float));
+    if (!again->whole) return context->result;
+    again->gas = again->measures ? again->whole : again->whole + pixels;
+    for (size_t c = 0; c < 3; ++c) again->radiance[c] = again->whole + pixels * (2 + (c < channels ? c : 0));
+    memset(again->gas, 0, (spsi_again_floats(run->frame) - !again->measures) * pixels * sizeof(float));
+    return SPS_OK;
+}
+
 /* Lays out the region's tiles, and the buffers of their pixels. */
 static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
     const size_t planes = spsi_pixel_floats(run->frame);
@@ -15840,7 +16170,7 @@ static sps_result spsi_run_region(sps_context *context, spsi_run *run) {
         shader->radiance[c] = memory + pixels * (size_t)(1 + (c < run->frame->channels ? c : 0));
     shader->distance = run->frame->wants_depth ? memory + pixels * (planes - 1) : NULL;
     if (spsi_part_count(run->frame) > 1) spsi_run_end_others(run, region->rows * SPSI_TILE_HEIGHT);
-    return SPS_OK;
+    return spsi_run_again(context, run, pixels);
 }
 
 /* Reserves the workers' scratch memory and clears their counters. */
@@ -15872,9 +16202,10 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     shader->shadows = run->shadows;
     shader->visible = visible;
     shader->hits = faces->count > 0 ? visible->hits : NULL;
-    shader->unshadowed = sweep->first && (frame->ambient.exists || frame->matter.emits ||
-                                          frame->lamps.count > frame->lamps.shadow_count);
-    shader->end_depth = (float)-log(frame->accuracy.threshold);
+    shader->unshadowed =
+        sweep->first && !shader->again.measures &&
+        (frame->ambient.exists || frame->matter.emits || frame->lamps.count > frame->lamps.shadow_count);
+    shader->end_depth = (float)-log(frame->accuracy.threshold) * (spsi_scatters_forward(frame) ? SPSI_FORWARD_END : 1);
     if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
@@ -15898,7 +16229,7 @@ static int spsi_run_finished(const spsi_run *run) {
 
 /* Composites the polygons in a range of slabs that holds neither voxels nor particles. */
 static void spsi_run_polygons(spsi_run *run, float low, float high) {
-    if (!run->shader.hits || !(low < high)) return;
+    if (!run->shader.hits || run->shader.again.measures || !(low < high)) return;
     run->slab_count = 0;
     run->low = low;
     run->high = high;
@@ -15957,7 +16288,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* ================================================================================================ >>frame
-   28 The frame: one sweep after another, then the image. */
+   29 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -16027,6 +16358,8 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
     const float *behind = spsi_behind(shader, x, y);
     for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
+    for (int c = 0; c < 3 && shader->again.gas; ++c) pixel[c] = spsi_flush(pixel[c] + shader->again.radiance[c][at]);
+    for (int c = 0; c < 3 && spsi_scatters_forward(run->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
     if (!run->sweep->first) return;
     pixel[3] = covered;
     if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
@@ -16105,7 +16438,7 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
-    spsi_add_sweep(run, picture->total);
+    if (!run->shader.again.measures) spsi_add_sweep(run, picture->total);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
@@ -16157,11 +16490,19 @@ static sps_result spsi_render_part(sps_context *context, const spsi_picture *pic
                                    spsi_run *run, const spsi_part_of_call *part) {
     spsi_shadow *shadows = run->shadows;
     const int count = run->shader.shadow_count;
+    spsi_part_of_call half = *part;
     if (!spsi_part_meets(sweep->part, picture->frame->view.region)) return SPS_OK;
     memset(run, 0, sizeof *run);
+    if (spsi_sweep_measures(picture->frame, sweep)) {
+        half.share *= 0.5;
+        run->shader.again.measures = 1;
+        if (spsi_sweep_once(context, picture, sweep, run, &half)) return context->result;
+        half.progress += half.share;
+        memset(run, 0, sizeof *run);
+    }
     run->shadows = shadows;
     run->shader.shadow_count = count;
-    return spsi_sweep_once(context, picture, sweep, run, part);
+    return spsi_sweep_once(context, picture, sweep, run, &half);
 }
 
 static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
@@ -16215,6 +16556,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
     if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
+    if (spsi_forward_tables(context, frame)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
@@ -16223,14 +16565,14 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   29 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   30 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",        "projectors",  "eye polygons", "layers",       "textures",     "light polygons",
-    "triangle tree", "shadow rays", "eye sheets",   "light sheets", "light maps",   "penumbrae",
-    "gradient",      "scattering",  "emission",     "ambient",      "surface light"};
+    "gather",        "projectors",  "eye polygons", "layers",       "textures",   "light polygons",
+    "triangle tree", "shadow rays", "eye sheets",   "light sheets", "light maps", "penumbrae",
+    "gradient",      "scattering",  "forward",      "emission",     "ambient",    "surface light"};
 
 /* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
@@ -16418,10 +16760,11 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     const int shadows = spsi_most(1, spsi_plan_shadow_count(frame, n));
     size_t eye = workers * (spsi_plan_sheet_floats(frame) * sizeof(float) + 48) +
                  spsi_plan_queues_bytes(frame, &sweep->slabs, (size_t)bricks) + 64;
+    const size_t floats = spsi_pixel_floats(frame) + (spsi_sweep_measures(frame, sweep) ? spsi_again_floats(frame) : 0);
     spsi_region region;
     spsi_region_place(frame, &region);
     eye += spsi_region_tiles(&region) * SPSI_REGION_TILE_BYTES;
-    eye += spsi_region_tiles(&region) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT * spsi_pixel_floats(frame) * sizeof(float);
+    eye += spsi_region_tiles(&region) * SPSI_TILE_WIDTH * SPSI_TILE_HEIGHT * floats * sizeof(float);
     eye += width * height * spsi_total_floats(frame) * sizeof(float) + width * SPSI_ROW_FLOATS * sizeof(float);
     eye += spsi_run_bytes(context) + (size_t)shadows * sizeof(spsi_shadow) +
            spsi_vectors_bytes(context, frame->matter.material_count * SPSI_PARTS, sizeof(spsi_sample)) +
@@ -16530,7 +16873,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
     spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lamps.image_count, "lights throw an image",
                    lit ? "no light throws an image" : "no light");
     spsi_plan_polygon_passes(frame, gases, held, report);
-    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps : 0,
+    spsi_plan_pass(report, SPS_PASS_EYE_SHEETS, gases ? sweeps + report->pass[SPS_PASS_EYE_SHEETS].runs : 0,
                    sweeps == 1 ? "volumes or particles are seen, one sweep"
                    : spsi_plan_sliced_count(frame) > 0
                        ? "volumes or particles are seen, one sweep for each light that shades by sheets"
@@ -16543,6 +16886,10 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
     spsi_plan_pass(report, SPS_PASS_SCATTERING, frame->matter.scatters && lit ? sweeps : 0,
                    "volumes or particles scatter light",
                    frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
+    spsi_plan_pass(report, SPS_PASS_FORWARD, spsi_scatters_forward(frame), "view.scattering asks for it",
+                   frame->view.scattering == SPS_SCATTERING_OFF ? "view.scattering is off"
+                   : frame->matter.scatters                     ? "no light casts shadows"
+                                                                : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
                    "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");
@@ -16562,6 +16909,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
                                           frame->particles.count * sizeof(sps_particle);
     report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
+    if (spsi_scatters_forward(frame))
+        report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
     for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
@@ -16603,13 +16952,17 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
                                    sps_plan_report *report) {
     spsi_sweep sweep;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
-        for (int part = 0; part < spsi_part_count(frame); ++part)
+        for (int part = 0; part < spsi_part_count(frame); ++part) {
             if (spsi_sweep_build(context, frame, n, part, &sweep) ||
                 spsi_plan_sweep_bytes(context, frame, &sweep, n, bricks, report))
                 return context->result;
+            report->pass[SPS_PASS_EYE_SHEETS].runs += part == 0 && spsi_sweep_measures(frame, &sweep);
+        }
     for (int i = 0; i < frame->lamps.count; ++i) {
         if (frame->lamps.list[i].choice != SPSI_CHOICE_OPEN || frame->lamps.list[i].sliced) continue;
         spsi_sweep_clear(frame, &frame->lamps.list[i], 0, &sweep);
+        sweep.back_to_front = 1; /* it may be */
+        report->pass[SPS_PASS_EYE_SHEETS].runs += spsi_sweep_measures(frame, &sweep);
         if (spsi_plan_sweep_bytes(context, frame, &sweep, 0, bricks, report)) return context->result;
     }
     return SPS_OK;
@@ -16641,7 +16994,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 }
 
 /* ============================================================================================ >>reference
-   30 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   31 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
    floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
@@ -16669,6 +17022,8 @@ typedef struct spsi_walker {
     double sums[5];     /* over the pixel's samples so far: color, coverage, distance weighted by coverage */
     double radiance[3]; /* of what lies before `low` */
     double through[3];  /* share of each color that passes it */
+    double filter[3];   /* share that passes its polygons */
+    double gas;         /* optical depth of its gas */
     double distance;    /* weighted by what is taken from `through` */
     double low, high;   /* the part of the ray before the next face, in world length */
     double depth;       /* of the next face: t - depth_reference; where the part begins if there is none yet */
@@ -16683,6 +17038,7 @@ typedef struct spsi_marcher {
     spsi_tree particles;                /* of all sets */
     int part_count;                     /* number of volumes and sets of particles; parts are in this order */
     const sps_reference_settings *settings;
+    int forward;          /* 1: light scatters forward more than once, in closed form */
     double step;          /* maximum, in world length */
     float *total;         /* the region's pixels, spsi_total_floats each */
     int first_row;        /* of the current batch, in the region */
@@ -16970,7 +17326,7 @@ static double spsi_extinction_at(const spsi_material *material, double f, float 
     return (double)appearance[3];
 }
 
-/* Transmittance of all gas between a point and a light. */
+/* Optical depth of all gas between a point and a light. */
 static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp, const double point[3]) {
     double toward[3], range[2], depths[SPSI_SETS_MAX] = {0}, depth = 0, beyond = HUGE_VAL;
     int count;
@@ -16988,7 +17344,7 @@ static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp
     ray.high = beyond;
     spsi_trace_particles(marcher, &ray, depths);
     for (int i = 0; i < marcher->frame->particles.set_count; ++i) depth += depths[i];
-    if (marcher->frame->medium_count == 0) return exp(-depth);
+    if (marcher->frame->medium_count == 0) return depth;
     count = spsi_march_range(marcher, point, toward, 0, beyond, range);
     for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count;
@@ -17001,7 +17357,7 @@ static double spsi_march_lamp(const spsi_marcher *marcher, const spsi_lamp *lamp
                 depth += h * spsi_extinction_at(material, spsi_field(&marcher->grids[m], at, NULL), appearance);
         }
     }
-    return exp(-depth);
+    return depth;
 }
 
 /* Fills a sample with a volume's color at a point, and with the normal from the field's gradient. */
@@ -17027,6 +17383,7 @@ typedef struct spsi_point {
     double value[SPSI_MATERIALS_MAX];      /* of each part; of particles, their extinction */
     double extinction[SPSI_MATERIALS_MAX]; /* of each part */
     double extinction_sum;                 /* of all parts */
+    double gas;                            /* optical depth from the eye */
     double value_sum;                      /* of all parts; 0: there is nothing */
     spsi_sample *samples;                  /* one per part */
 } spsi_point;
@@ -17130,32 +17487,65 @@ static void spsi_march_response(const spsi_material *material, const spsi_sample
     }
 }
 
+/* Radiance per unit of length that a point sends towards the eye. */
+typedef struct spsi_source {
+    double once[3];  /* before what lies between it and the eye */
+    double again[3]; /* scattered forward more than once: gas on the way to the eye is counted already */
+} spsi_source;
+
+/* Light scattered forward more than once, from the series itself, per unit of a sample's optical depth and of
+   irradiance without gas. */
+static void spsi_march_forward(const spsi_material *material, const spsi_sample *sample, double cosine, double depth,
+                               double sent[3]) {
+    float color[SPSI_LANES], surface[SPSI_LANES], phase[SPSI_LANES], last = 0;
+    spsi_legendre series;
+    spsi_legendre_moments(material, &series);
+    spsi_store(surface, sample->surface);
+    spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
+    for (int c = 0; c < 3; ++c) {
+        spsi_store(color, sample->color[c]);
+        if (c > 0 && color[0] == last) {
+            sent[c] = sent[c - 1];
+            continue;
+        }
+        last = color[0];
+        spsi_legendre_orders(&series, (double)color[0], depth);
+        sent[c] = fmax(spsi_legendre_sum(&series, depth, cosine), -(double)phase[0] * exp(-depth));
+        sent[c] *= (double)color[0] * (sample->has_normal ? 1 - (double)surface[0] : 1);
+    }
+}
+
 /* Adds the radiance per unit of length that all gas at a point scatters from one point of a light. */
 static void spsi_point_add_lamp(const spsi_marcher *marcher, const spsi_point *point, const spsi_lamp *lamp,
-                                double weight, double source[3]) {
-    double travel[3], arrives[3], response[3], share = weight;
+                                double weight, spsi_source *source) {
+    double travel[3], arrives[3], response[3], depth = 0;
     if (!spsi_point_arrival(marcher, point, lamp, travel, arrives)) return;
-    if (lamp->shadows) share *= spsi_march_lamp(marcher, lamp, point->position);
-    for (int m = 0; m < marcher->part_count && share > 0; ++m) {
+    if (lamp->shadows) depth = spsi_march_lamp(marcher, lamp, point->position);
+    for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
+        const double share = point->extinction[m] * weight;
         if (!material->scatters || !(point->extinction[m] > 0)) continue;
         spsi_march_response(material, &point->samples[m], point->direction, travel, response);
-        for (int c = 0; c < 3; ++c) source[c] += point->extinction[m] * response[c] * share * arrives[c];
+        for (int c = 0; c < 3; ++c) source->once[c] += share * response[c] * exp(-depth) * arrives[c];
+        if (!marcher->forward || !lamp->shadows) continue;
+        spsi_march_forward(material, &point->samples[m], -spsi_dot(travel, point->direction), depth + point->gas,
+                           response);
+        for (int c = 0; c < 3; ++c) source->again[c] += share * response[c] * arrives[c];
     }
 }
 
 /* Radiance per unit of length that all gas at a point sends along the ray, before any attenuation. */
-static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, double source[3]) {
+static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *point, spsi_source *source) {
     const spsi_frame *frame = marcher->frame;
-    source[0] = source[1] = source[2] = 0;
+    memset(source, 0, sizeof *source);
     for (int m = 0; m < marcher->part_count; ++m) {
         const spsi_material *material = spsi_part_material(marcher->frame, m);
         float lanes[SPSI_LANES];
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, point->samples[m].color[c]);
             if (marcher->settings->samples == 0) /* otherwise paths find it */
-                source[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient.radiance[c];
-            source[c] += point->value[m] * (double)material->emission[c];
+                source->once[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient.radiance[c];
+            source->once[c] += point->value[m] * (double)material->emission[c];
         }
     }
     for (int i = 0; i < frame->lamps.count && point->extinction_sum > 0; ++i)
@@ -17177,7 +17567,7 @@ static void spsi_march_arrival(const spsi_marcher *marcher, const spsi_lamp *lam
         spsi_reference_point(lamp, surface->point, n, &at);
         if (!spsi_surface_point_irradiance(marcher->frame, &at, surface, irradiance)) continue;
         if (lamp->shadows && !spsi_march_sight(marcher->faces, &at, surface->start, face, passes)) continue;
-        through = lamp->shadows ? spsi_march_lamp(marcher, &at, surface->point) : 1;
+        through = lamp->shadows ? exp(-spsi_march_lamp(marcher, &at, surface->point)) : 1;
         for (int c = 0; c < 3; ++c) arrives[c] += irradiance[c] * passes[c] * through;
     }
     for (int c = 0; c < 3; ++c) arrives[c] /= count;
@@ -17211,9 +17601,10 @@ static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, sps
     double range[2];
     spsi_ray step = *ray;
     const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
-    for (int i = 0; i < count && spsi_color_mean(walker->through) > 1e-12; ++i) {
+    for (int i = 0; i < count && (marcher->forward || spsi_color_mean(walker->through) > 1e-12); ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
-        double source[3], depth, mean;
+        double depth, mean;
+        spsi_source source;
         spsi_point point;
         point.samples = samples;
         step.low = t - 0.5 * h;
@@ -17222,10 +17613,13 @@ static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, sps
         if (!(point.value_sum > 0)) continue;
         depth = h * point.extinction_sum;
         mean = depth > 1e-9 ? -expm1(-depth) / depth : 1;
-        spsi_point_source(marcher, &point, source);
+        point.gas = walker->gas + 0.5 * depth;
+        spsi_point_source(marcher, &point, &source);
+        walker->gas += depth;
         walker->distance += spsi_color_mean(walker->through) * -expm1(-depth) * t;
         for (int c = 0; c < 3; ++c) {
-            walker->radiance[c] += walker->through[c] * source[c] * h * mean;
+            walker->radiance[c] +=
+                walker->through[c] * source.once[c] * h * mean + walker->filter[c] * source.again[c] * h;
             walker->through[c] *= exp(-depth);
         }
     }
@@ -17246,6 +17640,7 @@ static void spsi_march_on(const spsi_marcher *marcher, int x, int y, spsi_sample
     for (int c = 0; c < 3; ++c) {
         walker->radiance[c] += walker->through[c] * surface[c];
         walker->through[c] *= (double)face->transmittance[c];
+        walker->filter[c] *= (double)face->transmittance[c];
     }
     walker->distance += (before - spsi_color_mean(walker->through)) * walker->high;
     walker->ended = !(walker->through[0] > 0 || walker->through[1] > 0 || walker->through[2] > 0);
@@ -17299,8 +17694,8 @@ static void spsi_march_start(const spsi_marcher *marcher, const spsi_rays *centr
                     &marcher->frame->content->eye);
     for (size_t i = 0; i < pixels; ++i) {
         spsi_walker *walker = &marcher->walkers[i];
-        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = 1;
-        walker->distance = 0;
+        for (int c = 0; c < 3; ++c) walker->radiance[c] = 0, walker->through[c] = walker->filter[c] = 1;
+        walker->distance = walker->gas = 0;
         walker->high = walker->depth = -HUGE_VAL;
         walker->hit.face = -1;
         walker->ended = 0;
@@ -17495,7 +17890,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>paths
-   31 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   32 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
    the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
@@ -18088,6 +18483,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
+    marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     for (int y = 0; y < region[3]; ++y) {
         if (spsi_background_row(context, frame, y, rgb)) return context->result;
@@ -18113,7 +18509,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
 }
 
 /* =============================================================================================== >>public
-   32 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   33 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */

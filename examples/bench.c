@@ -1531,6 +1531,33 @@ static void bench_penumbrae(void) {
 
 /* ================================================================================================== paths */
 
+/* Light scattered forward any number of times, against once: from both sides, since sheets take another pass over the
+   gas for light from behind, and tables do not. */
+static void bench_scattering(void) {
+    static const double directions[2][3] = {{-0.3, -0.6, -0.7}, {-0.3, -0.6, 0.7}};
+    ex_session sessions[2];
+    for (int k = 0; k < 2; ++k) ex_session_measure(&sessions[k], program, WORKERS);
+    printf("\nScattering: a blob of 128^3 voxels over a plane, 512 x 512, 2 workers, ms\n\n");
+    printf("| light | shadows | once | forward | forward / once |\n|---|---|---|---|---|\n");
+    for (int i = 0; i < 4; ++i) {
+        contender c[2];
+        frame f;
+        blob_frame(&f, 128, 512);
+        memcpy(f.light.direction, directions[i % 2], sizeof f.light.direction);
+        f.light.shadow_source = i / 2 ? SPS_SHADOW_TABLE : SPS_SHADOW_SHEETS;
+        for (int k = 0; k < 2; ++k) {
+            contender_set(&c[k], &sessions[k], &f, 0);
+            c[k].view.scattering = k ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
+        }
+        race(c, 2, REPEATS);
+        printf("| from %s | %s | %.1f | %.1f | %.2f |\n", i % 2 ? "behind" : "the front",
+               i / 2 ? "a table that is held" : "sheets", 1000 * c[0].seconds, 1000 * c[1].seconds,
+               c[1].seconds / c[0].seconds);
+        frame_end(&f);
+    }
+    for (int k = 0; k < 2; ++k) ex_session_end(&sessions[k]);
+}
+
 /* What the standard error of multiple scattering costs: the blob over a plane, in a sun and under a sky. */
 static void bench_paths(void) {
     enum { SIDE = 96, TRIALS = 4 };
@@ -1574,11 +1601,12 @@ int main(int argc, char **argv) {
     const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
     const int edges = speed || (argc == 2 && strcmp(argv[1], "edges") == 0);
     const int lights = speed || (argc == 2 && strcmp(argv[1], "lights") == 0);
+    const int scattering = speed || (argc == 2 && strcmp(argv[1], "scattering") == 0);
     const int paths = speed || (argc == 2 && strcmp(argv[1], "paths") == 0);
-    if (!maps && !accuracy && !polygons && !edges && !lights && !paths) {
+    if (!maps && !accuracy && !polygons && !edges && !lights && !scattering && !paths) {
         fprintf(stderr,
-                "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `edges`, or `paths`, or `maps`, or "
-                "`accuracy`\n",
+                "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `edges`, or `scattering`, or `paths`, or "
+                "`maps`, or `accuracy`\n",
                 argv[0]);
         return 2;
     }
@@ -1597,6 +1625,7 @@ int main(int argc, char **argv) {
     }
     if (polygons) bench_polygons();
     if (edges) bench_edges();
+    if (scattering) bench_scattering();
     if (paths) bench_paths();
     if (maps) bench_maps();
     if (accuracy) {

@@ -245,6 +245,7 @@ static void make_view(const arguments *all, sps_view *view) {
     view->slab = all->slab;
     view->shadow_size = all->shadow_size;
     view->no_shadows = all->no_shadows;
+    view->scattering = (sps_scattering)all->scattering;
 }
 
 /* ================================================================================================= reports */

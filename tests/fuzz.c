@@ -368,6 +368,7 @@ static void random_view(scenery *x) {
     if (one_in(4)) view->slab = one_in(6) ? 1e6 : strange(0.2, 5);
     view->shadow_size = one_in(10) ? 0 : 1 + below(100);
     view->no_shadows = one_in(8);
+    view->scattering = one_in(3) ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
     if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
 }
 

@@ -15,8 +15,6 @@ check_picture() {
 check_make() {
     "$MAKE" install DESTDIR="$folder/root" PREFIX=/opt/splatshadow
     cmp splatshadow.h "$folder/root/opt/splatshadow/include/splatshadow.h"
-    "$CC" -std=c99 -O1 -I"$folder/root/opt/splatshadow/include" examples/hello.c -o "$folder/hello" -lm
-    check_picture "$folder/hello"
     "$MAKE" uninstall DESTDIR="$folder/root" PREFIX=/opt/splatshadow
     test -z "$(find "$folder/root" -type f)"
 }
@@ -38,7 +36,7 @@ C
 }
 
 build_by_cmake() {
-    cmake -S "$1" -B "$2" -DCMAKE_C_COMPILER="$CC" -DCMAKE_BUILD_TYPE=Release -DCMAKE_C_FLAGS_RELEASE=-O1
+    cmake -S "$1" -B "$2" -DCMAKE_C_COMPILER="$CC" -DCMAKE_BUILD_TYPE=Release -DCMAKE_C_FLAGS_RELEASE=-O0
     cmake --build "$2"
     check_picture "$2/hello"
 }

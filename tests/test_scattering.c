@@ -1,0 +1,564 @@
+/* Light that scatters forward more than once: tables against another form of their series, layers against integrals of
+   it, all kinds of matter, lights and shadows against the reference, clouds against random paths; and where it must
+   leave everything as it is. */
+
+#include "check.h"
+
+enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, CLOUD = 24, PARTICLES = 50, LANE_COUNT = SPSI_LANES };
+static float image_a[COUNT], image_b[COUNT], image_c[COUNT], errors[3 * SIDE * SIDE];
+static sps_context *context;
+static check_triangles ground, pane;
+
+static const float one = 1;
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+/* --- the series --- */
+
+static double henyey_greenstein(double g, double c) {
+    return (1 - g * g) / (4 * SPSI_PI * pow(1 + g * g - 2 * g * c, 1.5));
+}
+
+/* A phase function folded with itself until it stands for n events: lobes multiply their asymmetries. */
+static double folded(const sps_lobe pair[2], int n, double c) {
+    double sum = 0, ways = pow((double)pair[0].weight, n);
+    if (!(pair[1].weight > 0)) return henyey_greenstein(pow((double)pair[0].asymmetry, n), c);
+    for (int i = 0; i <= n; ++i) { /* i events by the second lobe */
+        sum += ways * henyey_greenstein(pow((double)pair[0].asymmetry, n - i) * pow((double)pair[1].asymmetry, i), c);
+        ways *= (double)pair[1].weight / (double)pair[0].weight * (n - i) / (i + 1);
+    }
+    return sum;
+}
+
+/* X of two lobes whose weights add up to 1, event by event instead of order by order. What is lost from the order 0 is
+   the fit that >>scattering states. */
+static double exact_pair(const sps_lobe pair[2], double albedo, double t, double c) {
+    const double g =
+        (double)pair[0].weight * (double)pair[0].asymmetry + (double)pair[1].weight * (double)pair[1].asymmetry;
+    const double lost = 0.06 * (1 + c) * (1 + c) * (1 - g) * t;
+    double sum = 0, uniform = 0, weight = exp(-t);
+    for (int k = 1; k < 40 + 4 * t; ++k) {
+        weight *= albedo * t / (k + 1);
+        sum += weight * folded(pair, k + 1, c);
+        uniform += weight * 0.25 / SPSI_PI;
+    }
+    return fmax(sum - uniform * lost / (1 + lost), -folded(pair, 1, c) * exp(-t));
+}
+
+static double exact_forward(double g, double albedo, double t, double c) {
+    const sps_lobe pair[2] = {{(float)g, 1}, {0, 0}};
+    return exact_pair(pair, albedo, t, c);
+}
+
+static spsi_material gas_of(double g, double albedo) {
+    spsi_material material;
+    memset(&material, 0, sizeof material);
+    material.lobe_count = 1, material.lobes[0].weight = 1, material.lobes[0].asymmetry = (float)g;
+    for (int c = 0; c < 3; ++c) material.albedo[c] = (float)albedo;
+    return material;
+}
+
+/* A table's mean from depth t0 to t1. */
+static double table_mean(const spsi_material *material, double albedo, double c, double t0, double t1) {
+    float lanes[LANE_COUNT];
+    spsi_forward_part part;
+    spsi_forward_part_build(spsi_set((float)c), spsi_set((float)t0), spsi_set((float)t1), &part);
+    spsi_store(lanes, spsi_forward_channel(material, 0, spsi_set((float)albedo), &part));
+    return (double)lanes[0];
+}
+
+/* At nodes, what orders are left out costs: their squares are below 1e-4, and the phase function's peak is the sum of
+   all of them. Between nodes, a bilinear table errs by about what half a node changes the slope. */
+static void test_series(void) {
+    static const double asymmetries[] = {-0.6, 0, 0.5, 0.85, 0.95}, allowed[] = {0.01, 0.01, 0.005, 0.01, 0.02};
+    static spsi_forward table;
+    for (int i = 0; i < 5; ++i) {
+        const double g = asymmetries[i], albedo = i % 2 ? 0.9 : 1;
+        spsi_material material = gas_of(g, albedo);
+        check_random random = {3};
+        double square = 0, worst = 0;
+        spsi_forward_build(&material, &table);
+        material.forward = &table;
+        CHECK(table.level_count == 1);
+        for (int n = 0; n < 2000; ++n) {
+            const int column = (int)(31 * check_next(&random)), row = (int)(32 * check_next(&random));
+            const double u = column / 31.0, t = 4 * u / (1 - u), c = cos(SPSI_PI * row * row / (31.0 * 31));
+            const double angle = 1 - 2 * check_next(&random) * check_next(&random), depth = 12 * check_next(&random);
+            const double exact = exact_forward((double)(float)g, (double)(float)albedo, depth, angle);
+            const double whole = exact + henyey_greenstein(g, angle) * exp(-depth);
+            const double off = (double)table.level[0][row * 32 + column] -
+                               exact_forward((double)(float)g, (double)(float)albedo, t, c);
+            worst = fmax(worst, fabs(off) / (henyey_greenstein(fabs(g), 1) * (1 + t) * exp(-t) + 1e-6));
+            square += pow((table_mean(&material, albedo, angle, depth, depth) - exact) / whole, 2) / 2000;
+        }
+        if (figures()) printf("g %.2f: nodes off by %.6f of the peak, between them %.4f rms\n", g, worst, sqrt(square));
+        CHECK(worst < 1e-3);
+        CHECK(sqrt(square) < allowed[i]);
+    }
+}
+
+/* Several lobes: the sum over events has every mixture of them. */
+static void test_lobes(void) {
+    static const sps_lobe pair[2] = {{0.7f, 0.75f}, {-0.3f, 0.25f}};
+    static spsi_forward table;
+    spsi_material material = gas_of(0, 1);
+    material.lobe_count = 2;
+    memcpy(material.lobes, pair, sizeof pair);
+    spsi_forward_build(&material, &table);
+    for (int i = 0; i < 31; i += 3)
+        for (int k = 0; k < 32; k += 3) {
+            const double u = i / 31.0, t = 4 * u / (1 - u);
+            const double exact = exact_pair(pair, 1, t, cos(SPSI_PI * k * k / (31.0 * 31)));
+            CHECK_NEAR((double)table.level[0][32 * k + i], exact, 1e-3 * folded(pair, 1, 1) * (1 + t) * exp(-t) + 1e-6);
+        }
+}
+
+/* Classified volumes look albedo up, too. Errors are relative to what an albedo of 1 would send; at a small albedo and
+   a large depth, where next to nothing is sent, they are a larger part of it. */
+static void test_levels(void) {
+    static spsi_forward table, exact;
+    static spsi_table classified;
+    double worst = 0;
+    spsi_material material = gas_of(0.7, 0);
+    material.table = &classified;
+    spsi_forward_build(&material, &table);
+    material.forward = &table;
+    CHECK(table.level_count == SPSI_FORWARD_LEVELS);
+    for (int i = 0; i <= 40; ++i)
+        for (int n = 0; n < 8; ++n) {
+            const double albedo = i / 40.0, t = 0.2 + n, c = cos(0.4 * n);
+            spsi_material gas = gas_of(0.7, albedo);
+            spsi_forward_build(&gas, &exact);
+            gas.forward = &exact;
+            worst = fmax(worst, fabs(table_mean(&material, albedo, c, t, t) - table_mean(&gas, albedo, c, t, t)) /
+                                    (table_mean(&material, 1, c, t, t) + henyey_greenstein(0.7, c) * exp(-t)));
+        }
+    if (figures()) printf("levels of albedo: off by %.4f\n", worst);
+    CHECK(worst < 0.015);
+}
+
+/* Means over parts, thin and thick, against many depths in each. */
+static void test_means(void) {
+    static const double starts[] = {0, 0.5, 3, 20}, lengths[] = {0.01, 0.5, 1.9, 4, 16, 100};
+    static spsi_forward table;
+    spsi_material material = gas_of(0.8, 1);
+    spsi_forward_build(&material, &table);
+    material.forward = &table;
+    for (int i = 0; i < 4; ++i)
+        for (int k = 0; k < 6; ++k)
+            for (int n = 0; n < 3; ++n) {
+                const double t0 = starts[i], t1 = t0 + lengths[k], c = 1 - 0.6 * n;
+                const double low = log(t0 + 1), high = log(t1 + 1);
+                double sum = 0, got = table_mean(&material, 1, c, t0, t1);
+                for (int m = 0; m < 2000; ++m) {
+                    const double t = exp(low + (high - low) * (m + 0.5) / 2000) - 1;
+                    sum += table_mean(&material, 1, c, t, t) * (t + 1) * (high - low) / 2000 / (t1 - t0);
+                }
+                if (!CHECK(fabs(got - sum) <= (lengths[k] < 4 ? 0.01 : 0.06) * sum + 1e-6))
+                    printf("    from %g, %g long, cosine %g: %g, exact %g\n", t0, lengths[k], c, got, sum);
+                got = table_mean(&material, 1, c, t1, t0);
+                CHECK_NEAR(got, table_mean(&material, 1, c, t0, t1), 1e-6 + 1e-4 * sum);
+            }
+}
+
+/* --- layers --- */
+
+/* A layer of unit thickness and unit albedo, far wider than the view, lit along the eye's rays or against them. */
+static void start_layer(check_scene *s, double depth, const sps_lobe *lobe, double towards) {
+    sps_volume *volume;
+    check_clear(s, 4, 4);
+    volume = check_add_volume(s, 32, 32, 64, check_box(-8, -8, 0, 8, 8, 1));
+    volume->read_fn = check_read_constant;
+    volume->user = (void *)(size_t)&one;
+    volume->extinction = (float)depth;
+    volume->lobes = lobe, volume->lobe_count = 1;
+    check_color(volume->albedo, 1, 1, 1);
+    check_set3(s->view.camera.position, 0, 0, 9);
+    check_add_directional(s, 0, 0, towards, 1);
+    s->view.scattering = SPS_SCATTERING_FORWARD;
+    s->view.quality = SPS_QUALITY_HIGH;
+}
+
+/* Through a layer, all light passes the same depth, wherever it scatters; what comes back has passed twice the depth at
+   which it turned. Any number of slabs must show this: errors are the tables' and, for few slabs, the quadrature's. */
+static void test_layers(void) {
+    static const double depths[] = {0.3, 2, 8}, slabs[] = {1, 8, 32};
+    static const sps_lobe lobe = {0.8f, 1};
+    const double g = (double)lobe.asymmetry;
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 3; ++k)
+            for (int back = 0; back < 2; ++back) {
+                const double t = depths[i];
+                double exact = 0;
+                check_scene s;
+                start_layer(&s, t, &lobe, back ? -1 : 1);
+                s.view.slab = slabs[k];
+                check_render(context, &s, image_a);
+                if (back)
+                    for (int n = 0; n < 400; ++n) {
+                        const double x = 2 * t * (n + 0.5) / 400;
+                        exact += t / 400 * (henyey_greenstein(g, -1) * exp(-x) + exact_forward(g, 1, x, -1));
+                    }
+                else
+                    exact = t * (henyey_greenstein(g, 1) * exp(-t) + exact_forward(g, 1, t, 1));
+                if (figures())
+                    printf("layer of %g, %s, slabs of %g: %.5f, exact %.5f\n", t, back ? "back" : "through", slabs[k],
+                           (double)image_a[0], exact);
+                CHECK_NEAR((double)image_a[0], exact, 0.03 * exact);
+            }
+}
+
+/* --- against the reference --- */
+
+static double puff(const void *user, const double p[3]) {
+    const double r = spsi_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
+    (void)user;
+    return fmin(fmax(2.5 * (0.8 + ripples - r), 0), 1);
+}
+
+static const check_field puff_field = {puff, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0}, {1, {0.9f, 0.6f, 0.3f}, 6}};
+static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
+static const sps_lobe lobes[] = {{0.7f, 3}, {-0.2f, 1}};
+static sps_particle swarm[PARTICLES];
+
+static void add_puff(check_scene *s) {
+    sps_volume *volume = check_add_volume(s, 25, 25, 25, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field;
+    volume->user = (void *)(size_t)&puff_field;
+    volume->extinction = 5;
+    volume->lobes = lobes, volume->lobe_count = 2;
+    check_color(volume->albedo, 1, 0.8, 0.5);
+}
+
+static void add_swarm(check_scene *s) {
+    static sps_particles set;
+    check_random random = {5};
+    for (int i = 0; i < PARTICLES; ++i) {
+        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.4 * check_next(&random) - 0.7);
+        swarm[i].radius = 0.25f;
+        swarm[i].optical_depth = 0.8f;
+    }
+    memset(&set, 0, sizeof set);
+    set.count = PARTICLES, set.read_fn = check_read_particles, set.user = swarm, set.soft = 1;
+    set.lobes = lobes, set.lobe_count = 1;
+    check_color(set.albedo, 0.8, 0.9, 1);
+    s->scene.particles = &set, s->scene.particle_set_count = 1;
+}
+
+static void add_polygons(check_scene *s) {
+    const double origin[3] = {-2, -1.1, -2}, u[3] = {4, 0, 0}, v[3] = {0, 0, 4};
+    const double high[3] = {-1, 0.2, -1.2}, wide[3] = {1.1, 0, 0}, deep[3] = {0, 0.1, 2.4};
+    ground.count = pane.count = 0;
+    check_add_quad(&ground, origin, u, v);
+    check_add_mesh(s, &ground, 0.5);
+    check_add_quad(&pane, high, wide, deep);
+    check_translucent(check_add_mesh(s, &pane, 0.2), 0.5);
+}
+
+enum { GAS, CLASSIFIED, SURFACE, SWARM, AMID_POLYGONS, KINDS };
+static const char *const kinds[] = {"gas", "classified", "surface", "particles", "amid polygons"};
+enum { SUN, WIDE_SUN, LAMP, LAMP_WITHIN, LIGHTS };
+static const char *const lights[] = {"sun", "wide sun", "lamp", "lamp within"};
+
+static void start(check_scene *s, int kind, int light) {
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 1.5, 1, 5);
+    check_perspective(&s->view.camera, 0.3); /* pixels smaller than voxels */
+    if (kind == SWARM)
+        add_swarm(s);
+    else
+        add_puff(s);
+    if (kind == CLASSIFIED || kind == SURFACE) s->volume[0].transfer = &tissue;
+    if (kind == SURFACE) s->volume[0].shading = SPS_SHADING_SURFACE, s->volume[0].gradient_full = 0.3f;
+    if (kind == AMID_POLYGONS) add_polygons(s);
+    if (light == SUN || light == WIDE_SUN) check_add_directional(s, 0.5, -0.8, 0.4, 2);
+    if (light == WIDE_SUN) s->light[0].angular_diameter = 0.1;
+    if (light == LAMP) check_add_point(s, -2, 3, -2, 20);
+    if (light == LAMP_WITHIN) check_add_point(s, 0.1, 0.15, -0.2, 1);
+    s->view.quality = SPS_QUALITY_HIGH;
+    s->view.scattering = SPS_SCATTERING_FORWARD;
+}
+
+static double mean_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < SIDE * SIDE; ++i)
+        for (int c = 0; c < 3; ++c) sum += (double)image[4 * i + c] / (3.0 * SIDE * SIDE);
+    return sum;
+}
+
+/* Root of the mean square difference of radiance from image_b, relative to its mean. */
+static double error_of(const float *image) {
+    double square = 0;
+    for (int i = 0; i < COUNT; ++i)
+        if (i % 4 < 3) square += pow((double)image[i] - (double)image_b[i], 2) / (3 * SIDE * SIDE);
+    return sqrt(square) / mean_of(image_b);
+}
+
+/* The reference marches with the series itself. Errors may be those of light that scatters once, and 0.5 % of tables.
+ */
+static void test_reference(void) {
+    for (int kind = 0; kind < KINDS; ++kind)
+        for (int light = 0; light < LIGHTS; ++light) {
+            double once, again, more;
+            check_scene s;
+            if (!check_long() && ((kind + light) % 2 || light == WIDE_SUN)) continue;
+            start(&s, kind, light);
+            s.view.scattering = SPS_SCATTERING_OFF;
+            check_render(context, &s, image_a);
+            check_march(context, &s, 0.4, image_b, NULL);
+            once = error_of(image_a);
+            more = mean_of(image_b);
+            s.view.scattering = SPS_SCATTERING_FORWARD;
+            check_render(context, &s, image_a);
+            check_march(context, &s, 0.4, image_b, NULL);
+            again = error_of(image_a);
+            more = mean_of(image_b) / more;
+            if (figures())
+                printf("%s, %s: %.2f times as bright, error %.4f, scattered once %.4f\n", kinds[kind], lights[light],
+                       more, again, once);
+            CHECK(more > 1.05);
+            if (!CHECK(again < once + 0.005))
+                printf("    %s, %s: %.4f, %.4f\n", kinds[kind], lights[light], again, once);
+        }
+    check_free_triangles(&ground);
+    check_free_triangles(&pane);
+}
+
+/* Whatever gas is shaded by, it shows the same. */
+static void test_shadows(void) {
+    static const sps_tmap_settings deep = {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.002f};
+    check_scene s;
+    start(&s, GAS, SUN);
+    check_force_sheets(&s);
+    check_render(context, &s, image_b);
+    s.light[0].shadow_source = SPS_SHADOW_TABLE;
+    check_render(context, &s, image_a);
+    CHECK(error_of(image_a) < 0.01);
+    s.light[0].shadow_source = SPS_SHADOW_AUTO;
+    s.light[0].shadow_map = &deep;
+    check_render(context, &s, image_a);
+    CHECK(error_of(image_a) < 0.01);
+}
+
+/* --- against random paths --- */
+
+static float cloud[CLOUD * CLOUD * CLOUD];
+
+static int read_cloud(void *user, const int low[3], const int size[3], float *out) {
+    (void)user;
+    for (int z = 0; z < size[2]; ++z)
+        for (int y = 0; y < size[1]; ++y)
+            for (int x = 0; x < size[0]; ++x) *out++ = cloud[((low[2] + z) * CLOUD + low[1] + y) * CLOUD + low[0] + x];
+    return 0;
+}
+
+/* Overlapping lumps. */
+static void make_cloud(void) {
+    check_random random = {7};
+    memset(cloud, 0, sizeof cloud);
+    for (int i = 0; i < 14; ++i) {
+        double centre[3], radius = CLOUD / 16.0 + CLOUD / 8.0 * check_next(&random);
+        for (int k = 0; k < 3; ++k) centre[k] = CLOUD * (0.28 + 0.44 * check_next(&random));
+        for (int n = 0; n < CLOUD * CLOUD * CLOUD; ++n) {
+            const double x = n % CLOUD + 0.5 - centre[0], y = n / CLOUD % CLOUD + 0.5 - centre[1];
+            const double z = n / (CLOUD * CLOUD) + 0.5 - centre[2];
+            const double d = 1 - (x * x + y * y + z * z) / (radius * radius);
+            if (d > 0) cloud[n] = (float)fmin(1, (double)cloud[n] + d * d);
+        }
+    }
+}
+
+/* Relative to random paths' mean, with their own variance taken off. */
+static double error_of_paths(const float *image) {
+    double square = 0;
+    for (int i = 0; i < SIDE * SIDE; ++i) {
+        square += pow((double)image[4 * i] - (double)image_b[4 * i], 2) - pow((double)errors[3 * i], 2);
+    }
+    return sqrt(fmax(square, 0) / (SIDE * SIDE)) / mean_of(image_b);
+}
+
+/* A cloud of albedo 1 from behind, aside and in front: not exact, but far closer than light that scatters once. */
+static void test_cloud(void) {
+    static const double directions[3][3] = {{0.3, 0.1, 1}, {1, 0.2, 0}, {0.3, -0.4, -1}};
+    static const sps_lobe around = {0.3f, 1};
+    sps_reference_settings settings;
+    sps_image image;
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    settings.step = 0.5, settings.samples = check_long() ? 200 : 50, settings.seed = 1, settings.error = errors;
+    image.rgba = image_b;
+    make_cloud();
+    for (int i = 0; i < 3; ++i) {
+        double once, again, mean;
+        check_scene s;
+        sps_volume *volume;
+        check_clear(&s, SIDE, SIDE);
+        s.view.camera.ortho_height = 1.4;
+        volume = check_add_volume(&s, CLOUD, CLOUD, CLOUD, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = read_cloud;
+        volume->extinction = 8;
+        volume->lobes = &around, volume->lobe_count = 1;
+        check_color(volume->albedo, 1, 1, 1);
+        check_add_directional(&s, directions[i][0], directions[i][1], directions[i][2], 1);
+        s.view.quality = SPS_QUALITY_HIGH;
+        if (!CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image))) return;
+        check_render(context, &s, image_a);
+        s.view.scattering = SPS_SCATTERING_FORWARD;
+        check_render(context, &s, image_c);
+        once = error_of_paths(image_a), again = error_of_paths(image_c);
+        mean = mean_of(image_c) / mean_of(image_b);
+        if (figures())
+            printf("cloud, light %d: once %.3f, forward %.3f of the mean; mean %.3f and %.3f of random paths\n", i,
+                   once, again, mean_of(image_a) / mean_of(image_b), mean);
+        CHECK(again < 0.55 * once);
+        CHECK(mean > 0.7 && mean < 1.15);
+    }
+}
+
+/* --- where nothing changes, and what never fails --- */
+
+static int same(const float *a, const float *b) { return memcmp(a, b, sizeof image_a) == 0; }
+
+static int forward_runs(const check_scene *s) {
+    sps_plan_report report;
+    if (!CHECK_OK(context, sps_plan(context, &s->scene, &s->view, &report))) return -1;
+    return report.pass[SPS_PASS_FORWARD].runs;
+}
+
+/* Albedo 0, lights without shadows, and no light call for nothing. */
+static void test_left_out(void) {
+    for (int kind = 0; kind < 3; ++kind) {
+        check_scene s;
+        start(&s, GAS, SUN);
+        CHECK(forward_runs(&s) == 1);
+        if (kind == 0) check_color(s.volume[0].albedo, 0, 0, 0);
+        if (kind == 1) s.light[0].no_shadow = 1;
+        if (kind == 2) s.scene.light_count = 0;
+        CHECK(forward_runs(&s) == 0);
+        check_render(context, &s, image_a);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        CHECK(forward_runs(&s) == 0);
+        check_render(context, &s, image_b);
+        CHECK(same(image_a, image_b));
+    }
+}
+
+/* Light from behind, by sheets, takes another pass over them; from the front, or by a table, it does not. */
+static void test_passes(void) {
+    for (int kind = 0; kind < 3; ++kind) {
+        sps_plan_report report, once;
+        sps_stats_report stats;
+        double slabs, bytes;
+        check_scene s;
+        start(&s, GAS, SUN);
+        if (kind == 1) check_set3(s.light[0].direction, -0.5, -0.8, -2);
+        if (kind == 2)
+            s.light[0].shadow_source = SPS_SHADOW_TABLE;
+        else
+            check_force_sheets(&s);
+        if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report))) return;
+        CHECK(report.pass[SPS_PASS_EYE_SHEETS].runs == (kind == 0 ? 2 : 1));
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        slabs = (double)stats.slabs;
+        s.view.scattering = SPS_SCATTERING_OFF;
+        if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &once))) return;
+        bytes = (double)report.pass[SPS_PASS_EYE_SHEETS].bytes - (double)once.pass[SPS_PASS_EYE_SHEETS].bytes;
+        CHECK_NEAR(bytes, kind == 0 ? 4 * (2 + 3) * 64 * 64 : 0, 0); /* one tile */
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        CHECK_NEAR(slabs / (double)stats.slabs, kind == 0 ? 2 : 1, 0.01);
+    }
+}
+
+/* Thin gas scatters nothing twice: X is at most depth / 2 times the largest of what scatters once. */
+static void test_thin(void) {
+    check_scene s;
+    start(&s, GAS, SUN);
+    s.volume[0].extinction = 1e-4f, s.volume[0].lobe_count = 0;
+    check_render(context, &s, image_a);
+    s.view.scattering = SPS_SCATTERING_OFF;
+    check_render(context, &s, image_b);
+    CHECK(check_largest(image_a, image_b, COUNT) < 2e-4 * mean_of(image_b) * 10);
+    CHECK(!same(image_a, image_b));
+}
+
+static void test_two_lights(void) {
+    check_scene s;
+    start(&s, GAS, SUN);
+    check_add_point(&s, -2, 3, -2, 20);
+    check_render(context, &s, image_c);
+    s.scene.light_count = 1;
+    check_render(context, &s, image_a);
+    s.light[0] = s.light[1];
+    check_render(context, &s, image_b);
+    for (int i = 0; i < COUNT; ++i)
+        if (i % 4 < 3) image_a[i] += image_b[i];
+    memcpy(image_b, image_c, sizeof image_b);
+    CHECK(error_of(image_a) < 0.01); /* slabs and shadow buffers differ */
+}
+
+/* A gas of colored albedo shows in each channel what a grey gas of that albedo shows. */
+static void test_colors(void) {
+    for (int c = 0; c < 3; ++c) {
+        double largest = 0;
+        check_scene s;
+        start(&s, GAS, SUN);
+        check_render(context, &s, image_a);
+        check_color(s.volume[0].albedo, s.volume[0].albedo[c], s.volume[0].albedo[c], s.volume[0].albedo[c]);
+        check_render(context, &s, image_b);
+        for (int i = c; i < COUNT; i += 4) largest = fmax(largest, fabs((double)(image_a[i] - image_b[i])));
+        if (!CHECK(largest <= 1e-5 * mean_of(image_b)))
+            printf("    color %d: %g of %g\n", c, largest, mean_of(image_b));
+    }
+}
+
+/* Peaks, backward peaks and several lobes, thin to dense: finite, and not negative. */
+static void test_finite(void) {
+    static const sps_lobe all[][2] = {{{0.99f, 1}, {0, 0}}, {{-0.99f, 1}, {0, 0}}, {{0.95f, 5}, {-0.9f, 1}}};
+    static const float extinctions[] = {1e-6f, 3, 1e3f, 1e12f};
+    for (int i = 0; i < 3; ++i)
+        for (int k = 0; k < 4; ++k) {
+            int bad = 0;
+            check_scene s;
+            start(&s, i == 1 ? CLASSIFIED : GAS, k % 2 ? LAMP : SUN);
+            s.view.quality = SPS_QUALITY_DRAFT;
+            s.volume[0].lobes = all[i], s.volume[0].lobe_count = i == 2 ? 2 : 1;
+            s.volume[0].extinction = extinctions[k];
+            check_color(s.volume[0].albedo, 1, 1, 0.999);
+            check_render(context, &s, image_a);
+            for (int n = 0; n < COUNT; ++n) bad += !(image_a[n] >= 0 && image_a[n] <= FLT_MAX);
+            CHECK(bad == 0);
+        }
+}
+
+static void test_refused(void) {
+    static const int wrong[] = {-1, SPS_SCATTERING_FORWARD + 1};
+    check_scene s;
+    for (int i = 0; i < 2; ++i) {
+        start(&s, GAS, SUN);
+        memcpy(&s.view.scattering, &wrong[i], sizeof wrong[i]);
+        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.scattering is");
+    }
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_series);
+    RUN(test_lobes);
+    RUN(test_levels);
+    RUN(test_means);
+    RUN(test_layers);
+    RUN(test_reference);
+    RUN(test_shadows);
+    RUN(test_cloud);
+    RUN(test_left_out);
+    RUN(test_passes);
+    RUN(test_thin);
+    RUN(test_two_lights);
+    RUN(test_colors);
+    RUN(test_finite);
+    RUN(test_refused);
+    sps_destroy(context);
+    return check_report();
+}

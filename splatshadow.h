@@ -710,8 +710,9 @@ typedef enum sps_scattering {
     /* Any number of times, each time by a small angle, so that light keeps to the straight way there and on to the eye:
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
-       turns is mostly left out. Lights without shadows are not scattered again, and polygons receive none of it. Cost:
-       a table per gas, and a lookup of it beside each one of a shadow. */
+       turns is mostly left out. Lights are followed to an optical depth of 16, and gas farther in is lit as if it were
+       there: too bright, where it is that dense. Lights without shadows are not scattered again, and polygons receive
+       none of it. Cost: a table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD
 } sps_scattering;
 
@@ -14307,13 +14308,13 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
    whose cosine is c, and leave through optical depth b; t = a + b. Besides p(c) exp(-t), what scatters once, the point
    sends X(t, c), provided that events elsewhere turn light so little that it stays on this way. Their number k is
    Poisson distributed with mean t, and each multiplies the Legendre moments of light's directions by albedo w and the
-   phase function's moment P[l]. Any of the k + 1 events may pass for the point's own, so that points together would
+   phase function's moment P[l]. Any of the k + 1 events may be taken for the point's own, so that points together would
    count a path k + 1 times; divided by that,
      X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] exp(-t) r(w P[l] t),   r(x) = (exp(x) - 1) / x - 1
-   Light that has lost its direction leaves aside: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to random
-   paths in clouds. X is cut off where p exp(-t) + X would be negative. Tables are over u = t / (t + 4), whose last node
-   is infinite depth, and s, the angle being pi s^2. Cost: ln 100 / ln(1 / g) terms per entry of a table, and two or
-   three lookups per part of a slab, light and gas. [Goudsmit & Saunderson 1940, for the moments] */
+   Light that has lost its direction leaves by the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to
+   random paths in clouds. X is cut off where p exp(-t) + X would be negative. Tables are over u = t / (t + 4), whose
+   last node is infinite depth, and s, the angle being pi s^2. Cost: ln 100 / ln(1 / g) terms per entry of a table, and
+   two or three lookups per part of a slab, light and gas. [Goudsmit & Saunderson 1940, for the moments] */
 
 /* Light that scatters forward reaches the eye from farther within: rays end at this many times the optical depth. */
 #define SPSI_FORWARD_END 4
@@ -15067,7 +15068,7 @@ static void spsi_lamp_at(const spsi_shader *shader, const spsi_lamp *lamp, const
 
 /* Where a part adds the radiance that it sends, by color. */
 typedef struct spsi_sent {
-    spsi_v *once, *again; /* that of light scattered forward more than once; the same, front to back */
+    spsi_v *once, *again; /* again: light scattered forward more than once; front to back, the same array as once */
     spsi_v ahead;         /* back to front: optical depth of gas that is nearer to the eye */
 } spsi_sent;
 
@@ -15715,7 +15716,7 @@ static int spsi_part_cut(const spsi_shader *shader, const spsi_slab *slab, spsi_
     return 1;
 }
 
-#define SPSI_GAS_MOST 200.0f /* counted of a part: sums stay precise, and no light passes as much */
+#define SPSI_GAS_MOST 200.0f /* counted of a part, so that sums stay precise */
 
 /* Where a part adds what it sends: to the sums, or, if layers filter it, to `filtered`. */
 static spsi_sent spsi_part_sent(const spsi_shader *shader, const spsi_part *part, spsi_v filtered[2][3],

@@ -53,10 +53,11 @@ CONTENTS (search for the tag)
     >>targets       21 filling sheets, by tile       >>lightsheets   22 sheets as optical depth
     >>tmaps         23 transmittance maps            >>penumbrae     24 light of many points
     >>shadows       25 shadows on gas, surfaces      >>scattering    26 light scattered more than once
-    >>shading       27 light leaving a sheet         >>sweep         28 chunks of slabs, tiles
-    >>frame         29 sweep after sweep, the image  >>plan          30 what a scene calls for
-    >>reference     31 brute-force ray marching      >>paths         32 random paths
-    >>public        33 the public functions          >>licence
+    >>cells         27 light from cell to cell       >>shading       28 light leaving a sheet
+    >>lighting      29 filling and lighting cells    >>sweep         30 chunks of slabs, tiles
+    >>frame         31 sweep after sweep, the image  >>plan          32 what a scene calls for
+    >>reference     33 brute-force ray marching      >>paths         34 random paths
+    >>public        35 the public functions          >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters once, or forward any number of times; fully only
@@ -713,7 +714,15 @@ typedef enum sps_scattering {
        turns is mostly left out. Lights are followed to an optical depth of 16, and gas farther in is lit as if it were
        there: too bright, where it is that dense. Lights without shadows are not scattered again, and polygons receive
        none of it. Cost: a table per gas, and a lookup of it beside each one of a shadow. */
-    SPS_SCATTERING_FORWARD
+    SPS_SCATTERING_FORWARD,
+    /* Any number of times in every direction, on a grid of cubic cells about all gas, for all lights at once: what
+       comes back, what leaves by the sides, what goes from gas to gas, and emission and ambient light that is
+       scattered. What keeps to the straight way is added as by FORWARD. See sps_view.scatter_size. The light in the
+       cells does not depend on the camera: it is held for the next call, and used there if nothing that it was made
+       from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Polygons
+       shade the lights' way to the cells, but neither stop nor return what goes from cell to cell, and receive nothing
+       of it. A light with an extent lights the cells from its centre. */
+    SPS_SCATTERING_FULL
 } sps_scattering;
 
 typedef struct sps_view {
@@ -745,7 +754,10 @@ typedef struct sps_view {
        skipped. */
     float lookup_threshold;
     sps_scattering scattering; /* 0, the default: light scatters once */
-    uint32_t end_canary;       /* leave 0 */
+    /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
+       is proportional to the optical depth of a cell where gas is dense. */
+    int scatter_size;
+    uint32_t end_canary; /* leave 0 */
 } sps_view;
 
 /* The caller's buffers: for a region of W x H pixels, (H - 1) * row_pixels + W of them. Written on SPS_OK only. */
@@ -799,6 +811,7 @@ typedef enum sps_pass {
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
+    SPS_PASS_CELLS,          /* follows light from cell to cell */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
     SPS_PASS_AMBIENT,        /* ambient light on gases and surfaces */
     SPS_PASS_SURFACE_LIGHT,  /* lights on polygons */
@@ -835,10 +848,10 @@ typedef struct sps_plan_report {
 typedef struct sps_stats_report {
     /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; passing their points
        to shade_fn; building their tree; tracing shadow rays through it; binning bricks and particles; the lights'
-       sheets; the eye's sheets, shading and the image; all of the call. Set by sps_render; sps_reference and
-       sps_tmap_finish set only seconds_total. */
+       sheets; light from cell to cell; the eye's sheets, shading and the image; all of the call. Set by sps_render;
+       sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
-    double seconds_bin, seconds_light, seconds_eye, seconds_total;
+    double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
     uint64_t shade_calls;
     uint64_t blocks_skipped; /* not read, because range_fn showed that nothing in them matters */
@@ -860,6 +873,7 @@ typedef struct sps_stats_report {
     /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
        kept from the last call. */
     uint64_t table_patches_made, table_patches_held;
+    uint64_t cells; /* in which light was followed; 0: that was held from the last call, or not asked for */
     /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
@@ -1638,6 +1652,13 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_TILES,             /* state of each tile */
     SPSI_BUFFER_AGAIN,             /* gas and light of a sweep from back to front, >>shading */
     SPSI_BUFFER_FORWARD,           /* what gases scatter forward, >>scattering */
+    SPSI_BUFFER_CELL_GRID,         /* the grid of cells, >>cells */
+    SPSI_BUFFER_CELL_JOB,          /* data for filling and lighting it, >>lighting */
+    SPSI_BUFFER_CELLS,             /* what its cells hold, and the light that reaches them */
+    SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
+    SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
+    SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells */
+    SPSI_BUFFER_CELL_SEEN,         /* what the eye sees of it */
     SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
     SPSI_BUFFER_TMAP_VOLUMES,      /* data for splatting volumes into a map, >>tmaps */
     SPSI_BUFFER_LIGHT_TMAPS,       /* lights' transmittance maps */
@@ -1687,6 +1708,7 @@ struct sps_context {
     int face_count;
     int tree_held;          /* 1: the tree of these triangles is held too */
     int shadow_table_count; /* held from the last call, >>tmaps */
+    uint64_t cells_held;    /* fingerprint of what the light in the cells was made from; 0: none, >>lighting */
     double mesh_low[3], mesh_high[3];
 };
 
@@ -1939,9 +1961,10 @@ static double spsi_part_done(const spsi_part_of_call *part, double fraction) {
     return part->progress + part->share * fraction;
 }
 
-/* Shares of a call's progress, roughly: of reading, and, in a sweep, of its lights' maps. */
+/* Shares of a call's progress, roughly: of reading, in a sweep of its lights' maps, and of cells. */
 #define SPSI_PROGRESS_GATHER 0.2
 #define SPSI_PROGRESS_TMAP   0.3
+#define SPSI_PROGRESS_CELLS  0.2
 
 #define SPSI_BATCH 256 /* items per task where they are many and small: enough to hide a task's overhead */
 
@@ -4017,6 +4040,19 @@ typedef struct spsi_image {
     float *texels[SPSI_IMAGE_LEVELS];
 } spsi_image;
 
+/* The grid in which light is followed from cell to cell, >>cells. Arrays have an entry per cell, x first, rows padded
+   to whole vectors and to two rows. */
+typedef struct spsi_cell_grid {
+    int size[3], pitch;                 /* cells along x, y, z; entries per row */
+    size_t count;                       /* entries per array */
+    double corner[3], edge;             /* of the cells, in the world */
+    int orders, terms, channels;        /* of moments, and of color */
+    float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
+    float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
+    float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
+    float *seen; /* per material and channel: radiance towards the eye per optical depth scattered */
+} spsi_cell_grid;
+
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
@@ -4029,6 +4065,7 @@ typedef struct spsi_content {
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     const spsi_image *images;      /* that lights throw, >>projectors */
+    const spsi_cell_grid *cells;   /* NULL: light is not followed from cell to cell */
     spsi_rays eye;                 /* the frame's, with depths relative to the middle of the content */
 } spsi_content;
 
@@ -4640,6 +4677,8 @@ static sps_result spsi_check_sampling(sps_context *context, sps_object object, c
 
 #define SPSI_COVERAGE_MAX 8 /* along a side of a pixel: samples are bits of 64 */
 
+#define SPSI_CELL_SIDE_MOST 256 /* cells along the longest side of a grid */
+
 static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
 static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
@@ -4663,9 +4702,12 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
                                (double)view->lookup_threshold, "it must be 0..1");
-    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FORWARD)
+    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FULL)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scattering",
                                (double)(int)view->scattering, "it must be an sps_scattering");
+    if (view->scatter_size < 0 || view->scatter_size > SPSI_CELL_SIDE_MOST)
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_size", view->scatter_size,
+                               "it must be 0..256");
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
@@ -4680,6 +4722,7 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     static const int light_points[] = {16, 8, 16, 32, 64};
+    static const int cells[] = {48, 24, 48, 64, 96};
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->matter.classifies][frame->view.quality];
     frame->accuracy.shadow_texels = texels[frame->matter.classifies][frame->view.quality];
     frame->accuracy.threshold = threshold[frame->view.quality];
@@ -4687,6 +4730,7 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     frame->accuracy.light_cut = light_cut[frame->view.quality];
     frame->accuracy.depth_map_texels = depth_map_texels[frame->view.quality];
     frame->accuracy.light_points = light_points[frame->view.quality];
+    if (frame->view.scatter_size == 0) frame->view.scatter_size = cells[frame->view.quality];
 }
 
 /* The rays of a checked camera; their width and height are already set. */
@@ -14319,18 +14363,48 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 /* Light that scatters forward reaches the eye from farther within: rays end at this many times the optical depth. */
 #define SPSI_FORWARD_END 4
 
+/* The l-th Legendre moment of a phase function. */
+static double spsi_phase_moment(const spsi_material *material, int l) {
+    double sum = 0;
+    for (int i = 0; i < material->lobe_count; ++i)
+        sum += (double)material->lobes[i].weight * pow((double)material->lobes[i].asymmetry, l);
+    return sum;
+}
+
+/* The number of orders that a frame's phase functions call for: 1 if all are even, 2 if none is forward, 4. */
+static int spsi_phase_orders(const spsi_frame *frame) {
+    int orders = 1;
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        const spsi_material *material = &frame->matter.materials[m];
+        const double second = spsi_phase_moment(material, 2);
+        if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) continue;
+        orders = spsi_most(orders, second > 0.25 ? 4 : 2);
+    }
+    return orders;
+}
+
+/* The share of what a material scatters that its peak passes straight on. */
+static double spsi_phase_peak(const spsi_material *material, int orders) {
+    return orders > 1 ? spsi_phase_moment(material, orders) : 0;
+}
+
 #define SPSI_FORWARD_ORDERS 460 /* the square of the last moment is 1e-4 at an asymmetry of 0.99, the largest */
 
-/* A phase function's series. */
+/* A phase function's series. The first `followed` orders are followed from cell to cell, for a phase function without
+   its peak, the moment after them: only what the peak passes on is left of them here. */
 typedef struct spsi_legendre {
+    int followed;
+    double peak; /* the first moment that is not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
     float phase[SPSI_FORWARD_SIZE]; /* at the angles of a table's rows */
 } spsi_legendre;
 
 /* Moments until their square is below 1e-4. */
-static void spsi_legendre_moments(const spsi_material *material, spsi_legendre *series) {
+static void spsi_legendre_moments(const spsi_material *material, int followed, spsi_legendre *series) {
     double power[SPSI_LOBES_MAX], most = 0;
+    series->followed = followed;
+    series->peak = spsi_phase_peak(material, followed);
     for (int i = 0; i < material->lobe_count; ++i) {
         power[i] = (double)material->lobes[i].weight;
         most = fmax(most, fabs((double)material->lobes[i].asymmetry));
@@ -14345,9 +14419,9 @@ static void spsi_legendre_moments(const spsi_material *material, spsi_legendre *
     }
 }
 
-static void spsi_legendre_build(const spsi_material *material, spsi_legendre *series) {
+static void spsi_legendre_build(const spsi_material *material, int followed, spsi_legendre *series) {
     float cosine[SPSI_FORWARD_SIZE];
-    spsi_legendre_moments(material, series);
+    spsi_legendre_moments(material, followed, series);
     for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
         const double s = (double)i / (SPSI_FORWARD_SIZE - 1);
         cosine[i] = (float)cos(SPSI_PI * s * s);
@@ -14362,16 +14436,23 @@ static double spsi_forward_rest(double x, double t) {
     return (exp(x - t) - exp(-t)) / x - exp(-t);
 }
 
-/* The factors d[l] at one depth. */
+/* The factors d[l] at one depth. Of an order that is followed, they are those of the peak f, and what the scale of
+   extinction there, 1 - w f, has let pass too much of what scatters once. */
 static void spsi_legendre_orders(spsi_legendre *series, double albedo, double t) {
+    const double peak = series->peak;
+    const double more = exp(-t) * expm1(fmin(albedo * peak * t, t));
     for (int l = 0; l < series->count; ++l)
-        series->orders[l] = series->moments[l] * spsi_forward_rest(albedo * series->moments[l] * t, t);
+        if (l < series->followed)
+            series->orders[l] = peak * spsi_forward_rest(albedo * peak * t, t) + (series->moments[l] - peak) * more;
+        else
+            series->orders[l] = series->moments[l] * spsi_forward_rest(albedo * series->moments[l] * t, t);
 }
 
 /* The sum over these: X. */
 static double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
     const double mean = series->count > 1 ? series->moments[1] : 0;
-    double sum = series->orders[0] / (1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t), before = 1, now = c;
+    const double leaves = series->followed > 0 ? 1 : 1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t;
+    double sum = series->orders[0] / leaves, before = 1, now = c;
     for (int l = 1; l < series->count; ++l) {
         const double after = ((2 * l + 1) * c * now - l * before) / (l + 1);
         sum += (2 * l + 1) * series->orders[l] * now;
@@ -14395,10 +14476,10 @@ static double spsi_forward_albedo(const spsi_material *material, int level) {
     return material->table ? 1 - left * left : (double)material->albedo[level];
 }
 
-static void spsi_forward_build(const spsi_material *material, spsi_forward *forward) {
+static void spsi_forward_build(const spsi_material *material, int followed, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
-    spsi_legendre_build(material, &series);
+    spsi_legendre_build(material, followed, &series);
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
     for (int k = 0; k < forward->level_count; ++k)
         for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
@@ -14410,18 +14491,30 @@ static void spsi_forward_build(const spsi_material *material, spsi_forward *forw
         }
 }
 
-/* Whether any gas scatters light more than once. */
+/* Whether light is followed from cell to cell, >>cells. */
+static int spsi_scatters_fully(const spsi_frame *frame) {
+    return frame->view.scattering == SPS_SCATTERING_FULL && frame->matter.scatters;
+}
+
+/* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
-    return frame->view.scattering == SPS_SCATTERING_FORWARD && frame->matter.scatters && frame->lamps.shadow_count > 0;
+    if (!frame->matter.scatters || frame->lamps.shadow_count == 0) return 0;
+    return spsi_scatters_fully(frame) ? spsi_phase_orders(frame) > 1 : frame->view.scattering == SPS_SCATTERING_FORWARD;
+}
+
+/* Whether any gas scatters light more than once. */
+static int spsi_scatters_again(const spsi_frame *frame) {
+    return spsi_scatters_fully(frame) || spsi_scatters_forward(frame);
 }
 
 /* Whether a sweep has a first pass, which measures gas: spsi_again. */
 static int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep) {
-    return sweep->back_to_front && spsi_scatters_forward(frame);
+    return sweep->back_to_front && spsi_scatters_again(frame);
 }
 
 /* Makes the tables of all gases, which materials refer to from then on. */
 static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
+    const int orders = spsi_scatters_fully(frame) ? spsi_phase_orders(frame) : 0;
     spsi_forward *forward;
     if (!spsi_scatters_forward(frame)) return SPS_OK;
     forward = (spsi_forward *)spsi_reserve(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count,
@@ -14430,7 +14523,7 @@ static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->matter.material_count; ++i) {
         spsi_material *material = &frame->matter.materials[i];
         if (!material->scatters) continue;
-        spsi_forward_build(material, &forward[i]);
+        spsi_forward_build(material, orders, &forward[i]);
         material->forward = &forward[i];
     }
     return SPS_OK;
@@ -14497,8 +14590,572 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
     return spsi_mix(low, high, spsi_sub(at, level));
 }
 
+/* ================================================================================================ >>cells
+   27 Light scattered any number of times in every direction: discrete ordinates on a grid of cubes about the gas. Light
+   is carried from cell to cell in the 26 directions to its neighbours, whose weights integrate polynomials of degree 7
+   over the sphere [Lebedev 1976]. On its way of optical depth t through a cell that sends s in that direction,
+     out = s + (in - s) exp(-t),   mean = s + (in - s) (1 - exp(-t)) / t
+   conserves energy whatever t is. Light is described by its moments M, the means over all directions of radiance times
+   real harmonics Y of degree l below the number of orders, 1, 2 or 4; S is what a cell sends:
+     S[lm] = w' r[l] M[lm] + given[lm],   s(direction) = sum of S[lm] Y[lm]
+   The peak of a phase function, f = P[orders], passes light straight on: extinction is scaled by k = 1 - w f, albedo is
+   w' = w (1 - f) / k, and r[l] = (P[l] - f) / (1 - f). [Wiscombe 1977, delta-M]
+   The equations are solved by multigrid: cells of twice the edge correct what sweeps converge too slowly for, since a
+   sweep carries light once from scattering to scattering. Cost: 26 steps per cell, sweep and moment; about 8 sweeps.
+ */
+
+#define SPSI_CELL_DIRECTIONS 26
+#define SPSI_CELL_LENGTHS    3  /* of a way through a cell: 1, sqrt 2 and sqrt 3 edges */
+#define SPSI_CELL_ORDERS     4  /* most: degrees 0 to 3 */
+#define SPSI_CELL_TERMS      16 /* moments of four orders */
+#define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
+#define SPSI_CELL_BEAMS      9  /* directions that a row of cells is swept in at once */
+
+/* A direction to a neighbour. */
+typedef struct spsi_cell_direction {
+    int step[3];  /* -1, 0 or 1 */
+    int length;   /* 0: along an edge, 1: across a face, 2: across the cell */
+    float weight; /* its share of the sphere */
+    float harmonic[SPSI_CELL_TERMS];
+} spsi_cell_direction;
+
+/* A grid of cells for one channel. Rows are padded to whole vectors by cells without extinction. */
+typedef struct spsi_cell_level {
+    int size[3], pitch;                /* cells along each axis; floats per row */
+    size_t count;                      /* floats per array */
+    float *depth;                      /* scaled optical depth along an edge */
+    float *through[SPSI_CELL_LENGTHS]; /* transmittance of a way */
+    float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
+    float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
+    float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
+} spsi_cell_level;
+
+typedef struct spsi_cell_solver {
+    sps_context *context;
+    spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    int orders, terms, level_count;
+    spsi_cell_level levels[SPSI_CELL_LEVELS];
+    float *scratch;  /* rows and planes of radiance */
+    double *balance; /* per plane of cells: what is missing, and what is sent */
+} spsi_cell_solver;
+
+/* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. */
+static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
+    const double x = v[0], y = v[1], z = v[2];
+    const double all[SPSI_CELL_TERMS] = {1,
+                                         sqrt(3.0) * y,
+                                         sqrt(3.0) * z,
+                                         sqrt(3.0) * x,
+                                         sqrt(15.0) * x * y,
+                                         sqrt(15.0) * y * z,
+                                         sqrt(1.25) * (3 * z * z - 1),
+                                         sqrt(15.0) * x * z,
+                                         sqrt(3.75) * (x * x - y * y),
+                                         sqrt(4.375) * y * (3 * x * x - y * y),
+                                         sqrt(105.0) * x * y * z,
+                                         sqrt(2.625) * y * (5 * z * z - 1),
+                                         sqrt(1.75) * z * (5 * z * z - 3),
+                                         sqrt(2.625) * x * (5 * z * z - 1),
+                                         sqrt(26.25) * z * (x * x - y * y),
+                                         sqrt(4.375) * x * (x * x - 3 * y * y)};
+    for (int i = 0; i < SPSI_CELL_TERMS; ++i) out[i] = (float)all[i];
+}
+
+/* The degree of a term. */
+static int spsi_term_degree(int term) { return term == 0 ? 0 : term < 4 ? 1 : term < 9 ? 2 : 3; }
+
+/* All directions, by step along z, then y, then x. */
+static void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
+    static const double weight[SPSI_CELL_LENGTHS] = {1.0 / 21, 4.0 / 105, 9.0 / 280};
+    int count = 0;
+    for (int i = 0; i < 27; ++i) {
+        spsi_cell_direction *direction = &directions[count];
+        double unit[3];
+        if (i == 13) continue; /* the cell itself */
+        for (int k = 0; k < 3; ++k) unit[k] = direction->step[k] = i / (k == 0 ? 1 : k == 1 ? 3 : 9) % 3 - 1;
+        direction->length = abs(direction->step[0]) + abs(direction->step[1]) + abs(direction->step[2]) - 1;
+        direction->weight = (float)weight[direction->length];
+        spsi_normalise(unit);
+        spsi_harmonics(unit, direction->harmonic);
+        ++count;
+    }
+}
+
+/* --- one sweep --- */
+
+/* Directions in which a row is swept at once: in[i][x] is the radiance that enters cell x. */
+typedef struct spsi_cell_beams {
+    int count;
+    const spsi_cell_direction *direction[SPSI_CELL_BEAMS];
+    const float *in[SPSI_CELL_BEAMS];
+    float *out[SPSI_CELL_BEAMS];
+} spsi_cell_beams;
+
+/* Carries light through a row and adds to its moments. `before`: arrays whose sum the moments begin with; NULL: 0. */
+static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
+                                    const float *const before[2], float *moments, int terms) {
+    for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
+        spsi_v sent[SPSI_CELL_TERMS], sum[SPSI_CELL_TERMS], through[SPSI_CELL_LENGTHS], average[SPSI_CELL_LENGTHS];
+        for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
+            through[i] = spsi_load(level->through[i] + at);
+            average[i] = spsi_load(level->average[i] + at);
+        }
+        for (int t = 0; t < terms; ++t) {
+            const size_t term = (size_t)t * level->count + at;
+            sent[t] = spsi_load(level->sent + term);
+            sum[t] = before[0] ? spsi_load(before[0] + term) : spsi_set(0);
+            if (before[1]) sum[t] = spsi_add(sum[t], spsi_load(before[1] + term));
+        }
+        for (int i = 0; i < beams->count; ++i) {
+            const spsi_cell_direction *direction = beams->direction[i];
+            spsi_v s = sent[0], more;
+            for (int t = 1; t < terms; ++t) s = spsi_fma(sent[t], spsi_set(direction->harmonic[t]), s);
+            more = spsi_sub(spsi_load(beams->in[i] + (at - row)), s);
+            spsi_store(beams->out[i] + (at - row), spsi_fma(more, through[direction->length], s));
+            s = spsi_mul(spsi_fma(more, average[direction->length], s), spsi_set(direction->weight));
+            sum[0] = spsi_add(sum[0], s);
+            for (int t = 1; t < terms; ++t) sum[t] = spsi_fma(s, spsi_set(direction->harmonic[t]), sum[t]);
+        }
+        for (int t = 0; t < terms; ++t) spsi_store(moments + (size_t)t * level->count + at, sum[t]);
+    }
+}
+
+/* The same; the number of terms is known to the compiler. */
+static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
+                          const float *const before[2], float *moments, int terms) {
+    if (terms == 1) spsi_cell_row_of(level, row, beams, before, moments, 1);
+    if (terms == 4) spsi_cell_row_of(level, row, beams, before, moments, 4);
+    if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(level, row, beams, before, moments, SPSI_CELL_TERMS);
+}
+
+/* Floats of a row of radiance, with room for what enters from either side, and of a plane with a row on either side. */
+static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)level->pitch + 2 * SPSI_LANES; }
+static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
+    return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2);
+}
+
+/* Floats of a solver's scratch: two planes for nine directions, twice, or 6 rows per plane of cells. */
+static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
+    const size_t planes = 4 * SPSI_CELL_BEAMS * spsi_cell_plane_floats(finest);
+    const size_t rows = 6 * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
+    return planes > rows ? planes : rows;
+}
+
+typedef struct spsi_cell_pass {
+    const spsi_cell_solver *solver;
+    const spsi_cell_level *level;
+} spsi_cell_pass;
+
+/* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
+static void spsi_cells_along_task(void *data, int index, int worker) {
+    static const float *const none[2] = {NULL, NULL};
+    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
+    const spsi_cell_level *level = pass->level;
+    const size_t row = spsi_cell_row_floats(level), plane = spsi_cell_plane_floats(level);
+    const spsi_cell_direction *directions = pass->solver->directions + (index ? 17 : 0);
+    float *radiance = pass->solver->scratch + (size_t)(2 * index) * SPSI_CELL_BEAMS * plane;
+    spsi_cell_beams beams;
+    (void)worker;
+    memset(radiance, 0, 2 * SPSI_CELL_BEAMS * plane * sizeof *radiance);
+    beams.count = SPSI_CELL_BEAMS;
+    for (int n = 0; n < level->size[2]; ++n) {
+        const int z = index ? n : level->size[2] - 1 - n;
+        for (int y = 0; y < level->size[1]; ++y) {
+            for (int i = 0; i < SPSI_CELL_BEAMS; ++i) {
+                const int *step = directions[i].step;
+                float *planes[2] = {radiance + (size_t)(2 * i + n % 2) * plane,
+                                    radiance + (size_t)(2 * i + 1 - n % 2) * plane};
+                beams.direction[i] = &directions[i];
+                beams.in[i] = planes[0] + (size_t)(y + 1 - step[1]) * row + SPSI_LANES - step[0];
+                beams.out[i] = planes[1] + (size_t)(y + 1) * row + SPSI_LANES;
+            }
+            spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, &beams, none,
+                          level->moments[index], pass->solver->terms);
+        }
+    }
+}
+
+/* Sweeps the three directions that fall (first 9) or rise (14) along y, within plane z. */
+static void spsi_cells_across(const spsi_cell_pass *pass, int z, int first, const float *const before[2], float *rows) {
+    const spsi_cell_level *level = pass->level;
+    const size_t row = spsi_cell_row_floats(level);
+    spsi_cell_beams beams;
+    memset(rows, 0, 6 * row * sizeof *rows);
+    beams.count = 3;
+    for (int n = 0; n < level->size[1]; ++n) {
+        const int y = first == 9 ? level->size[1] - 1 - n : n;
+        for (int i = 0; i < 3; ++i) {
+            beams.direction[i] = &pass->solver->directions[first + i];
+            beams.in[i] = rows + (size_t)(2 * i + n % 2) * row + SPSI_LANES - beams.direction[i]->step[0];
+            beams.out[i] = rows + (size_t)(2 * i + 1 - n % 2) * row + SPSI_LANES;
+        }
+        spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, &beams, before, level->moments[0],
+                      pass->solver->terms);
+    }
+}
+
+/* The radiance that enters each cell of a row from the cell before it, in the direction of step x. */
+static void spsi_cells_follow(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction, int terms,
+                              float *sent, float *in) {
+    const int back = direction->step[0] < 0;
+    float radiance = 0;
+    for (int x = 0; x < level->pitch; x += SPSI_LANES) {
+        spsi_v s = spsi_load(level->sent + row + (size_t)x);
+        for (int t = 1; t < terms; ++t)
+            s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + (size_t)x),
+                         spsi_set(direction->harmonic[t]), s);
+        spsi_store(sent + x, s);
+    }
+    for (int n = 0; n < level->pitch; ++n) {
+        const int x = back ? level->pitch - 1 - n : n;
+        in[x] = radiance;
+        radiance = sent[x] + (radiance - sent[x]) * level->through[0][row + (size_t)x];
+    }
+}
+
+/* Sweeps what is left, within plane z: directions without a step along z. */
+static void spsi_cells_plane_task(void *data, int z, int worker) {
+    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
+    const spsi_cell_level *level = pass->level;
+    const size_t row = spsi_cell_row_floats(level);
+    const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
+    float *rows = pass->solver->scratch + 6 * row * (size_t)z;
+    spsi_cell_beams beams;
+    (void)worker;
+    spsi_cells_across(pass, z, 9, both, rows);
+    spsi_cells_across(pass, z, 14, one, rows);
+    beams.count = 2;
+    for (int y = 0; y < level->size[1]; ++y) {
+        const size_t at = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
+        for (int i = 0; i < 2; ++i) {
+            float *own = rows + (size_t)(3 * i) * row;
+            beams.direction[i] = &pass->solver->directions[12 + i];
+            beams.in[i] = own;
+            beams.out[i] = own + row;
+            spsi_cells_follow(level, at, beams.direction[i], pass->solver->terms, own + 2 * row, own);
+        }
+        spsi_cell_row(level, at, &beams, one, level->moments[0], pass->solver->terms);
+    }
+}
+
+/* Carries what cells send through all of the grid: its moments. */
+static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+    spsi_cell_pass pass;
+    pass.solver = solver;
+    pass.level = level;
+    spsi_parallel(solver->context, 2, spsi_cells_along_task, &pass);
+    spsi_parallel(solver->context, level->size[2], spsi_cells_plane_task, &pass);
+}
+
+/* --- the equations --- */
+
+/* The share of what a cell sends that is its own mean: what crosses it has left (1 - exp(-t)) / t. */
+static inline spsi_v spsi_cell_own(const spsi_cell_level *level, size_t at) {
+    static const float share[SPSI_CELL_LENGTHS] = {6.0f / 21, 48.0f / 105, 72.0f / 280};
+    spsi_v own = spsi_set(0);
+    for (int i = 0; i < SPSI_CELL_LENGTHS; ++i)
+        own = spsi_fma(spsi_sub(spsi_set(1), spsi_load(level->average[i] + at)), spsi_set(share[i]), own);
+    return own;
+}
+
+/* After a sweep: what each cell of a plane sends too little, as a residual in moments[1]. */
+static void spsi_cells_miss_task(void *data, int z, int worker) {
+    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
+    const spsi_cell_level *level = pass->level;
+    const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
+    (void)worker;
+    for (int t = 0; t < pass->solver->terms; ++t) {
+        const float *keep = level->keep[spsi_term_degree(t)];
+        for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
+            const size_t term = (size_t)t * level->count + at;
+            const spsi_v wanted =
+                spsi_fma(spsi_load(keep + at), spsi_load(level->moments[0] + term), spsi_load(level->given + term));
+            spsi_store(level->moments[1] + term, spsi_sub(wanted, spsi_load(level->sent + term)));
+        }
+    }
+}
+
+/* The same, put right as far as a cell by itself can: what it sends more, it receives in part. */
+static void spsi_cells_mend_task(void *data, int z, int worker) {
+    const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
+    const spsi_cell_level *level = pass->level;
+    const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
+    const size_t end = first + (size_t)(level->size[1] * level->pitch);
+    double *balance = pass->solver->balance + 2 * z;
+    spsi_v missing = spsi_set(0), sent = missing;
+    float lanes[2][SPSI_LANES];
+    spsi_cells_miss_task(data, z, worker);
+    for (size_t at = first; at < end; at += SPSI_LANES) {
+        const spsi_v own = spsi_cell_own(level, at), depth = spsi_load(level->depth + at);
+        for (int t = 0; t < pass->solver->terms; ++t) {
+            const size_t term = (size_t)t * level->count + at;
+            const spsi_v keep = spsi_load(level->keep[spsi_term_degree(t)] + at),
+                         miss = spsi_load(level->moments[1] + term);
+            const spsi_v left = spsi_max(spsi_sub(spsi_set(1), spsi_mul(keep, own)), spsi_set(1e-6f));
+            const spsi_v more = spsi_add(spsi_load(level->sent + term), spsi_div(miss, left));
+            spsi_store(level->sent + term, more);
+            if (t > 0) continue;
+            missing = spsi_fma(spsi_abs(miss), spsi_min(depth, spsi_set(1)), missing);
+            sent = spsi_fma(spsi_abs(more), spsi_min(depth, spsi_set(1)), sent);
+        }
+    }
+    spsi_store(lanes[0], missing);
+    spsi_store(lanes[1], sent);
+    balance[0] = balance[1] = 0;
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        balance[0] += (double)lanes[0][i];
+        balance[1] += (double)lanes[1][i];
+    }
+}
+
+/* --- levels --- */
+
+/* The eight cells of the next finer level that a cell covers, those beyond its end left out. */
+typedef struct spsi_cell_children {
+    size_t at[8];
+    int count;
+} spsi_cell_children;
+
+static void spsi_cell_children_of(const spsi_cell_level *fine, int x, int y, int z, spsi_cell_children *children) {
+    children->count = 0;
+    for (int i = 0; i < 8; ++i) {
+        const int cx = 2 * x + (i & 1), cy = 2 * y + (i >> 1 & 1), cz = 2 * z + (i >> 2);
+        if (cx >= fine->size[0] || cy >= fine->size[1] || cz >= fine->size[2]) continue;
+        children->at[children->count++] = (size_t)(cz * fine->size[1] + cy) * (size_t)fine->pitch + (size_t)cx;
+    }
+}
+
+typedef struct spsi_cell_step {
+    const spsi_cell_solver *solver;
+    const spsi_cell_level *fine, *coarse;
+} spsi_cell_step;
+
+/* Optical depth and albedo of a plane of coarse cells. */
+static void spsi_cells_coarsen_task(void *data, int z, int worker) {
+    const spsi_cell_step *step = (const spsi_cell_step *)data;
+    const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
+    spsi_cell_children children;
+    (void)worker;
+    for (int y = 0; y < coarse->size[1]; ++y)
+        for (int x = 0; x < coarse->size[0]; ++x) {
+            const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
+            float sum = 0;
+            spsi_cell_children_of(fine, x, y, z, &children);
+            for (int i = 0; i < children.count; ++i) sum += fine->depth[children.at[i]];
+            coarse->depth[to] = 0.25f * sum; /* an eighth of the density, twice the edge */
+            for (int l = 0; l < step->solver->orders && sum > 0; ++l) {
+                float keep = 0;
+                for (int i = 0; i < children.count; ++i)
+                    keep += fine->depth[children.at[i]] / sum * fine->keep[l][children.at[i]];
+                coarse->keep[l][to] = keep;
+            }
+        }
+}
+
+/* What a plane of coarse cells is given: what the fine ones miss, by optical depth. */
+static void spsi_cells_restrict_task(void *data, int z, int worker) {
+    const spsi_cell_step *step = (const spsi_cell_step *)data;
+    const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
+    spsi_cell_children children;
+    (void)worker;
+    for (int y = 0; y < coarse->size[1]; ++y)
+        for (int x = 0; x < coarse->size[0]; ++x) {
+            const size_t to = (size_t)(z * coarse->size[1] + y) * (size_t)coarse->pitch + (size_t)x;
+            const float whole = 4 * coarse->depth[to];
+            if (!(whole > 0)) continue; /* it stays 0 */
+            spsi_cell_children_of(fine, x, y, z, &children);
+            for (int t = 0; t < step->solver->terms; ++t) {
+                const float *miss = fine->moments[1] + (size_t)t * fine->count;
+                float sum = 0;
+                for (int i = 0; i < children.count; ++i)
+                    sum += fine->depth[children.at[i]] / whole * miss[children.at[i]];
+                coarse->given[(size_t)t * coarse->count + to] = sum;
+                coarse->sent[(size_t)t * coarse->count + to] = sum;
+            }
+        }
+}
+
+/* The coarse cell beside the one that holds fine cell x, on its side; the same one at the grid's end. */
+static int spsi_cell_beside(int x, int size) {
+    const int beside = x / 2 + (x & 1 ? 1 : -1);
+    return beside < 0 || beside >= size ? x / 2 : beside;
+}
+
+/* Adds to what a plane of cells sends: what it misses, and what comes back of it by way of the coarse cells, whose
+   moments are interpolated linearly. */
+static void spsi_cells_correct_task(void *data, int z, int worker) {
+    const spsi_cell_step *step = (const spsi_cell_step *)data;
+    const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
+    const int planes[2] = {z / 2, spsi_cell_beside(z, coarse->size[2])};
+    (void)worker;
+    for (int t = 0; t < step->solver->terms; ++t)
+        for (int y = 0; y < fine->size[1]; ++y) {
+            const int lines[2] = {y / 2, spsi_cell_beside(y, coarse->size[1])};
+            const float *moments = coarse->moments[0] + (size_t)t * coarse->count, *rows[4];
+            const size_t at = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
+            const float *keep = fine->keep[spsi_term_degree(t)] + at;
+            const float *miss = fine->moments[1] + (size_t)t * fine->count + at;
+            float *sent = fine->sent + (size_t)t * fine->count + at;
+            for (int i = 0; i < 4; ++i)
+                rows[i] = moments + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
+            for (int x = 0; x < fine->size[0]; ++x) {
+                const int near_by = x / 2, beside = spsi_cell_beside(x, coarse->size[0]);
+                const float here = 9 * rows[0][near_by] + 3 * (rows[1][near_by] + rows[2][near_by]) + rows[3][near_by];
+                const float next = 9 * rows[0][beside] + 3 * (rows[1][beside] + rows[2][beside]) + rows[3][beside];
+                sent[x] += miss[x] + keep[x] * (3 * here + next) * (1.0f / 64);
+            }
+        }
+}
+
+/* Ways through the cells of a plane. */
+static void spsi_cells_ways_task(void *data, int z, int worker) {
+    static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f};
+    const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
+    const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
+    (void)worker;
+    for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES)
+        for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
+            const spsi_v depth = spsi_mul(spsi_load(level->depth + at), spsi_set(ways[i]));
+            spsi_store(level->through[i] + at, spsi_exp(spsi_sub(spsi_set(0), depth)));
+            spsi_store(level->average[i] + at, spsi_mean_transmittance(spsi_set(0), depth));
+        }
+}
+
+/* --- solving --- */
+
+#define SPSI_CELL_BALANCE 5e-4 /* of what cells send: what may be missing */
+#define SPSI_CELL_CYCLES  6    /* at most */
+#define SPSI_CELL_REPEATS 12   /* sweeps of the coarsest level, which has at most 4 cells along its longest side */
+
+/* The share of what a level's cells send that was missing at its last mending. */
+static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+    double missing = 0, sent = 0;
+    for (int z = 0; z < level->size[2]; ++z) {
+        missing += solver->balance[2 * z];
+        sent += solver->balance[2 * z + 1];
+    }
+    return sent > 0 ? missing / sent : 0;
+}
+
+static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+    spsi_cell_pass pass;
+    pass.solver = solver;
+    pass.level = level;
+    spsi_cells_sweep(solver, level);
+    spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
+}
+
+/* One cycle of a level. Coarser levels are as deep as recursion goes. Returns the imbalance that it began with. */
+static double spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
+    const spsi_cell_level *level = &solver->levels[n];
+    double imbalance;
+    spsi_cell_pass pass;
+    spsi_cell_step step;
+    spsi_cells_mend(solver, level);
+    imbalance = spsi_cells_imbalance(solver, level);
+    if (n == solver->level_count - 1) {
+        for (int i = 1; i < SPSI_CELL_REPEATS; ++i) spsi_cells_mend(solver, level);
+        return imbalance;
+    }
+    pass.solver = solver;
+    pass.level = level;
+    step.solver = solver;
+    step.fine = level;
+    step.coarse = &solver->levels[n + 1];
+    spsi_cells_sweep(solver, level);
+    spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
+    spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
+    for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
+    spsi_cells_sweep(solver, step.coarse);
+    spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
+    return imbalance;
+}
+
+/* Solves for the moments of the finest level, whose depth, keep and given are set. */
+static sps_result spsi_cells_solve(const spsi_cell_solver *solver, const spsi_part_of_call *part) {
+    const spsi_cell_level *finest = &solver->levels[0];
+    for (int n = 0; n < solver->level_count; ++n) {
+        spsi_cell_pass pass;
+        spsi_cell_step step;
+        pass.solver = step.solver = solver;
+        pass.level = step.coarse = &solver->levels[n];
+        step.fine = n > 0 ? &solver->levels[n - 1] : NULL;
+        if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
+        spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
+    }
+    spsi_copy(solver->context, finest->sent, finest->given, (size_t)solver->terms * finest->count * sizeof(float));
+    for (int i = 0; i < SPSI_CELL_CYCLES; ++i) {
+        if (spsi_progress(solver->context, spsi_part_done(part, (double)i / SPSI_CELL_CYCLES)))
+            return solver->context->result;
+        if (spsi_cells_cycle(solver, 0) < SPSI_CELL_BALANCE) break;
+    }
+    spsi_cells_sweep(solver, finest);
+    return SPS_OK;
+}
+
+/* --- what the eye looks up --- */
+
+/* A grid and the eye that looks at it. */
+typedef struct spsi_cell_look {
+    const spsi_frame *frame;
+    spsi_cell_grid *grid;
+} spsi_cell_look;
+
+/* The direction from a cell's centre to the eye, as harmonics. Nearer than the cell is wide, it is not one direction:
+   only degree 0 counts. */
+static void spsi_cell_toward_eye(const spsi_cell_look *look, int x, int y, int z, float harmonic[SPSI_CELL_TERMS]) {
+    const spsi_rays *eye = &look->frame->content->eye;
+    const double at[3] = {x + 0.5, y + 0.5, z + 0.5};
+    double toward[3], distance;
+    for (int k = 0; k < 3; ++k)
+        toward[k] = eye->perspective ? eye->origin[k] - (look->grid->corner[k] + look->grid->edge * at[k]) : -eye->c[k];
+    distance = spsi_length(toward);
+    if (!spsi_normalise(toward)) toward[2] = 1;
+    spsi_harmonics(toward, harmonic);
+    if (eye->perspective && distance < look->grid->edge)
+        for (int t = 1; t < SPSI_CELL_TERMS; ++t) harmonic[t] = 0;
+}
+
+/* The radiance that each material sends towards the eye per unit of what it scatters, for a row of cells. */
+static void spsi_cells_look_task(void *data, int row, int worker) {
+    const spsi_cell_look *look = (const spsi_cell_look *)data;
+    const spsi_cell_grid *grid = look->grid;
+    (void)worker;
+    for (int x = 0; x < grid->size[0]; ++x) {
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
+        float harmonic[SPSI_CELL_TERMS], degree[SPSI_CELL_ORDERS];
+        spsi_cell_toward_eye(look, x, row % grid->size[1], row / grid->size[1], harmonic);
+        for (int c = 0; c < grid->channels; ++c) {
+            const float *moments = grid->moments + (size_t)(c * grid->terms) * grid->count + at;
+            memset(degree, 0, sizeof degree);
+            for (int t = 0; t < grid->terms; ++t)
+                degree[spsi_term_degree(t)] += moments[(size_t)t * grid->count] * harmonic[t];
+            degree[0] += look->frame->ambient.radiance[c];
+            for (int m = 0; m < look->frame->matter.material_count; ++m) {
+                float sum = 0;
+                for (int l = 0; l < grid->orders; ++l) sum += grid->lobes[m][l] * degree[l];
+                grid->seen[(size_t)(m * grid->channels + c) * grid->count + at] = spsi_higher(sum, 0);
+            }
+        }
+    }
+}
+
+/* Looks up what is seen of a material in one channel, at a vector of places in cells; linear between their centres. */
+static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int channel, const spsi_v at[3]) {
+    const float *seen = grid->seen + (size_t)(material * grid->channels + channel) * grid->count;
+    const int rows = grid->size[1] * grid->size[2];
+    const spsi_v zero = spsi_set(0), last_plane = spsi_set((float)(grid->size[2] - 1));
+    const spsi_v x = spsi_clamp(at[0], zero, spsi_set((float)(grid->size[0] - 1)));
+    const spsi_v y = spsi_clamp(at[1], zero, spsi_set((float)(grid->size[1] - 1)));
+    const spsi_v z = spsi_clamp(at[2], zero, last_plane), plane = spsi_floor(z);
+    const spsi_v next = spsi_min(spsi_add(plane, spsi_set(1)), last_plane), height = spsi_set((float)grid->size[1]);
+    const spsi_v a = spsi_bilinear(seen, grid->pitch, spsi_most(2, rows), x, spsi_fma(plane, height, y));
+    const spsi_v b = spsi_bilinear(seen, grid->pitch, spsi_most(2, rows), x, spsi_fma(next, height, y));
+    return spsi_mix(a, b, spsi_sub(z, plane));
+}
+
 /* ============================================================================================== >>shading
-   27 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
+   28 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -14527,6 +15184,7 @@ typedef struct spsi_again {
 
 typedef struct spsi_shader {
     const spsi_frame *frame;
+    const spsi_rays *eye;
     const spsi_sweep *sweep;
     spsi_again again;
     const spsi_faces *faces;
@@ -14537,6 +15195,7 @@ typedef struct spsi_shader {
     spsi_linear slab;          /* slab coordinate */
     spsi_linear position[3];   /* world position, relative to `position_origin` */
     double position_origin[3]; /* in the world */
+    spsi_linear cell[3];       /* place in the grid of cells, if there is one: whole numbers are cells' centres */
     int unshadowed;            /* 1: the sweep also carries ambient light, emission, and lights that cast no shadows */
     int first_slab;            /* of the current chunk */
     int x_origin, y_origin;    /* first pixel of the buffers below */
@@ -14546,6 +15205,22 @@ typedef struct spsi_shader {
     float *distance;           /* distance so far, weighted by coverage; NULL: not wanted */
     float end_depth;           /* optical depth of early ray termination */
 } spsi_shader;
+
+/* The linear quantities that shading evaluates along the eye's rays. */
+static void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader) {
+    const spsi_rays *eye = shader->eye;
+    const spsi_cell_grid *cells = shader->frame->content->cells;
+    spsi_linear_of_slabs(eye, slabs, &shader->slab);
+    spsi_ray_point(eye, 0.5 * eye->width, 0.5 * eye->height, eye->depth_reference, shader->position_origin);
+    for (int i = 0; i < 3; ++i) {
+        double axis[3] = {0, 0, 0};
+        axis[i] = 1;
+        spsi_linear_build(eye, axis, shader->position_origin, 0, &shader->position[i]);
+        if (!cells) continue;
+        axis[i] = 1 / cells->edge;
+        spsi_linear_build(eye, axis, cells->corner, -0.5, &shader->cell[i]);
+    }
+}
 
 /* Where the rays of a vector of pixels cross the slabs, and where they end. */
 typedef struct spsi_line {
@@ -14610,8 +15285,7 @@ static inline void spsi_line_build(const spsi_shader *shader, int x, int y, spsi
     line->base = spsi_sub(spsi_linear_base(&shader->slab, line->at, (float)y), spsi_set((float)shader->first_slab));
     line->scale = spsi_div(spsi_set(1), slope);
     line->slabs = spsi_abs(slope);
-    line->polygon =
-        spsi_hit_depths(shader->hits, shader->frame->content->eye.width, shader->frame->content->eye.height, x, y);
+    line->polygon = spsi_hit_depths(shader->hits, shader->eye->width, shader->eye->height, x, y);
 }
 
 static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixels *p) {
@@ -14619,7 +15293,7 @@ static void spsi_pixels_build(const spsi_shader *shader, int x, int y, spsi_pixe
     spsi_v at, inverse_length;
     spsi_line_build(shader, x, y, &p->line);
     at = p->line.at;
-    p->length = spsi_ray_lengths(&shader->frame->content->eye, at, fy);
+    p->length = spsi_ray_lengths(shader->eye, at, fy);
     inverse_length = spsi_div(spsi_set(1), p->length);
     p->polygon_slab =
         spsi_fma(p->line.polygon, spsi_linear_slope(&shader->slab, at, fy), spsi_linear_base(&shader->slab, at, fy));
@@ -14634,7 +15308,7 @@ static inline spsi_v spsi_plane_depth(const spsi_line *line, int k) {
 /* The depths at which a ray enters and leaves slab k, nearer first, clamped to the polygon and the near plane. */
 static inline void spsi_slab_range(const spsi_shader *shader, const spsi_line *line, int k, spsi_v *enter,
                                    spsi_v *leave) {
-    const spsi_rays *eye = &shader->frame->content->eye;
+    const spsi_rays *eye = shader->eye;
     const spsi_v a = spsi_plane_depth(line, k), b = spsi_plane_depth(line, k + 1);
     const float near_d = spsi_rays_begin(eye);
     *enter = spsi_min(spsi_max(spsi_min(a, b), spsi_set(near_d)), line->polygon);
@@ -14721,7 +15395,7 @@ static inline void spsi_profile_along(const spsi_v own[3], const spsi_v outer[2]
    neighbouring rays is proportional. 1 for parallel rays. */
 static float spsi_slab_spread(const spsi_shader *shader, const spsi_tile *tile, int k) {
     const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
-    return shader->frame->content->eye.perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
+    return shader->eye->perspective ? (float)(k + margin) + 0.5f - tile->eye_slab : 1;
 }
 
 /* Whether the eye is in a slab. The rays meet there, so they have no neighbours. */
@@ -14970,7 +15644,7 @@ typedef struct spsi_reach {
 static void spsi_reach_build(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_pixels *p,
                              const spsi_part *part, spsi_reach *reach) {
     reach->half = spsi_mul(part->half, p->length);
-    reach->pixel = spsi_pixel_size(&shader->frame->content->eye, part->middle);
+    reach->pixel = spsi_pixel_size(shader->eye, part->middle);
     spsi_position_at(shader, p->line.at, (float)p->line.y, part->middle, reach->middle);
     for (int i = 0; i < 3; ++i)
         reach->middle[i] =
@@ -15228,6 +15902,39 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     spsi_add_lamp(shader, p, part, shadow->lamp, &carried, sent);
 }
 
+/* Adds what one material of a part sends of the light in the cells, at a place in their grid. Extinction is scaled on
+   the way to the eye, too; what ambient light from behind reaches the eye for that is exp(-k t) - exp(-t) in all. */
+static void spsi_add_material_cells(const spsi_shader *shader, const spsi_part *part, int m, const spsi_v at[3],
+                                    const spsi_sent *into) {
+    const spsi_frame *frame = shader->frame;
+    const spsi_sample *sample = &part->samples[m];
+    const spsi_v start = spsi_add(part->before, into->ahead), end = spsi_add(part->after, into->ahead);
+    const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
+    const float peak = frame->content->cells->peak[m];
+    for (int c = 0; c < frame->channels; ++c) {
+        const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
+        const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
+        const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(frame->content->cells, m, c, at));
+        spsi_v sent = spsi_mul(light, seen);
+        if (peak > 0 && frame->ambient.exists)
+            sent = spsi_fma(spsi_sub(spsi_mean_transmittance(start, end), spsi_mul(scale, seen)),
+                            spsi_set(frame->ambient.radiance[c]), sent);
+        into->again[c] = spsi_add(into->again[c], spsi_min(spsi_mul(gas, sent), spsi_set(SPSI_RADIANCE_MAX)));
+    }
+}
+
+/* The same for all materials. */
+static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
+                           const spsi_sent *into) {
+    spsi_v at[3];
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_fma(part->middle, spsi_linear_slope(&shader->cell[i], p->line.at, (float)p->line.y),
+                         spsi_linear_base(&shader->cell[i], p->line.at, (float)p->line.y));
+    for (int m = 0; m < shader->frame->matter.material_count; ++m)
+        if (shader->frame->matter.materials[m].scatters && spsi_bits(spsi_less(spsi_set(0), part->samples[m].depth)))
+            spsi_add_material_cells(shader, part, m, at, into);
+}
+
 /* Adds ambient light, emission, and the lights that cast no shadows. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 const spsi_sent *into) {
@@ -15236,11 +15943,12 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     for (int m = 0; m < shader->frame->matter.material_count; ++m) {
         const spsi_material *material = &shader->frame->matter.materials[m];
         const spsi_sample *sample = &part->samples[m];
+        const spsi_v share = shader->frame->content->cells ? sample->surface : spsi_set(1);
         for (int c = 0; c < shader->frame->channels; ++c) {
             spsi_v sent = spsi_set(0);
             if (material->scatters && shader->frame->ambient.exists)
-                sent =
-                    spsi_mul(spsi_mul(sample->depth, sample->color[c]), spsi_set(shader->frame->ambient.radiance[c]));
+                sent = spsi_mul(spsi_mul(spsi_mul(sample->depth, share), sample->color[c]),
+                                spsi_set(shader->frame->ambient.radiance[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
             into->once[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, into->once[c]);
         }
@@ -15250,6 +15958,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     for (int i = 0; i < shader->frame->lamps.count; ++i)
         if (!shader->frame->lamps.list[i].shadows)
             spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
+    if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
 }
 
 /* --- polygons: per pixel, in double precision --- */
@@ -15463,7 +16172,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *p
     const spsi_frame *frame = shader->frame;
     spsi_appearance look;
     spsi_surface surface;
-    spsi_surface_at(&frame->content->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
+    spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
     spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(frame, shader->visible->set, place), &look);
     for (int c = 0; c < 3; ++c)
         radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient.radiance[c] + look.emission[c] : 0;
@@ -15530,7 +16239,7 @@ static int spsi_ahead_before(const spsi_ahead *ahead, float slab) {
 /* Begins with the layers at or behind a slab coordinate, in the sweep's order. */
 static void spsi_ahead_begin(const spsi_shader *shader, const spsi_pixels *p, int width, float low, spsi_ahead *ahead) {
     const spsi_layers *layers = &shader->visible->layers;
-    const size_t pixel = (size_t)p->line.y * (size_t)shader->frame->content->eye.width + (size_t)p->line.x;
+    const size_t pixel = (size_t)p->line.y * (size_t)shader->eye->width + (size_t)p->line.x;
     ahead->list = layers->list;
     for (int lane = 0; lane < SPSI_LANES; ++lane) {
         ahead->first[lane] = lane < width ? layers->first[pixel + (size_t)lane] : 0;
@@ -15556,7 +16265,7 @@ static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
    depth d. */
 static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float sent[3][SPSI_LANES], spsi_v open,
                           spsi_v share, spsi_v d, spsi_gathered *sum) {
-    const spsi_v t = spsi_add(d, spsi_set((float)shader->frame->content->eye.depth_reference));
+    const spsi_v t = spsi_add(d, spsi_set((float)shader->eye->depth_reference));
     const spsi_v way = spsi_select(spsi_less(spsi_set(0), share), spsi_mul(t, p->length), spsi_set(0));
     for (int c = 0; c < shader->frame->channels; ++c)
         sum->radiance[c] = spsi_fma(spsi_load(sent[c]), open, sum->radiance[c]);
@@ -15753,7 +16462,7 @@ static void spsi_add_part(const spsi_shader *shader, const spsi_pixels *p, const
     if (shader->distance) { /* the part is seen there with weight T (1 - exp(-depth)) */
         const spsi_v ahead_of = spsi_sub(spsi_mean_way(part->depth), spsi_set(0.5f));
         const spsi_v seen = spsi_fma(spsi_mul(spsi_set(2), part->half), ahead_of, part->middle);
-        const spsi_v t = spsi_add(seen, spsi_set((float)shader->frame->content->eye.depth_reference));
+        const spsi_v t = spsi_add(seen, spsi_set((float)shader->eye->depth_reference));
         spsi_v covered = spsi_mul(part->depth, spsi_mean_transmittance(part->before, part->after));
         if (ahead) covered = spsi_mul(covered, spsi_ahead_mean(ahead));
         sum->distance = spsi_fma(covered, spsi_mul(t, p->length), sum->distance);
@@ -15890,7 +16599,7 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
     const int bits = spsi_bits(open);
     if (bits != spsi_bits(spsi_less(spsi_set(-1), spsi_set(0)))) {
         const spsi_v t = spsi_add(spsi_min(spsi_plane_depth(&p->line, k), p->line.polygon),
-                                  spsi_set((float)shader->frame->content->eye.depth_reference));
+                                  spsi_set((float)shader->eye->depth_reference));
         spsi_v left = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
         if (ahead) left = spsi_mul(left, spsi_ahead_mean(ahead));
         sum->distance = spsi_select(open, sum->distance, spsi_fma(left, spsi_mul(t, p->length), sum->distance));
@@ -15902,7 +16611,7 @@ static int spsi_end_rays(const spsi_shader *shader, const spsi_pixels *p, int k,
 /* Whether any of a vector of pixels has layers. */
 static int spsi_pixels_layered(const spsi_shader *shader, int x, int y, int width) {
     const uint32_t *first = shader->visible->layers.first;
-    const size_t pixel = (size_t)y * (size_t)shader->frame->content->eye.width + (size_t)x;
+    const size_t pixel = (size_t)y * (size_t)shader->eye->width + (size_t)x;
     return shader->hits && first && !shader->again.measures && first[pixel] < first[pixel + (size_t)width];
 }
 
@@ -15936,8 +16645,668 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
     return held;
 }
 
+/* ============================================================================================== >>lighting
+   29 Filling the cells, and lighting them. Gas is splatted into sheets across z, two samples along a cell's edge, by
+   the same targets as the eye's. Each light, with a table of its own as fine as the samples, sends a sample
+     E exp(-k t) Y(d) / 4 pi
+   for each moment: t is the optical depth on the way of light, k the scale of the cell's extinction, d the direction.
+   Ambient light need not be carried: cells are solved for what they lack of it. With A from everywhere, a cell that
+   keeps w' of what it receives sends A less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white
+   sky, exactly. Cost: a footprint per voxel and one more per light, and eight lookups per cell and light. */
+
+/* A grid that is being filled and lit. */
+typedef struct spsi_cell_job {
+    sps_context *context;
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    spsi_cell_grid *grid;
+    int fine; /* sheets' samples along a cell's half edge */
+    spsi_rays rays;
+    spsi_slabs slabs;
+    spsi_target target;
+    spsi_contents contents;
+    spsi_light_shader sheets;
+    float *samples;   /* per sample, two along each edge: optical depth along half an edge */
+    float *scattered; /* per material and channel: what is scattered of a unit of light along an edge */
+    float *emitted;   /* per channel: radiance added along an edge */
+    float *depth;     /* optical depth along an edge */
+    float *incoming;  /* per channel and term: moments of the lights' radiance */
+    spsi_shadow *shadows;
+    spsi_shader shader;
+    spsi_sweep sweep;
+    spsi_cell_solver *solver;
+} spsi_cell_job;
+
+/* --- where cells are --- */
+
+/* Places the grid about the gas. Returns 0 if there is none. */
+static int spsi_cells_place(const spsi_frame *frame, spsi_cell_grid *grid) {
+    const spsi_bounds *bounds = &frame->content->bounds;
+    double longest = 0;
+    memset(grid, 0, sizeof *grid);
+    if (spsi_bounds_empty(bounds)) return 0;
+    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
+    if (!(longest > 0)) return 0;
+    grid->edge = longest / frame->view.scatter_size;
+    for (int k = 0; k < 3; ++k) {
+        const double extent = bounds->high[k] - bounds->low[k];
+        grid->size[k] = spsi_most(1, spsi_least(frame->view.scatter_size, (int)ceil(extent / grid->edge - 1e-6)));
+        grid->corner[k] = 0.5 * (bounds->low[k] + bounds->high[k] - grid->edge * grid->size[k]);
+    }
+    return 1;
+}
+
+/* Sets what follows from the size. */
+static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
+    grid->pitch = (grid->size[0] + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES;
+    if (grid->pitch < 2) grid->pitch = 2; /* lookups read two columns */
+    grid->count = (size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]);
+    grid->orders = spsi_phase_orders(frame);
+    grid->terms = grid->orders * grid->orders;
+    grid->channels = frame->channels;
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        const spsi_material *material = &frame->matter.materials[m];
+        const double peak = spsi_phase_peak(material, grid->orders);
+        grid->peak[m] = (float)peak;
+        for (int l = 0; l < grid->orders; ++l) grid->lobes[m][l] = (float)(spsi_phase_moment(material, l) - peak);
+    }
+}
+
+/* Floats per cell while it is filled and lit. */
+static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
+    return (size_t)(9 + frame->matter.material_count * grid->channels + grid->channels + grid->channels * grid->terms);
+}
+
+/* --- gas --- */
+
+/* Samples along half an edge: one, or more if a classified volume's voxels are smaller than that, since its transfer
+   function is not linear. */
+static int spsi_cells_fineness(const spsi_frame *frame, const spsi_cell_grid *grid) {
+    double voxel = HUGE_VAL;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
+        if (material->table) voxel = fmin(voxel, (double)material->voxel_length);
+    }
+    return voxel < HUGE_VAL ? (int)fmin(4, fmax(1, ceil(0.5 * grid->edge / (0.7 * voxel)))) : 1;
+}
+
+/* Rays along z, through the samples, or, finer, through those of the sheets. */
+static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays, spsi_slabs *slabs) {
+    const double pitch = 0.5 * grid->edge / fine;
+    memset(rays, 0, sizeof *rays);
+    memset(slabs, 0, sizeof *slabs);
+    rays->width = 2 * fine * grid->size[0];
+    rays->height = 2 * fine * grid->size[1];
+    for (int k = 0; k < 3; ++k) rays->origin[k] = grid->corner[k] + (k < 2 ? 0.5 * pitch : 0);
+    rays->a[0] = rays->b[1] = pitch;
+    rays->c[2] = slabs->normal[2] = 1;
+    rays->near_depth = -HUGE_VAL;
+    slabs->start = grid->corner[2];
+    slabs->thickness = pitch;
+    slabs->count = 2 * fine * grid->size[2];
+    return spsi_rays_complete(rays);
+}
+
+/* The cells' sheets as a target: a channel per material. */
+static sps_result spsi_target_of_cells(spsi_cell_job *job) {
+    const spsi_frame *frame = job->frame;
+    spsi_target *target = &job->target;
+    spsi_target_place(frame, &job->rays, &job->slabs, target);
+    target->shape.channels = frame->matter.material_count;
+    target->shape.margin = 0;
+    target->shape.slab_margin = frame->matter.classifies;
+    spsi_crossing_build(&job->rays, &job->slabs, 0, &target->crossing);
+    for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
+    for (int i = 0; i < frame->medium_count && job->context->brick_count > 0; ++i) {
+        const spsi_medium *medium = &frame->media[i];
+        target->channels[i] = medium->channel;
+        if (!spsi_splatter_build(medium->lattice, &job->rays, &job->slabs, 1, frame->accuracy.cut,
+                                 &target->splatters[i]))
+            return spsi_target_refuse(job->context, medium);
+    }
+    return SPS_OK;
+}
+
+/* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
+typedef struct spsi_cell_sample {
+    spsi_v depth, scattered[3], emitted[3];
+} spsi_cell_sample;
+
+static void spsi_cell_sample_at(const spsi_cell_job *job, int m, spsi_v sum, const spsi_row_slabs *slabs,
+                                spsi_cell_sample *sample) {
+    const spsi_material *material = &job->frame->matter.materials[m];
+    const spsi_v length = spsi_mul(slabs->per_slab, slabs->length), most = spsi_set(SPSI_DEPTH_MAX);
+    spsi_v look[4];
+    if (material->table) {
+        spsi_classify(material, spsi_mul(sum, slabs->count), look);
+        sample->depth = spsi_min(spsi_mul(look[3], length), most);
+        for (int c = 0; c < 3; ++c) sample->scattered[c] = spsi_mul(sample->depth, look[c]);
+        for (int c = 0; c < 3; ++c) sample->emitted[c] = spsi_set(0);
+        return;
+    }
+    sum = spsi_mul(sum, slabs->length);
+    sample->depth = spsi_min(spsi_mul(sum, spsi_set(material->extinction)), most);
+    for (int c = 0; c < 3; ++c) {
+        sample->scattered[c] = spsi_mul(sample->depth, spsi_set(material->albedo[c]));
+        sample->emitted[c] = spsi_mul(sum, spsi_set(material->emission[c]));
+    }
+}
+
+/* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
+static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float share, spsi_v amount) {
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, amount);
+    for (int i = 0; i < SPSI_LANES && x + i <= end; ++i) row[(x + i) / per_entry] += share * lanes[i];
+}
+
+/* Adds a slab of a tile to samples and cells. An entry's optical depth is that of the ways through it, side by side:
+   `fine` slabs one after the other make a sample, two samples a cell. */
+static void spsi_cells_add_slab(const spsi_cell_job *job, const spsi_tile *tile, int k, int slab) {
+    const spsi_cell_grid *grid = job->grid;
+    const int fine = job->fine, margin = job->target.shape.slab_margin, channels = grid->channels;
+    const float per_sample = 1.0f / (float)(fine * fine), per_cell = 0.25f * per_sample;
+    const size_t sample_row = 2 * (size_t)grid->pitch;
+    for (int y = tile->y0; y <= tile->y1; ++y) {
+        const size_t row = ((size_t)(slab / (2 * fine) * grid->size[1] + y / (2 * fine))) * (size_t)grid->pitch;
+        float *samples = job->samples + (size_t)(slab / fine * 2 * grid->size[1] + y / fine) * sample_row;
+        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
+            const spsi_row_slabs slabs = spsi_row_slabs_at(&job->sheets, x, y);
+            const size_t at =
+                (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
+            for (int m = 0; m < job->frame->matter.material_count; ++m) {
+                const spsi_v sum = spsi_sheet_sum(tile, m, at);
+                spsi_cell_sample sample;
+                if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
+                spsi_cell_sample_at(job, m, sum, &slabs, &sample);
+                spsi_cells_deposit(samples, x, tile->x1, fine, per_sample, sample.depth);
+                spsi_cells_deposit(job->depth + row, x, tile->x1, 2 * fine, per_cell, sample.depth);
+                for (int c = 0; c < channels; ++c) {
+                    float *scattered = job->scattered + (size_t)(m * channels + c) * grid->count;
+                    float *emitted = job->emitted + (size_t)c * grid->count;
+                    spsi_cells_deposit(scattered + row, x, tile->x1, 2 * fine, per_cell, sample.scattered[c]);
+                    if (job->frame->matter.emits)
+                        spsi_cells_deposit(emitted + row, x, tile->x1, 2 * fine, per_cell, sample.emitted[c]);
+                }
+            }
+        }
+    }
+}
+
+static void spsi_cells_fill_task(void *data, int index, int worker) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const int column = index % job->target.columns, row = index / job->target.columns;
+    const int left = job->slabs.count - job->contents.first_slab;
+    spsi_tile tile;
+    spsi_tile_place(&job->target, column, row, worker, &tile);
+    if (!spsi_tile_splat(&job->target, &job->contents, column, row, &tile)) return;
+    for (int k = 0; k < spsi_least(SPSI_CHUNK, left); ++k)
+        spsi_cells_add_slab(job, &tile, k, job->contents.first_slab + k);
+}
+
+/* Fills samples and cells. */
+static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
+    sps_context *context = job->context;
+    if (!spsi_cells_aim(job->grid, job->fine, &job->rays, &job->slabs))
+        return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scatter_size",
+                               job->frame->view.scatter_size, "cells of that size cannot be told apart in the world");
+    spsi_light_shader_build(job->frame, &job->rays, &job->slabs, &job->sheets);
+    if (spsi_target_of_cells(job) || spsi_contents_build(context, &job->target, NULL, &job->contents) ||
+        spsi_contents_add_particles(&job->contents))
+        return context->result;
+    for (int chunk = 0; chunk < spsi_chunk_count(&job->slabs); ++chunk) {
+        if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&job->slabs))))
+            return context->result;
+        spsi_contents_advance(&job->contents, chunk);
+        spsi_contents_bin_particles(&job->contents);
+        if (job->contents.bricks.current + job->contents.particles.current == 0) continue;
+        spsi_parallel(context, job->target.columns * job->target.rows, spsi_cells_fill_task, job);
+    }
+    return SPS_OK;
+}
+
+/* --- light --- */
+
+/* Turns a light into one that has a table for cells, with texels as large as samples where it can. */
+static void spsi_cells_lamp(int cells, spsi_lamp *lamp) {
+    memset(&lamp->map, 0, sizeof lamp->map);
+    lamp->map.technique = SPS_TMAP_TABLE;
+    lamp->map_size = spsi_most(16, 2 * cells);
+    lamp->has_map = 1;
+    lamp->sliced = 0;
+}
+
+/* Makes that table. */
+static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+                                 sps_tmap *map) {
+    spsi_lamp coarse = *lamp;
+    spsi_occluders occluders;
+    spsi_cells_lamp(job->frame->view.scatter_size, &coarse);
+    if (spsi_lamp_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
+    memset(&occluders, 0, sizeof occluders);
+    occluders.frame = job->frame;
+    occluders.part = *part;
+    return spsi_tmap_fill(map, &occluders);
+}
+
+/* Lists the lights that cast shadows, with their tables, depth maps and pane maps. */
+static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
+    const spsi_frame *frame = job->frame;
+    spsi_part_of_call each = *part;
+    int count = 0;
+    each.share /= spsi_most(1, frame->lamps.shadow_count);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_shadow *shadow = &job->shadows[count];
+        if (!frame->lamps.list[i].shadows) continue;
+        shadow->lamp = &frame->lamps.list[i];
+        if (spsi_cells_map(job, shadow->lamp, &each, &maps[count])) return job->context->result;
+        shadow->kind = SPSI_SHADOW_MAP;
+        shadow->tmap = &maps[count++];
+        each.progress += each.share;
+    }
+    if (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, count) ||
+        spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, count))
+        return job->context->result;
+    for (int i = 0; i < count; ++i) spsi_shadow_aim(&job->rays, &job->shadows[i]);
+    return SPS_OK;
+}
+
+/* A shader whose eye looks along z through the samples. */
+static void spsi_cells_shader(spsi_cell_job *job) {
+    spsi_shader *shader = &job->shader;
+    shader->frame = job->frame;
+    shader->eye = &job->rays;
+    shader->sweep = &job->sweep;
+    shader->faces = job->faces;
+    spsi_shader_linears(&job->slabs, shader);
+}
+
+/* Harmonics of a vector of directions. */
+static void spsi_harmonics_v(const spsi_v v[3], int terms, spsi_v out[SPSI_CELL_TERMS]) {
+    float lanes[3][SPSI_LANES], each[SPSI_CELL_TERMS][SPSI_LANES];
+    out[0] = spsi_set(1);
+    if (terms == 1) return;
+    for (int k = 0; k < 3; ++k) spsi_store(lanes[k], v[k]);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const double direction[3] = {(double)lanes[0][i], (double)lanes[1][i], (double)lanes[2][i]};
+        float harmonic[SPSI_CELL_TERMS];
+        spsi_harmonics(direction, harmonic);
+        for (int t = 0; t < terms; ++t) each[t][i] = harmonic[t];
+    }
+    for (int t = 0; t < terms; ++t) out[t] = spsi_load(each[t]);
+}
+
+/* A vector of samples of one row. */
+typedef struct spsi_cell_spot {
+    spsi_pixels pixels;
+    spsi_slab slab;
+    spsi_part part;
+    spsi_v depth;    /* of the samples */
+    spsi_v scale[3]; /* of their cells' extinction, by channel */
+    size_t row;      /* of cells */
+} spsi_cell_spot;
+
+static void spsi_cell_spot_build(const spsi_cell_job *job, int x, int y, int k, spsi_cell_spot *spot) {
+    const float middle = (float)((k + 0.5) * job->slabs.thickness), half = (float)(0.5 * job->slabs.thickness);
+    memset(&spot->part, 0, sizeof spot->part);
+    memset(&spot->slab, 0, sizeof spot->slab);
+    spsi_pixels_build(&job->shader, x, y, &spot->pixels);
+    spot->part.middle = spsi_set(middle);
+    spot->part.half = spsi_set(half);
+    spot->slab.part_count = 1;
+    spot->slab.enter = spsi_set(middle - half);
+    spot->slab.leave = spsi_set(middle + half);
+}
+
+/* What a light's own shadows leave of it at a vector of samples, by channel. */
+static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
+                                  spsi_v passes[3]) {
+    const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f));
+    const spsi_v before = spsi_sub(spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle), half);
+    spsi_v lit[SPSI_PARTS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
+    spsi_lit_shares(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
+    if (shadow->pane_map_count > 0) spsi_part_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
+    for (int c = 0; c < job->grid->channels; ++c) {
+        const spsi_v from = spsi_mul(spot->scale[c], spsi_max(before, spsi_set(0)));
+        const spsi_v mean = spsi_mean_transmittance(from, spsi_fma(spot->scale[c], spot->depth, from));
+        passes[c] = spsi_mul(spsi_mul(lit[0], filter[c]), mean);
+    }
+}
+
+/* Adds what one light sends to a vector of samples, weighted by their optical depth. */
+static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
+                                const spsi_cell_spot *spot) {
+    const spsi_cell_grid *grid = job->grid;
+    const int x = spot->pixels.line.x, end = job->rays.width - 1;
+    spsi_v passes[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, harmonic[SPSI_CELL_TERMS];
+    spsi_incident incident;
+    spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, &incident);
+    if (shadow) spsi_cell_spot_passes(job, shadow, spot, passes);
+    spsi_harmonics_v(incident.travel, grid->terms, harmonic);
+    for (int c = 0; c < grid->channels; ++c) {
+        const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
+        spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
+        amount = spsi_mul(spsi_mul(amount, passes[c]), spot->depth);
+        for (int t = 0; t < grid->terms; ++t)
+            spsi_cells_deposit(job->incoming + (size_t)(c * grid->terms + t) * grid->count + spot->row, x, end, 2, 1,
+                               spsi_mul(amount, harmonic[t]));
+    }
+}
+
+/* The scales of extinction in a row of cells, for each sample. */
+static void spsi_cells_scales(const spsi_cell_job *job, size_t row, int channel, int x, float scale[SPSI_LANES]) {
+    const spsi_cell_grid *grid = job->grid;
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const size_t at = row + (size_t)(spsi_least(x + i, job->rays.width - 1) / 2);
+        float straight = 0;
+        for (int m = 0; m < job->frame->matter.material_count; ++m)
+            straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
+        scale[i] = job->depth[at] > 0 ? spsi_higher(1 - straight / job->depth[at], 0) : 1;
+    }
+}
+
+/* Lights a row of cells. */
+static void spsi_cells_light_task(void *data, int row, int worker) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_grid *grid = job->grid;
+    const int y = row % grid->size[1], z = row / grid->size[1];
+    spsi_cell_spot spot;
+    (void)worker;
+    spot.row = (size_t)row * (size_t)grid->pitch;
+    for (int n = 0; n < 4; ++n)
+        for (int x = 0; x < job->rays.width; x += SPSI_LANES) {
+            const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
+            const size_t at = (size_t)(sz * 2 * grid->size[1] + sy) * 2 * (size_t)grid->pitch + (size_t)x;
+            int shadow = 0;
+            spot.depth = spsi_load(job->samples + at);
+            if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
+            for (int c = 0; c < grid->channels; ++c) {
+                float scale[SPSI_LANES];
+                spsi_cells_scales(job, spot.row, c, x, scale);
+                spot.scale[c] = spsi_load(scale);
+            }
+            spsi_cell_spot_build(job, x, sy, sz, &spot);
+            for (int i = 0; i < job->frame->lamps.count; ++i) {
+                const spsi_lamp *lamp = &job->frame->lamps.list[i];
+                spsi_cells_add_lamp(job, lamp, lamp->shadows ? &job->shadows[shadow++] : NULL, &spot);
+            }
+        }
+}
+
+/* Lights all cells. */
+static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
+    sps_context *context = job->context;
+    const int count = job->frame->lamps.shadow_count;
+    sps_tmap *maps;
+    if (job->frame->lamps.count == 0) return SPS_OK;
+    job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
+    maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
+    if (!job->shadows || !maps) return context->result;
+    memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
+    memset(maps, 0, (size_t)count * sizeof *maps);
+    for (int i = 0; i < count; ++i) maps[i].context = context;
+    spsi_cells_aim(job->grid, 1, &job->rays, &job->slabs);
+    spsi_cells_shader(job);
+    if (!spsi_cells_shadows(job, part, maps))
+        spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+    for (int i = 0; i < count; ++i) spsi_tmap_release(&maps[i]);
+    return context->result;
+}
+
+/* --- the equations of a channel --- */
+
+/* Cells that emit have at least this optical depth, so that what they emit has a source that can be divided by it. */
+#define SPSI_CELL_EMITTING 1e-4f
+
+/* Sets what a row of cells keeps and is given. */
+static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
+    const spsi_cell_grid *grid = job->grid;
+    const spsi_cell_level *level = &job->solver->levels[0];
+    for (size_t at = row; at < row + (size_t)grid->size[0]; ++at) {
+        const float emitted = job->emitted[(size_t)c * grid->count + at], whole = job->depth[at];
+        float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
+        for (int m = 0; m < job->frame->matter.material_count; ++m) {
+            const float scattered = job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
+            depth -= scattered * grid->peak[m];
+            for (int l = 0; l < grid->orders; ++l) degree[l] += scattered * grid->lobes[m][l];
+        }
+        depth = spsi_higher(depth, emitted > 0 ? SPSI_CELL_EMITTING : 0);
+        level->depth[at] = depth;
+        for (int l = 0; l < grid->orders; ++l) {
+            keep[l] = depth > 0 ? spsi_lower(degree[l] / depth, 1) : 0;
+            level->keep[l][at] = keep[l];
+        }
+        for (int t = 0; t < grid->terms; ++t) {
+            const float light = job->incoming[(size_t)(c * grid->terms + t) * grid->count + at];
+            level->given[(size_t)t * grid->count + at] =
+                whole > 0 ? keep[spsi_term_degree(t)] * light / (4 * whole) : 0;
+        }
+        if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->ambient.radiance[c];
+    }
+}
+
+typedef struct spsi_cell_channel {
+    const spsi_cell_job *job;
+    int channel;
+} spsi_cell_channel;
+
+static void spsi_cells_equations_task(void *data, int row, int worker) {
+    const spsi_cell_channel *own = (const spsi_cell_channel *)data;
+    (void)worker;
+    spsi_cells_equations(own->job, own->channel, (size_t)row * (size_t)own->job->grid->pitch);
+}
+
+/* Floats of a solver's levels. */
+static size_t spsi_cell_level_floats(const spsi_cell_level *level, int orders) {
+    return (size_t)(1 + 2 * SPSI_CELL_LENGTHS + orders + 4 * orders * orders) * level->count;
+}
+
+static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float *memory) {
+    const size_t terms = (size_t)(orders * orders);
+    level->depth = memory;
+    memory += level->count;
+    for (int i = 0; i < SPSI_CELL_LENGTHS; ++i, memory += 2 * level->count) {
+        level->through[i] = memory;
+        level->average[i] = memory + level->count;
+    }
+    for (int l = 0; l < orders; ++l, memory += level->count) level->keep[l] = memory;
+    level->given = memory;
+    level->sent = level->given + terms * level->count;
+    level->moments[0] = level->sent + terms * level->count;
+    level->moments[1] = level->moments[0] + terms * level->count;
+    return level->moments[1] + terms * level->count;
+}
+
+/* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
+static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
+    size_t floats = 0;
+    solver->orders = grid->orders;
+    solver->terms = grid->terms;
+    for (solver->level_count = 0; solver->level_count < SPSI_CELL_LEVELS;) {
+        const int n = solver->level_count++;
+        spsi_cell_level *level = &solver->levels[n];
+        int longest = 0;
+        for (int k = 0; k < 3; ++k) {
+            level->size[k] = n == 0 ? grid->size[k] : (solver->levels[n - 1].size[k] + 1) / 2;
+            longest = spsi_most(longest, level->size[k]);
+        }
+        level->pitch = n == 0 ? grid->pitch : (level->size[0] + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES;
+        level->count = n == 0 ? grid->count : (size_t)level->pitch * (size_t)(level->size[1] * level->size[2]);
+        floats += spsi_cell_level_floats(level, grid->orders);
+        if (longest <= 4) break;
+    }
+    return floats + spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
+}
+
+static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid, spsi_cell_solver *solver) {
+    size_t floats;
+    float *memory;
+    memset(solver, 0, sizeof *solver);
+    solver->context = context;
+    spsi_cell_directions(solver->directions);
+    floats = spsi_cell_solver_size(grid, solver);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SOLVER, floats, sizeof(float));
+    if (!memory) return context->result;
+    solver->balance = (double *)(void *)memory;
+    memory += 4 * grid->size[2];
+    for (int n = 0; n < solver->level_count; ++n)
+        memory = spsi_cell_level_lay_out(&solver->levels[n], grid->orders, memory);
+    solver->scratch = memory;
+    return SPS_OK;
+}
+
+/* Solves for one channel after the other. */
+static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_call *part) {
+    sps_context *context = job->context;
+    const spsi_cell_grid *grid = job->grid;
+    const size_t moments = (size_t)grid->terms * grid->count;
+    spsi_part_of_call each = *part;
+    spsi_cell_channel own;
+    spsi_cell_solver solver;
+    if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
+    job->solver = &solver;
+    own.job = job;
+    each.share /= grid->channels;
+    for (own.channel = 0; own.channel < grid->channels; ++own.channel, each.progress += each.share) {
+        for (int n = 0; n < solver.level_count; ++n)
+            memset(solver.levels[n].depth, 0, spsi_cell_level_floats(&solver.levels[n], grid->orders) * sizeof(float));
+        spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_equations_task, &own);
+        if (spsi_cells_solve(&solver, &each)) return context->result;
+        spsi_copy(context, grid->moments + (size_t)own.channel * moments, solver.levels[0].moments[0],
+                  moments * sizeof(float));
+    }
+    return SPS_OK;
+}
+
+/* --- all of it --- */
+
+/* Bytes of a light's table, at most: six faces, and the bands that fill them. */
+static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lamp) {
+    spsi_lamp coarse = *lamp;
+    size_t held, filling;
+    spsi_cells_lamp(frame->view.scatter_size, &coarse);
+    spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
+    return held + filling;
+}
+
+/* Upper bound of the bytes for all cells: those of a cube. */
+static size_t spsi_cells_bytes(const sps_context *context, const spsi_frame *frame) {
+    const int side = frame->view.scatter_size;
+    size_t floats, bytes = sizeof(spsi_cell_job) + sizeof(spsi_cell_grid);
+    spsi_cell_grid grid;
+    spsi_cell_solver solver;
+    memset(&grid, 0, sizeof grid);
+    grid.size[0] = grid.size[1] = grid.size[2] = side;
+    spsi_cells_lay_out(frame, &grid);
+    floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
+    floats += (size_t)(grid.channels * (grid.terms + frame->matter.material_count)) * grid.count;
+    for (int i = 0; i < frame->lamps.count; ++i)
+        if (frame->lamps.list[i].shadows)
+            bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
+    (void)context;
+    return bytes + floats * sizeof(float);
+}
+
+/* A hash of what a light sends; 0 if it may change without notice. */
+static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
+    const double numbers[] = {lamp->position[0],   lamp->position[1],        lamp->position[2],
+                              lamp->direction[0],  lamp->direction[1],       lamp->direction[2],
+                              lamp->extent.radius, (double)lamp->cone.scale, (double)lamp->cone.offset};
+    const int flags[] = {lamp->is_point,      lamp->falls_off,      lamp->shadows,  lamp->cone.exists,
+                         lamp->extent.exists, lamp->extent.is_disc, lamp->few_count};
+    if (lamp->projection.exists || !hash) return 0;
+    hash = spsi_fingerprint(hash, numbers, sizeof numbers);
+    hash = spsi_fingerprint(hash, flags, sizeof flags);
+    hash = spsi_fingerprint(hash, lamp->extent.axis, sizeof lamp->extent.axis);
+    return spsi_fingerprint(hash, lamp->color, sizeof lamp->color);
+}
+
+/* A hash of all that the light in the cells depends on; 0 if some of it may change without notice. */
+static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame,
+                                       const spsi_cell_grid *grid) {
+    const double knobs[] = {frame->view.slab, frame->accuracy.cut, grid->corner[0],
+                            grid->corner[1],  grid->corner[2],     grid->edge};
+    uint64_t hash = spsi_gas_fingerprint(frame);
+    if (!hash || (frame->meshes.count > 0 && !context->faces_held)) return 0;
+    hash = spsi_fingerprint(hash, knobs, sizeof knobs);
+    hash = spsi_fingerprint(hash, grid->size, sizeof grid->size);
+    hash = spsi_fingerprint(hash, &grid->channels, sizeof grid->channels);
+    hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
+    hash = spsi_fingerprint(hash, &frame->accuracy.depth_map_texels, sizeof(int));
+    hash = spsi_fingerprint(hash, &frame->view.shadow_size, sizeof(int));
+    hash = spsi_fingerprint(hash, frame->ambient.radiance, sizeof frame->ambient.radiance);
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        const spsi_material *material = &frame->matter.materials[m];
+        hash = spsi_fingerprint(hash, material->albedo, sizeof material->albedo);
+        hash = spsi_fingerprint(hash, material->emission, sizeof material->emission);
+        hash = spsi_fingerprint(hash, material->lobes, (size_t)material->lobe_count * sizeof(sps_lobe));
+    }
+    for (int i = 0; i < frame->lamps.count; ++i) hash = spsi_lamp_fingerprint(hash, &frame->lamps.list[i]);
+    return hash;
+}
+
+/* Fills, lights and solves. */
+static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                  const spsi_part_of_call *part, spsi_cell_grid *grid) {
+    const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
+    spsi_part_of_call third = *part;
+    spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELLS, floats, sizeof(float));
+    if (!job || !memory) return context->result;
+    memset(job, 0, sizeof *job);
+    memset(memory, 0, floats * sizeof *memory);
+    job->context = context;
+    job->frame = frame;
+    job->faces = faces;
+    job->grid = grid;
+    job->fine = spsi_cells_fineness(frame, grid);
+    job->samples = memory;
+    job->depth = job->samples + 8 * grid->count;
+    job->scattered = job->depth + grid->count;
+    job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
+    job->incoming = job->emitted + channels * grid->count;
+    third.share /= 3;
+    if (spsi_cells_fill(job, &third)) return context->result;
+    third.progress += third.share;
+    if (spsi_cells_light(job, &third)) return context->result;
+    third.progress += third.share;
+    return spsi_cells_solve_all(job, &third);
+}
+
+/* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
+static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                   const spsi_part_of_call *part) {
+    const double start = spsi_clock(context);
+    spsi_cell_grid *grid = (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, 1, sizeof *grid);
+    spsi_cell_look look;
+    uint64_t key;
+    size_t moments, seen;
+    frame->content->cells = NULL;
+    if (!grid) return context->result;
+    if (!spsi_holds_gas(context, frame) || !spsi_cells_place(frame, grid)) return SPS_OK;
+    spsi_cells_lay_out(frame, grid);
+    key = spsi_cells_fingerprint(context, frame, grid);
+    moments = (size_t)(grid->channels * grid->terms) * grid->count;
+    seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
+    grid->moments = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, moments, sizeof(float));
+    grid->seen = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
+    if (!grid->moments || !grid->seen) return context->result;
+    if (!key || key != context->cells_held) {
+        context->cells_held = 0;
+        if (spsi_cells_make(context, frame, faces, part, grid)) return context->result;
+        context->cells_held = key;
+        context->stats.cells = (uint64_t)grid->size[0] * (uint64_t)grid->size[1] * (uint64_t)grid->size[2];
+    }
+    memset(grid->seen, 0, seen * sizeof *grid->seen);
+    look.frame = frame;
+    look.grid = grid;
+    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    frame->content->cells = grid;
+    context->stats.seconds_cells = spsi_clock(context) - start;
+    return SPS_OK;
+}
+
 /* ================================================================================================ >>sweep
-   28 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   30 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
    light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
    shaded. */
 
@@ -16106,17 +17475,8 @@ static sps_result spsi_run_slice(sps_context *context, spsi_run *run) {
 
 /* The linear quantities that shading evaluates along the eye's rays. */
 static void spsi_run_linears(spsi_run *run) {
-    const spsi_frame *frame = run->frame;
-    spsi_shader *shader = &run->shader;
-    spsi_linear_of_slabs(&frame->content->eye, &run->sweep->slabs, &shader->slab);
-    for (int n = 0; n < shader->shadow_count; ++n) spsi_shadow_aim(&frame->content->eye, &run->shadows[n]);
-    spsi_ray_point(&frame->content->eye, 0.5 * frame->content->eye.width, 0.5 * frame->content->eye.height,
-                   frame->content->eye.depth_reference, shader->position_origin);
-    for (int i = 0; i < 3; ++i) {
-        double axis[3] = {0, 0, 0};
-        axis[i] = 1;
-        spsi_linear_build(&frame->content->eye, axis, shader->position_origin, 0, &shader->position[i]);
-    }
+    spsi_shader_linears(&run->sweep->slabs, &run->shader);
+    for (int n = 0; n < run->shader.shadow_count; ++n) spsi_shadow_aim(run->shader.eye, &run->shadows[n]);
 }
 
 static void spsi_region_place(const spsi_frame *frame, spsi_region *region) {
@@ -16198,15 +17558,16 @@ static sps_result spsi_run_build(sps_context *context, const spsi_frame *frame, 
     run->frame = frame;
     run->sweep = sweep;
     shader->frame = frame;
+    shader->eye = &frame->content->eye;
     shader->sweep = sweep;
     shader->faces = faces;
     shader->shadows = run->shadows;
     shader->visible = visible;
     shader->hits = faces->count > 0 ? visible->hits : NULL;
-    shader->unshadowed =
-        sweep->first && !shader->again.measures &&
-        (frame->ambient.exists || frame->matter.emits || frame->lamps.count > frame->lamps.shadow_count);
-    shader->end_depth = (float)-log(frame->accuracy.threshold) * (spsi_scatters_forward(frame) ? SPSI_FORWARD_END : 1);
+    shader->unshadowed = sweep->first && !shader->again.measures &&
+                         (frame->ambient.exists || frame->matter.emits || frame->content->cells ||
+                          frame->lamps.count > frame->lamps.shadow_count);
+    shader->end_depth = (float)-log(frame->accuracy.threshold) * (spsi_scatters_again(frame) ? SPSI_FORWARD_END : 1);
     if (spsi_target_of_eye(context, frame, &sweep->slabs, sweep->back_to_front, &run->eye) ||
         spsi_run_slice(context, run))
         return context->result;
@@ -16289,7 +17650,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* ================================================================================================ >>frame
-   29 The frame: one sweep after another, then the image. */
+   31 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -16360,7 +17721,7 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
     for (int c = 0; c < 3 && run->sweep->first; ++c) pixel[c] = pixel[c] * (1 - covered) * (behind ? behind[c] : 1);
     for (int c = 0; c < 3; ++c) pixel[c] = spsi_flush(pixel[c] + shader->radiance[c][at]);
     for (int c = 0; c < 3 && shader->again.gas; ++c) pixel[c] = spsi_flush(pixel[c] + shader->again.radiance[c][at]);
-    for (int c = 0; c < 3 && spsi_scatters_forward(run->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
+    for (int c = 0; c < 3 && spsi_scatters_again(run->frame); ++c) pixel[c] = spsi_higher(pixel[c], 0);
     if (!run->sweep->first) return;
     pixel[3] = covered;
     if (behind) pixel[3] = spsi_flush(1 - (1 - covered) * (behind[0] + behind[1] + behind[2]) / 3);
@@ -16509,10 +17870,11 @@ static sps_result spsi_render_part(sps_context *context, const spsi_picture *pic
 static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
     const int parts = spsi_part_count(frame);
-    spsi_part_of_call part = {0, (1 - SPSI_PROGRESS_GATHER) / spsi_sweep_count(frame)};
+    const double begin = SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) ? SPSI_PROGRESS_CELLS : 0);
+    spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
     double start;
-    part.progress = SPSI_PROGRESS_GATHER + n * part.share;
+    part.progress = begin + n * part.share;
     memset(run, 0, sizeof *run);
     if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
@@ -16535,6 +17897,7 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     const double start = spsi_clock(context);
+    const spsi_part_of_call cells = {SPSI_PROGRESS_GATHER, SPSI_PROGRESS_CELLS};
     double gathered;
     spsi_picture picture;
     spsi_run *run;
@@ -16558,6 +17921,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
     if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
+    if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
@@ -16566,14 +17930,14 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   30 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   32 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",        "projectors",  "eye polygons", "layers",       "textures",   "light polygons",
-    "triangle tree", "shadow rays", "eye sheets",   "light sheets", "light maps", "penumbrae",
-    "gradient",      "scattering",  "forward",      "emission",     "ambient",    "surface light"};
+    "gather",      "projectors", "eye polygons", "layers",     "textures",     "light polygons", "triangle tree",
+    "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae",    "gradient",       "scattering",
+    "forward",     "cells",      "emission",     "ambient",    "surface light"};
 
 /* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
@@ -16889,8 +18253,12 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_FORWARD, spsi_scatters_forward(frame), "view.scattering asks for it",
                    frame->view.scattering == SPS_SCATTERING_OFF ? "view.scattering is off"
-                   : frame->matter.scatters                     ? "no light casts shadows"
-                                                                : "nothing scatters: albedo 0 or no extinction");
+                   : !frame->matter.scatters                    ? "nothing scatters: albedo 0 or no extinction"
+                   : frame->lamps.shadow_count == 0             ? "no light casts shadows"
+                                                                : "gases scatter evenly: cells have all of it");
+    spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame), "view.scattering asks for it",
+                   frame->view.scattering != SPS_SCATTERING_FULL ? "view.scattering does not ask for it"
+                                                                 : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
                    "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");
@@ -16912,6 +18280,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
     if (spsi_scatters_forward(frame))
         report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
+    if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(context, frame);
     for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
@@ -16995,7 +18364,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 }
 
 /* ============================================================================================ >>reference
-   31 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   33 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
    floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
@@ -17500,7 +18869,7 @@ static void spsi_march_forward(const spsi_material *material, const spsi_sample 
                                double sent[3]) {
     float color[SPSI_LANES], surface[SPSI_LANES], phase[SPSI_LANES], last = 0;
     spsi_legendre series;
-    spsi_legendre_moments(material, &series);
+    spsi_legendre_moments(material, 0, &series);
     spsi_store(surface, sample->surface);
     spsi_store(phase, spsi_phase(material, spsi_set((float)cosine)));
     for (int c = 0; c < 3; ++c) {
@@ -17891,7 +19260,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>paths
-   32 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   34 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
    the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
@@ -18484,6 +19853,9 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
+    if (spsi_scatters_fully(frame) && settings->samples == 0)
+        return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
+                              "is SPS_SCATTERING_FULL, which sps_reference measures by paths: settings.samples is 0");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     for (int y = 0; y < region[3]; ++y) {
@@ -18510,7 +19882,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
 }
 
 /* =============================================================================================== >>public
-   33 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   35 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */

@@ -246,6 +246,7 @@ static void make_view(const arguments *all, sps_view *view) {
     view->shadow_size = all->shadow_size;
     view->no_shadows = all->no_shadows;
     view->scattering = (sps_scattering)all->scattering;
+    view->scatter_size = all->scatter_size;
 }
 
 /* ================================================================================================= reports */

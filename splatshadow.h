@@ -501,11 +501,12 @@ typedef enum sps_tmap_technique {
        3 components; insertion and query cost least of all. */
     SPS_TMAP_BEER,
     /* For sps_light.shadow_map only. A shadow table, after [Ebert & Parent 1990]: optical depth at n even planes and
-       interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark. By
-       default entries are as wide as a texel of the light's sheets, or wider if more than 256 would be needed on a
-       side. n 8..1024; the default makes entries as long as they are wide, but at most 256 planes. At most 2^28
-       entries. 4 bytes per texel and plane, twice that while it is made; cheapest of all maps to look up. Held for the
-       next call, and updated there where gas has changed (sps_light.shadow_map). */
+       interpolated linearly between them, in steps of 16 / 65535, which is up to 1.2e-4 off; beyond 16 all is dark
+       (SPS_SCATTERING_FORWARD: 64, and steps four times as large). By default entries are as wide as a texel of the
+       light's sheets, or wider if more than 256 would be needed on a side. n 8..1024; the default makes entries as long
+       as they are wide, but at most 256 planes. At most 2^28 entries. 4 bytes per texel and plane, twice that while it
+       is made; cheapest of all maps to look up. Held for the next call, and updated there where gas has changed
+       (sps_light.shadow_map). */
     SPS_TMAP_TABLE
 } sps_tmap_technique;
 
@@ -710,9 +711,10 @@ typedef enum sps_scattering {
     /* Any number of times, each time by a small angle, so that light keeps to the straight way there and on to the eye:
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
-       turns is mostly left out. Lights are followed to an optical depth of 16, and gas farther in is lit as if it were
-       there: too bright, where it is that dense. Lights without shadows are not scattered again, and polygons receive
-       none of it. Cost: a table per gas, and a lookup of it beside each one of a shadow. */
+       turns is mostly left out. Lights and rays are followed to an optical depth of 64, the whole way, where this light
+       ends; a shadow_map that holds transmittance (compressed, cosine, adaptive) knows less far, and gas behind is lit
+       as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
+       table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD
 } sps_scattering;
 
@@ -13618,8 +13620,9 @@ static void spsi_beam_part_stop(const spsi_beam_part *part, float slab) {
     }
 }
 
-/* What planes sum up is this, less what each beam lets pass. What beams lose is exact where that is little, but 1 less
-   it ends at 16; what they let pass goes on to where light that scatters forward is followed. */
+/* What planes sum up is this, less what each beam lets pass. With 1, they sum up what is lost, which is exact where
+   that is little, but rounds off what is left behind a depth of 16; with 0, they reach as far as light that scatters
+   forward is followed. */
 static float spsi_penumbra_whole(const spsi_penumbra *penumbra) { return penumbra->end > SPSI_LIGHT_END ? 0.0f : 1.0f; }
 
 /* Adds that of a beam to a row of a plane's texels: optical depth is looked up, since transmittance bends more between
@@ -14341,12 +14344,12 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
      X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] exp(-t) r(w P[l] t),   r(x) = (exp(x) - 1) / x - 1
    Light that has lost its direction leaves by the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to
    random paths in clouds. X is cut off where p exp(-t) + X would be negative. Tables are over u = t / (t + 4) and s,
-   the angle being pi s^2. Lights, rays and X end at a depth of 64, X being linear in u from the last node before it, at
-   41, to 0: what falls as 1 / t, or 1 / t^2, would need no end of lights. What is left out, at the end: X is 0.0013 at
-   most there for an asymmetry up to 0.95, and 0.0086 for 0.99, while p is 0.08 if isotropic; a layer of that depth
-   would show, against a light of irradiance 1, a radiance t X of 0.02 for 0.8 and 0.55 for 0.99. Cost: ln 100 / ln(1 /
-   g) terms per entry of a table, and two or three lookups per part of a slab, light and gas. [Goudsmit & Saunderson
-   1940, for the moments] */
+   the angle being pi s^2. X falls as 1 / t or 1 / t^2, far slower than what scatters once, so that lights, rays and X
+   itself end at a depth of 64; from the last node before that, at 41, X is linear in u down to 0. What that leaves out:
+   at 64, X is 0.0013 at most for asymmetries up to 0.95, and 0.0086 for 0.99, where p is 0.08 if isotropic; against a
+   light of irradiance 1, a layer that deep would show a radiance t X of 0.02 for 0.8, and of 0.55 for 0.99. Cost: ln
+   100 / ln(1 / g) terms per entry of a table, and two or three lookups per part of a slab, light and gas. [Goudsmit &
+   Saunderson 1940, for the moments] */
 
 #define SPSI_FORWARD_ORDERS 460 /* the square of the last moment is 1e-4 at an asymmetry of 0.99, the largest */
 
@@ -14503,13 +14506,14 @@ static void spsi_forward_part_build(spsi_v cosine, spsi_v start, spsi_v end, sps
     const spsi_v v_end = spsi_div(four, spsi_add(most, four)), per_v = spsi_div(last, spsi_sub(one, v_end));
     const spsi_v way = spsi_abs(spsi_sub(t1, t0)), whole = spsi_abs(spsi_sub(end, start));
     const spsi_v share = spsi_select(spsi_less(way, whole), spsi_div(way, spsi_max(whole, spsi_set(FLT_MIN))), one);
+    const spsi_v scale = spsi_mul(spsi_mul(v0, v1), share);
     const int thick = spsi_bits(spsi_less(spsi_set(2), way)) != 0;
     part->count = 2 + thick;
     part->across = spsi_mul(spsi_sqrt(spsi_arccosine(cosine)), last);
     for (int i = 0; i < part->count; ++i) {
-        const spsi_v v = spsi_mix(v0, v1, spsi_set(nodes[thick][i])), over = spsi_div(spsi_mul(v0, v1), spsi_mul(v, v));
+        const spsi_v v = spsi_mix(v0, v1, spsi_set(nodes[thick][i])), over = spsi_div(scale, spsi_mul(v, v));
         part->along[i] = spsi_fma(spsi_sub(v_end, v), per_v, last);
-        part->weight[i] = spsi_mul(spsi_mul(over, share), spsi_set(shares[thick][i]));
+        part->weight[i] = spsi_mul(over, spsi_set(shares[thick][i]));
     }
 }
 
@@ -17645,11 +17649,13 @@ static void spsi_march_gas(const spsi_marcher *marcher, const spsi_ray *ray, sps
     double range[2];
     spsi_ray step = *ray;
     const int count = spsi_march_range(marcher, ray->origin, ray->direction, walker->low, walker->high, range);
-    for (int i = 0; i < count && (marcher->forward || spsi_color_mean(walker->through) > 1e-12); ++i) {
+    for (int i = 0; i < count; ++i) {
         const double h = (range[1] - range[0]) / count, t = range[0] + (i + 0.5) * h;
         double depth, mean;
         spsi_source source;
         spsi_point point;
+        if (marcher->forward ? walker->gas > (double)SPSI_FORWARD_END : spsi_color_mean(walker->through) <= 1e-12)
+            return;
         point.samples = samples;
         step.low = t - 0.5 * h;
         step.high = t + 0.5 * h;

@@ -110,6 +110,21 @@ static void test_series(void) {
     }
 }
 
+/* The end of the series, in tables and where it is marched: as far as 80, beyond which nothing changes. */
+static void test_end(void) {
+    static spsi_forward table;
+    spsi_material material = gas_of(0.8, 1);
+    spsi_forward_build(&material, &table);
+    material.forward = &table;
+    for (int n = 0; n < 200; ++n) {
+        const double t = 30 + 0.25 * n, c = 1 - 0.01 * n, exact = shown_forward((double)(float)0.8, t, c);
+        double taken, shown = spsi_forward_fade(t, &taken);
+        shown *= exact_forward((double)(float)0.8, 1, taken, c);
+        CHECK_NEAR(shown, exact, 1e-9);
+        CHECK_NEAR(table_mean(&material, 1, c, t, t), exact, 0.03 * exact);
+    }
+}
+
 /* Several lobes: the sum over events has every mixture of them. */
 static void test_lobes(void) {
     static const sps_lobe pair[2] = {{0.7f, 0.75f}, {-0.3f, 0.25f}};
@@ -559,14 +574,35 @@ static void test_passes(void) {
 
 /* Thin gas scatters nothing twice: X is at most depth / 2 times the largest of what scatters once. */
 static void test_thin(void) {
+    for (int light = SUN; light <= WIDE_SUN; ++light) {
+        check_scene s;
+        start(&s, GAS, light);
+        s.volume[0].extinction = 1e-4f, s.volume[0].lobe_count = 0;
+        check_render(context, &s, image_a);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_b);
+        CHECK(check_largest(image_a, image_b, COUNT) < 2e-4 * mean_of(image_b) * 10);
+        CHECK(!same(image_a, image_b));
+    }
+}
+
+/* A table that is held from a call in which light scatters once ends too early for the next. */
+static void test_held(void) {
+    sps_context *other = check_context(NULL);
     check_scene s;
     start(&s, GAS, SUN);
-    s.volume[0].extinction = 1e-4f, s.volume[0].lobe_count = 0;
-    check_render(context, &s, image_a);
-    s.view.scattering = SPS_SCATTERING_OFF;
-    check_render(context, &s, image_b);
-    CHECK(check_largest(image_a, image_b, COUNT) < 2e-4 * mean_of(image_b) * 10);
-    CHECK(!same(image_a, image_b));
+    s.volume[0].extinction = 30, s.volume[0].revision = 1;
+    s.light[0].shadow_source = SPS_SHADOW_TABLE;
+    check_render(other, &s, image_b);
+    for (int i = 0; i < 3; ++i) {
+        sps_stats_report stats;
+        s.view.scattering = i == 0 ? SPS_SCATTERING_OFF : SPS_SCATTERING_FORWARD;
+        check_render(context, &s, image_a);
+        sps_get_stats(context, &stats);
+        CHECK(stats.tables_held == (i == 2));
+    }
+    CHECK(same(image_a, image_b));
+    sps_destroy(other);
 }
 
 static void test_two_lights(void) {
@@ -631,6 +667,7 @@ static void test_refused(void) {
 int main(void) {
     context = check_context(NULL);
     RUN(test_series);
+    RUN(test_end);
     RUN(test_lobes);
     RUN(test_levels);
     RUN(test_means);
@@ -643,6 +680,7 @@ int main(void) {
     RUN(test_left_out);
     RUN(test_passes);
     RUN(test_thin);
+    RUN(test_held);
     RUN(test_two_lights);
     RUN(test_colors);
     RUN(test_finite);

@@ -4,7 +4,7 @@
 
 #include "check.h"
 
-enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, CLOUD = 24, PARTICLES = 50, PUFF_EXTINCTION = 5, LANE_COUNT = SPSI_LANES };
+enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, CLOUD = 24, PUFF_EXTINCTION = 5, LANE_COUNT = SPSI_LANES };
 static float image_a[COUNT], image_b[COUNT], image_c[COUNT], errors[3 * SIDE * SIDE];
 static sps_context *context;
 static check_triangles ground, pane;
@@ -300,40 +300,21 @@ static void test_dense(void) {
 
 /* --- against the reference --- */
 
-static double puff(const void *user, const double p[3]) {
-    const double r = spsi_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
-    (void)user;
-    return fmin(fmax(2.5 * (0.8 + ripples - r), 0), 1);
-}
-
-static const check_field puff_field = {puff, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
 static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0}, {1, {0.9f, 0.6f, 0.3f}, 6}};
 static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
 static const sps_lobe lobes[] = {{0.7f, 3}, {-0.2f, 1}};
-static sps_particle swarm[PARTICLES];
 
-static void add_puff(check_scene *s) {
-    sps_volume *volume = check_add_volume(s, 25, 25, 25, check_box(-1, -1, -1, 1, 1, 1));
-    volume->eval_fn = check_eval_field;
-    volume->user = (void *)(size_t)&puff_field;
-    volume->extinction = PUFF_EXTINCTION;
+static void add_gas(check_scene *s) {
+    sps_volume *volume = check_add_puff(s, PUFF_EXTINCTION);
     volume->lobes = lobes, volume->lobe_count = 2;
     check_color(volume->albedo, 1, 0.8, 0.5);
 }
 
-static void add_swarm(check_scene *s) {
-    static sps_particles set;
-    check_random random = {5};
-    for (int i = 0; i < PARTICLES; ++i) {
-        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.4 * check_next(&random) - 0.7);
-        swarm[i].radius = 0.25f;
-        swarm[i].optical_depth = 0.8f;
-    }
-    memset(&set, 0, sizeof set);
-    set.count = PARTICLES, set.read_fn = check_read_particles, set.user = swarm, set.soft = 1;
-    set.lobes = lobes, set.lobe_count = 1;
-    check_color(set.albedo, 0.8, 0.9, 1);
-    s->scene.particles = &set, s->scene.particle_set_count = 1;
+static void add_particles(check_scene *s) {
+    sps_particles *set = check_add_swarm(s, 0.8);
+    set->soft = 1;
+    set->lobes = lobes, set->lobe_count = 1;
+    check_color(set->albedo, 0.8, 0.9, 1);
 }
 
 static void add_polygons(check_scene *s) {
@@ -356,9 +337,9 @@ static void start(check_scene *s, int kind, int light) {
     check_set3(s->view.camera.position, 1.5, 1, 5);
     check_perspective(&s->view.camera, 0.3); /* pixels smaller than voxels */
     if (kind == SWARM)
-        add_swarm(s);
+        add_particles(s);
     else
-        add_puff(s);
+        add_gas(s);
     if (kind == CLASSIFIED || kind == SURFACE) s->volume[0].transfer = &tissue;
     if (kind == SURFACE) s->volume[0].shading = SPS_SHADING_SURFACE, s->volume[0].gradient_full = 0.3f;
     if (kind == AMID_POLYGONS) add_polygons(s);

@@ -452,6 +452,39 @@ static inline sps_volume *check_add_volume(check_scene *s, int nx, int ny, int n
     return volume;
 }
 
+static inline double check_puff(const void *user, const double p[3]) {
+    const double r = spsi_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
+    (void)user;
+    return fmin(fmax(2.5 * (0.8 + ripples - r), 0), 1);
+}
+
+/* Appends a puff of gas about the origin, 1.6 wide and with ripples. */
+static inline sps_volume *check_add_puff(check_scene *s, double extinction) {
+    static const check_field field = {check_puff, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+    sps_volume *volume = check_add_volume(s, 25, 25, 25, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field;
+    volume->user = (void *)(size_t)&field;
+    volume->extinction = (float)extinction;
+    return volume;
+}
+
+/* Adds 50 particles about the origin as the scene's only set, until the next call. */
+static inline sps_particles *check_add_swarm(check_scene *s, double optical_depth) {
+    enum { SWARM_COUNT = 50 };
+    static sps_particle swarm[SWARM_COUNT];
+    static sps_particles set;
+    check_random random = {5};
+    for (int i = 0; i < SWARM_COUNT; ++i) {
+        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.4 * check_next(&random) - 0.7);
+        swarm[i].radius = 0.25f;
+        swarm[i].optical_depth = (float)optical_depth;
+    }
+    memset(&set, 0, sizeof set);
+    set.count = SWARM_COUNT, set.read_fn = check_read_particles, set.user = swarm;
+    s->scene.particles = &set, s->scene.particle_set_count = 1;
+    return &set;
+}
+
 /* Appends a white light to the scene: set its direction or position. */
 static inline sps_light *check_add_light(check_scene *s, sps_light_kind kind, double strength) {
     sps_light *light = &s->light[s->scene.light_count++];

@@ -4,7 +4,7 @@
 
 #include "check.h"
 
-enum { SIDE = 40, COUNT = 4 * SIDE * SIDE, PARTICLES = 50 };
+enum { SIDE = 40, COUNT = 4 * SIDE * SIDE };
 static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
 static sps_tmap_settings table;
@@ -15,42 +15,10 @@ static const char shared[] = "a table: the light shares the sweep of another";
 
 /* --- scenes --- */
 
-static double puff(const void *user, const double p[3]) {
-    const double r = spsi_length(p), ripples = 0.2 * sin(7 * p[0] + 1) * cos(6 * p[1]) * sin(8 * p[2]);
-    (void)user;
-    return fmin(fmax(2.5 * (0.8 + ripples - r), 0), 1);
-}
-
-static const check_field puff_field = {puff, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
-
 static const sps_transfer_point points[] = {{0, {0.5f, 0.5f, 0.5f}, 0}, {0.5f, {0.9f, 0.6f, 0.3f}, 6}};
 static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
 
-static sps_particle swarm[PARTICLES];
-
 enum { GAS, TISSUE, SWARM, KINDS };
-
-static void add_puff(check_scene *s) {
-    sps_volume *volume = check_add_volume(s, 25, 25, 25, check_box(-1, -1, -1, 1, 1, 1));
-    volume->eval_fn = check_eval_field;
-    volume->user = (void *)(size_t)&puff_field;
-    volume->extinction = 3;
-    check_color(volume->albedo, 0.9, 0.8, 0.7);
-}
-
-static void add_swarm(check_scene *s) {
-    static sps_particles set;
-    check_random random = {5};
-    for (int i = 0; i < PARTICLES; ++i) {
-        for (int k = 0; k < 3; ++k) swarm[i].position[k] = (float)(1.4 * check_next(&random) - 0.7);
-        swarm[i].radius = 0.25f;
-        swarm[i].optical_depth = 0.5f;
-    }
-    memset(&set, 0, sizeof set);
-    set.count = PARTICLES, set.read_fn = check_read_particles, set.user = swarm;
-    check_color(set.albedo, 0.8, 0.7, 0.9);
-    s->scene.particles = &set, s->scene.particle_set_count = 1;
-}
 
 /* Something about the origin, without a light. */
 static void start(check_scene *s, int kind) {
@@ -58,9 +26,9 @@ static void start(check_scene *s, int kind) {
     check_set3(s->view.camera.position, 1.5, 2, 5);
     check_perspective(&s->view.camera, 0.5);
     if (kind == SWARM)
-        add_swarm(s);
+        check_color(check_add_swarm(s, 0.5)->albedo, 0.8, 0.7, 0.9);
     else
-        add_puff(s);
+        check_color(check_add_puff(s, 3)->albedo, 0.9, 0.8, 0.7);
     if (kind == TISSUE) s->volume[0].transfer = &tissue, s->volume[0].shading = SPS_SHADING_SURFACE;
 }
 
@@ -187,8 +155,9 @@ static void test_other_directions(void) {
         {{0.27, 0.15, 0.02, 0.48, 0.58, 0.45}, {1.21, 0.74, -0.65}, {0.52, -0.35, -0.59}, 1.43, {-1.9, 1.58, 0.24}, 2}};
     for (size_t n = 0; n < sizeof views / sizeof *views; ++n) {
         const double *l = views[n].light;
-        check_field field = puff_field;
+        check_field field;
         check_scene s;
+        memset(&field, 0, sizeof field);
         field.value_fn = cube, field.user = views[n].gas;
         start(&s, GAS);
         s.volume[0].user = &field;
@@ -388,7 +357,7 @@ static void test_unread_particles(void) {
     check_chosen(&s, 1, 0, "no light that casts shadows has a shadow_map or a table", image_a);
     check_add_point(&s, 0, 4, 0, 9);
     CHECK(check_chosen(&s, 1, 1, "a table, if particles turn out to call for one", image_a).plan.sweep_count == 2);
-    add_puff(&s);
+    check_color(check_add_puff(&s, 3)->albedo, 0.9, 0.8, 0.7);
     check_chosen(&s, 1, 1, "a table, if particles turn out to call for one", image_a);
     check_set3(s.light[1].position, 0, 0, 0); /* in the volume, whatever the particles are */
     check_chosen(&s, 1, 1, NULL, image_a);
@@ -403,9 +372,10 @@ static void test_anywhere(void) {
     int tables = 0, parts = 0, sheets = 0;
     for (int n = 0; n < 250; ++n) {
         double gas[6];
-        check_field field = puff_field;
+        check_field field;
         check_scene s;
         outcome o;
+        memset(&field, 0, sizeof field);
         start(&s, GAS);
         s.view.width = 13, s.view.height = 9;
         for (int i = 0; i < 3; ++i) {

@@ -4052,6 +4052,7 @@ typedef struct spsi_cell_grid {
     int orders, terms, channels;        /* of moments, and of color */
     float lobes[SPSI_MATERIALS_MAX][4]; /* per material: its moments of degree 0 to 3, less its peak */
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
+    float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
     float *seen; /* per material and channel: radiance towards the eye per optical depth scattered */
 } spsi_cell_grid;
@@ -15192,6 +15193,41 @@ static void spsi_cells_look_task(void *data, int row, int worker) {
     }
 }
 
+/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; 0 without any. */
+static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
+    const size_t stride[3] = {1, (size_t)grid->pitch, (size_t)(grid->pitch * grid->size[1])};
+    const size_t here = (size_t)at[0] + stride[1] * (size_t)at[1] + stride[2] * (size_t)at[2];
+    float sum = 0;
+    int count = 0;
+    for (int i = 0; i < 6; ++i) {
+        const int axis = i / 2, room = i & 1 ? grid->size[axis] - 1 - at[axis] : at[axis];
+        const size_t next = i & 1 ? here + stride[axis] : here - stride[axis];
+        const size_t beyond = i & 1 ? next + stride[axis] : next - stride[axis];
+        if (room < 1 || !(grid->depth[next] > 0)) continue;
+        sum += room > 1 && grid->depth[beyond] > 0 ? spsi_higher(2 * seen[next] - seen[beyond], 0) : seen[next];
+        ++count;
+    }
+    return count > 0 ? sum / (float)count : 0;
+}
+
+/* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
+   of its end is between both. */
+static void spsi_cells_continue_task(void *data, int row, int worker) {
+    const spsi_cell_look *look = (const spsi_cell_look *)data;
+    const spsi_cell_grid *grid = look->grid;
+    const int count = look->frame->matter.material_count * grid->channels;
+    int at[3] = {0, row % grid->size[1], row / grid->size[1]};
+    (void)worker;
+    for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
+        const size_t cell = (size_t)row * (size_t)grid->pitch + (size_t)at[0];
+        if (grid->depth[cell] > 0) continue;
+        for (int i = 0; i < count; ++i) {
+            float *seen = grid->seen + (size_t)i * grid->count;
+            seen[cell] = spsi_cells_continued(grid, seen, at);
+        }
+    }
+}
+
 /* Looks up what is seen of a material in one channel, at a vector of places in cells; linear between their centres. */
 static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int channel, const spsi_v at[3]) {
     const float *seen = grid->seen + (size_t)(material * grid->channels + channel) * grid->count;
@@ -16720,7 +16756,6 @@ typedef struct spsi_cell_job {
     float *samples;   /* per sample, two along each edge: optical depth along half an edge */
     float *scattered; /* per material and channel: what is scattered of a unit of light along an edge */
     float *emitted;   /* per channel: radiance added along an edge */
-    float *depth;     /* optical depth along an edge */
     float *incoming;  /* per channel and term: moments of the lights' radiance */
     spsi_shadow *shadows;
     spsi_shader shader;
@@ -16765,7 +16800,7 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
 
 /* Floats per cell while it is filled and lit. */
 static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    return (size_t)(9 + frame->matter.material_count * grid->channels + grid->channels + grid->channels * grid->terms);
+    return (size_t)(8 + frame->matter.material_count * grid->channels + grid->channels + grid->channels * grid->terms);
 }
 
 /* --- gas --- */
@@ -16870,7 +16905,7 @@ static void spsi_cells_add_slab(const spsi_cell_job *job, const spsi_tile *tile,
                 if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
                 spsi_cell_sample_at(job, m, sum, &slabs, &sample);
                 spsi_cells_deposit(samples, x, tile->x1, fine, per_sample, sample.depth);
-                spsi_cells_deposit(job->depth + row, x, tile->x1, 2 * fine, per_cell, sample.depth);
+                spsi_cells_deposit(grid->depth + row, x, tile->x1, 2 * fine, per_cell, sample.depth);
                 for (int c = 0; c < channels; ++c) {
                     float *scattered = job->scattered + (size_t)(m * channels + c) * grid->count;
                     float *emitted = job->emitted + (size_t)c * grid->count;
@@ -17051,7 +17086,7 @@ static void spsi_cells_scales(const spsi_cell_job *job, size_t row, int channel,
         float straight = 0;
         for (int m = 0; m < job->frame->matter.material_count; ++m)
             straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
-        scale[i] = job->depth[at] > 0 ? spsi_higher(1 - straight / job->depth[at], 0) : 1;
+        scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - straight / grid->depth[at], 0) : 1;
     }
 }
 
@@ -17113,7 +17148,7 @@ static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
     const spsi_cell_grid *grid = job->grid;
     const spsi_cell_level *level = &job->solver->levels[0];
     for (size_t at = row; at < row + (size_t)grid->size[0]; ++at) {
-        const float emitted = job->emitted[(size_t)c * grid->count + at], whole = job->depth[at];
+        const float emitted = job->emitted[(size_t)c * grid->count + at], whole = grid->depth[at];
         float degree[SPSI_CELL_ORDERS] = {0}, depth = whole, keep[SPSI_CELL_ORDERS];
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
             const float scattered = job->scattered[(size_t)(m * grid->channels + c) * grid->count + at];
@@ -17249,7 +17284,7 @@ static size_t spsi_cells_bytes(const sps_context *context, const spsi_frame *fra
     grid.size[0] = grid.size[1] = grid.size[2] = side;
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
-    floats += (size_t)(grid.channels * (grid.terms + frame->matter.material_count)) * grid.count;
+    floats += (size_t)(1 + grid.channels * (grid.terms + frame->matter.material_count)) * grid.count;
     for (int i = 0; i < frame->lamps.count; ++i)
         if (frame->lamps.list[i].shadows)
             bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
@@ -17305,14 +17340,14 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     if (!job || !memory) return context->result;
     memset(job, 0, sizeof *job);
     memset(memory, 0, floats * sizeof *memory);
+    memset(grid->depth, 0, grid->count * sizeof *grid->depth);
     job->context = context;
     job->frame = frame;
     job->faces = faces;
     job->grid = grid;
     job->fine = spsi_cells_fineness(frame, grid);
     job->samples = memory;
-    job->depth = job->samples + 8 * grid->count;
-    job->scattered = job->depth + grid->count;
+    job->scattered = job->samples + 8 * grid->count;
     job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
     job->incoming = job->emitted + channels * grid->count;
     third.share /= 3;
@@ -17338,9 +17373,10 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     key = spsi_cells_fingerprint(context, frame, grid);
     moments = (size_t)(grid->channels * grid->terms) * grid->count;
     seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    grid->moments = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, moments, sizeof(float));
+    grid->moments = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, moments + grid->count, sizeof(float));
     grid->seen = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
     if (!grid->moments || !grid->seen) return context->result;
+    grid->depth = grid->moments + moments;
     if (!key || key != context->cells_held) {
         context->cells_held = 0;
         if (spsi_cells_make(context, frame, faces, part, grid)) return context->result;
@@ -17351,6 +17387,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     look.frame = frame;
     look.grid = grid;
     spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
+    spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
     frame->content->cells = grid;
     context->stats.seconds_cells = spsi_clock(context) - start;
     return SPS_OK;

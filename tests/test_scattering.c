@@ -114,7 +114,7 @@ static void test_series(void) {
 static void test_end(void) {
     static spsi_forward table;
     spsi_material material = gas_of(0.8, 1);
-    spsi_forward_build(&material, &table);
+    spsi_forward_build(&material, 0, &table);
     material.forward = &table;
     for (int n = 0; n < 200; ++n) {
         const double t = 30 + 0.25 * n, c = 1 - 0.01 * n, exact = shown_forward((double)(float)0.8, t, c);

@@ -1711,6 +1711,7 @@ struct sps_context {
     int face_count;
     int tree_held;          /* 1: the tree of these triangles is held too */
     int shadow_table_count; /* held from the last call, >>tmaps */
+    int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
     uint64_t cells_held;    /* fingerprint of what the light in the cells was made from; 0: none, >>lighting */
     double mesh_low[3], mesh_high[3];
 };
@@ -3934,7 +3935,8 @@ typedef enum spsi_choice {
     SPSI_CHOICE_SHEETS,
     SPSI_CHOICE_TABLE_IN_GAS, /* a table: the light is in the gas or too close to it for slabs */
     SPSI_CHOICE_TABLE_CAMERA, /* a table: no slabs serve both this light and the camera's rays */
-    SPSI_CHOICE_TABLE_SHARED  /* a table: another light's sweep can carry it */
+    SPSI_CHOICE_TABLE_SHARED, /* a table: another light's sweep can carry it */
+    SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
 } spsi_choice;
 
 /* A light that is not black. */
@@ -11017,6 +11019,7 @@ struct sps_tmap {
     int has_vectors;            /* 1: vectors of texels are looked up at once */
     int face_count, replace_invalid;
     int finished, failed;
+    int waits; /* 1: a light's own map, made for the cells, which a sweep is going to take */
     spsi_rays rays[SPSI_CUBE_FACES];
     float table_end;  /* of a shadow table: the optical depth at which it ends */
     uint64_t key;     /* of a shadow table: fingerprint of all that it is made from; 0: it is not kept */
@@ -14255,8 +14258,8 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
         spsi_choose_for_unserved(frame, &sweep, lamp);
         return;
     }
-    if (!others || frame->matter.classifies || lamp->extent.exists) return;
-    spsi_lamp_take(lamp, 1, SPSI_CHOICE_TABLE_SHARED);
+    if ((!others && !spsi_scatters_fully(frame)) || frame->matter.classifies || lamp->extent.exists) return;
+    spsi_lamp_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
     spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
     bytes = (double)held + (double)filling;
     if (spsi_table_is_fine(context, frame, &sweep, lamp) &&
@@ -14381,6 +14384,20 @@ static sps_result spsi_pane_maps_build(sps_context *context, const spsi_frame *f
     return spsi_pane_maps_fill(context, frame, faces, maps, map_count);
 }
 
+/* Moves a light's own map, if the light in the cells has needed it already. Returns 0 if it has not. */
+static int spsi_lamp_tmap_take(sps_context *context, const spsi_lamp *lamp, sps_tmap *map) {
+    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
+    for (int i = 0; i < context->cell_tmap_count; ++i) {
+        if (maps[i].light != lamp->index || !maps[i].waits) continue;
+        *map = maps[i];
+        map->waits = 0;
+        memset(&maps[i], 0, sizeof maps[i]);
+        maps[i].context = context;
+        return 1;
+    }
+    return 0;
+}
+
 /* Builds the transmittance maps of a sweep's lamps, and leaves the rest of the call's part to the sweep. Even after a
    failure, spsi_shadow_maps_release frees them. */
 static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame *frame, spsi_shadow *shadows, int count,
@@ -14402,7 +14419,10 @@ static sps_result spsi_shadow_maps_build(sps_context *context, const spsi_frame 
         if (!shadows[i].lamp->has_map) continue;
         shadows[i].tmap = next;
         shadows[i].kind = SPSI_SHADOW_MAP;
-        if (spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, gas, next++)) return context->result;
+        if (!spsi_lamp_tmap_take(context, shadows[i].lamp, next) &&
+            spsi_lamp_tmap_begin(context, frame, shadows[i].lamp, gas, next))
+            return context->result;
+        ++next;
     }
     spsi_shadow_tables_drop(context); /* what no light has taken */
     if (!spsi_reserve(context, SPSI_BUFFER_SHADOW_TABLES, (size_t)mapped, sizeof *maps)) return context->result;
@@ -16961,7 +16981,7 @@ static void spsi_cells_lamp(int cells, spsi_lamp *lamp) {
     lamp->sliced = 0;
 }
 
-/* Makes that table. */
+/* Makes that table, for a light that has none of its own. */
 static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
                                  sps_tmap *map) {
     spsi_lamp coarse = *lamp;
@@ -16974,6 +16994,17 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
     return spsi_tmap_fill(map, &occluders);
 }
 
+/* Makes a light's own table, which waits for the sweeps. */
+static sps_result spsi_cells_own_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+                                     sps_tmap *map) {
+    const uint64_t gas = spsi_gas_fingerprint(job->frame);
+    if (spsi_lamp_tmap_begin(job->context, job->frame, lamp, gas, map) ||
+        spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map))
+        return job->context->result;
+    map->waits = 1;
+    return SPS_OK;
+}
+
 /* Lists the lights that cast shadows, with their tables, depth maps and pane maps. */
 static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
@@ -16984,7 +17015,9 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
         spsi_shadow *shadow = &job->shadows[count];
         if (!frame->lamps.list[i].shadows) continue;
         shadow->lamp = &frame->lamps.list[i];
-        if (spsi_cells_map(job, shadow->lamp, &each, &maps[count])) return job->context->result;
+        if (spsi_has_shadow_table(shadow->lamp) ? spsi_cells_own_map(job, shadow->lamp, &each, &maps[count])
+                                                : spsi_cells_map(job, shadow->lamp, &each, &maps[count]))
+            return job->context->result;
         shadow->kind = SPSI_SHADOW_MAP;
         shadow->tmap = &maps[count++];
         each.progress += each.share;
@@ -17130,12 +17163,21 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
     memset(maps, 0, (size_t)count * sizeof *maps);
     for (int i = 0; i < count; ++i) maps[i].context = context;
+    context->cell_tmap_count = count;
     spsi_cells_aim(job->grid, 1, &job->rays, &job->slabs);
     spsi_cells_shader(job);
     if (!spsi_cells_shadows(job, part, maps))
         spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
-    for (int i = 0; i < count; ++i) spsi_tmap_release(&maps[i]);
+    for (int i = 0; i < count; ++i)
+        if (!maps[i].waits) spsi_tmap_release(&maps[i]);
     return context->result;
+}
+
+/* Releases the maps that no sweep has taken, after a failure. */
+static void spsi_cells_release(sps_context *context) {
+    sps_tmap *maps = (sps_tmap *)context->buffers[SPSI_BUFFER_CELL_TMAPS].data;
+    for (int i = 0; i < context->cell_tmap_count; ++i) spsi_tmap_release(&maps[i]);
+    context->cell_tmap_count = 0;
 }
 
 /* --- the equations of a channel --- */
@@ -17275,7 +17317,7 @@ static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lam
 }
 
 /* Upper bound of the bytes for all cells: those of a cube. */
-static size_t spsi_cells_bytes(const sps_context *context, const spsi_frame *frame) {
+static size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
     size_t floats, bytes = sizeof(spsi_cell_job) + sizeof(spsi_cell_grid);
     spsi_cell_grid grid;
@@ -17286,9 +17328,8 @@ static size_t spsi_cells_bytes(const sps_context *context, const spsi_frame *fra
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
     floats += (size_t)(1 + grid.channels * (grid.terms + frame->matter.material_count)) * grid.count;
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (frame->lamps.list[i].shadows)
+        if (frame->lamps.list[i].shadows && !spsi_has_shadow_table(&frame->lamps.list[i]))
             bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
-    (void)context;
     return bytes + floats * sizeof(float);
 }
 
@@ -17297,8 +17338,9 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
     const double numbers[] = {lamp->position[0],   lamp->position[1],        lamp->position[2],
                               lamp->direction[0],  lamp->direction[1],       lamp->direction[2],
                               lamp->extent.radius, (double)lamp->cone.scale, (double)lamp->cone.offset};
-    const int flags[] = {lamp->is_point,      lamp->falls_off,      lamp->shadows,  lamp->cone.exists,
-                         lamp->extent.exists, lamp->extent.is_disc, lamp->few_count};
+    const int flags[] = {lamp->is_point,      lamp->falls_off,           lamp->shadows,       lamp->cone.exists,
+                         lamp->extent.exists, lamp->extent.is_disc,      lamp->few_count,     lamp->has_map,
+                         lamp->map_size,      lamp->map_omnidirectional, lamp->map.components};
     if (lamp->projection.exists || !hash) return 0;
     hash = spsi_fingerprint(hash, numbers, sizeof numbers);
     hash = spsi_fingerprint(hash, flags, sizeof flags);
@@ -17309,8 +17351,9 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
 /* A hash of all that the light in the cells depends on; 0 if some of it may change without notice. */
 static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame,
                                        const spsi_cell_grid *grid) {
-    const double knobs[] = {frame->view.slab, frame->accuracy.cut, grid->corner[0],
-                            grid->corner[1],  grid->corner[2],     grid->edge};
+    const double knobs[] = {frame->view.slab, frame->accuracy.cut, frame->accuracy.shadow_texels,
+                            grid->corner[0],  grid->corner[1],     grid->corner[2],
+                            grid->edge};
     uint64_t hash = spsi_gas_fingerprint(frame);
     if (!hash || (frame->meshes.count > 0 && !context->faces_held)) return 0;
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
@@ -18263,8 +18306,9 @@ static const char *spsi_plan_map_reason(const spsi_frame *frame) {
                                           "",
                                           "a table: the light is in the gas",
                                           "a table: no slabs serve both the light and so wide a camera",
-                                          "a table: the light shares the sweep of another"};
-    for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_SHARED; ++choice)
+                                          "a table: the light shares the sweep of another",
+                                          "a table: it serves the light in the cells, too"};
+    for (int choice = SPSI_CHOICE_OPEN; choice <= SPSI_CHOICE_TABLE_AGAIN; ++choice)
         for (int i = 0; i < frame->lamps.count && choice != SPSI_CHOICE_SHEETS; ++i)
             if ((int)frame->lamps.list[i].choice == choice) return reasons[choice];
     return reasons[SPSI_CHOICE_CALLER];
@@ -18368,7 +18412,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
     if (spsi_scatters_forward(frame))
         report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
-    if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(context, frame);
+    if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
     for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
     if (frame->meshes.triangle_count > 0) {
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
@@ -20118,6 +20162,7 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
     spsi_frame *frame = spsi_begin_frame(context, scene, view, image);
     if (!context) return SPS_ERROR_ARGUMENT;
     if (frame) spsi_render_frame(context, frame, image);
+    spsi_cells_release(context);
     return spsi_end(context);
 }
 

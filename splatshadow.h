@@ -15118,35 +15118,39 @@ static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_leve
     spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
 }
 
-/* One cycle of a level. Coarser levels are as deep as recursion goes. Returns the imbalance that it began with. */
-static double spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
-    const spsi_cell_level *level = &solver->levels[n];
-    double imbalance;
+static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass;
-    spsi_cell_step step;
-    spsi_cells_mend(solver, level);
-    imbalance = spsi_cells_imbalance(solver, level);
-    if (n == solver->level_count - 1) {
-        for (int i = 1; i < SPSI_CELL_REPEATS; ++i) spsi_cells_mend(solver, level);
-        return imbalance;
-    }
     pass.solver = solver;
     pass.level = level;
+    spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
+}
+
+/* Mends a level; the coarsest one as often as it takes. Otherwise measures what it misses still, and corrects what it
+   sends by two such cycles of the next coarser level. `started`: 1: what it misses is there already. Recursion is as
+   deep as there are levels. */
+static void spsi_cells_cycle(const spsi_cell_solver *solver, int n, int started) {
+    const spsi_cell_level *level = &solver->levels[n];
+    spsi_cell_step step;
+    if (n == solver->level_count - 1) {
+        for (int i = 0; i < SPSI_CELL_REPEATS; ++i) spsi_cells_mend(solver, level);
+        return;
+    }
     step.solver = solver;
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
-    spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
+    if (!started) {
+        spsi_cells_mend(solver, level);
+        spsi_cells_sweep(solver, level);
+        spsi_cells_miss(solver, level);
+    }
     spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
-    for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
+    for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1, 0);
     spsi_cells_sweep(solver, step.coarse);
     spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
-    return imbalance;
 }
 
-/* Solves for the moments of the finest level, whose depth, keep and given are set. */
-static sps_result spsi_cells_solve(const spsi_cell_solver *solver, const spsi_part_of_call *part) {
-    const spsi_cell_level *finest = &solver->levels[0];
+/* Sets up all levels from the finest one's depth and albedo. */
+static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
         spsi_cell_pass pass;
         spsi_cell_step step;
@@ -15156,11 +15160,25 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, const spsi_pa
         if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
         spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
     }
-    spsi_copy(solver->context, finest->sent, finest->given, (size_t)solver->terms * finest->count * sizeof(float));
+}
+
+/* Solves for the moments of the finest level, whose depth, keep and given are set. Before anything is sent, all that is
+   given is missing: coarse levels begin. */
+static sps_result spsi_cells_solve(const spsi_cell_solver *solver, const spsi_part_of_call *part) {
+    const spsi_cell_level *finest = &solver->levels[0];
+    const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
+    spsi_cells_levels(solver);
+    spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
+    memset(finest->sent, 0, bytes);
+    spsi_cells_cycle(solver, 0, 1);
     for (int i = 0; i < SPSI_CELL_CYCLES; ++i) {
         if (spsi_progress(solver->context, spsi_part_done(part, (double)i / SPSI_CELL_CYCLES)))
             return solver->context->result;
-        if (spsi_cells_cycle(solver, 0) < SPSI_CELL_BALANCE) break;
+        spsi_cells_mend(solver, finest);
+        if (spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) break;
+        spsi_cells_sweep(solver, finest);
+        spsi_cells_miss(solver, finest);
+        spsi_cells_cycle(solver, 0, 1);
     }
     spsi_cells_sweep(solver, finest);
     return SPS_OK;

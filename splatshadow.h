@@ -16029,23 +16029,30 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
 }
 
 /* Adds what one material of a part sends of the light in the cells, at a place in their grid. Extinction is scaled on
-   the way to the eye, too; what ambient light from behind reaches the eye for that is exp(-k t) - exp(-t) in all. */
-static void spsi_add_material_cells(const spsi_shader *shader, const spsi_part *part, int m, const spsi_v at[3],
-                                    const spsi_sent *into) {
+   the way to the eye, too: more emission reaches it, and exp(-k t) - exp(-t) in all of the ambient light behind, where
+   there is no polygon. */
+static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, int m,
+                                    const spsi_v at[3], const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
+    const spsi_material *material = &frame->matter.materials[m];
     const spsi_sample *sample = &part->samples[m];
     const spsi_v start = spsi_add(part->before, into->ahead), end = spsi_add(part->after, into->ahead);
     const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
+    const spsi_v straight = spsi_mean_transmittance(start, end), zero = spsi_set(0);
+    const spsi_m blocked = spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY));
     const float peak = frame->content->cells->peak[m];
     for (int c = 0; c < frame->channels; ++c) {
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
         const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
         const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(frame->content->cells, m, c, at));
-        spsi_v sent = spsi_mul(light, seen);
-        if (peak > 0 && frame->ambient.exists)
-            sent = spsi_fma(spsi_sub(spsi_mean_transmittance(start, end), spsi_mul(scale, seen)),
-                            spsi_set(frame->ambient.radiance[c]), sent);
-        into->again[c] = spsi_add(into->again[c], spsi_min(spsi_mul(gas, sent), spsi_set(SPSI_RADIANCE_MAX)));
+        const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->ambient.radiance[c]));
+        spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
+        if (peak > 0) {
+            sent = spsi_fma(spsi_mul(gas, behind), spsi_sub(straight, spsi_mul(scale, seen)), sent);
+            sent = spsi_fma(spsi_mul(sample->value_length, spsi_set(material->emission[c])), spsi_sub(seen, straight),
+                            sent);
+        }
+        into->again[c] = spsi_add(into->again[c], spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)));
     }
 }
 
@@ -16058,7 +16065,7 @@ static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, cons
                          spsi_linear_base(&shader->cell[i], p->line.at, (float)p->line.y));
     for (int m = 0; m < shader->frame->matter.material_count; ++m)
         if (shader->frame->matter.materials[m].scatters && spsi_bits(spsi_less(spsi_set(0), part->samples[m].depth)))
-            spsi_add_material_cells(shader, part, m, at, into);
+            spsi_add_material_cells(shader, p, part, m, at, into);
 }
 
 /* Adds ambient light, emission, and the lights that cast no shadows. */

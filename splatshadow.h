@@ -14665,8 +14665,9 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 
 /* ================================================================================================ >>cells
    27 Light scattered any number of times in every direction: discrete ordinates on a grid of cubes about the gas. Light
-   is carried from cell to cell in the 26 directions to its neighbours, whose weights integrate polynomials of degree 7
-   over the sphere [Lebedev 1976]. On its way of optical depth t through a cell that sends s in that direction,
+   is carried from cell to cell in 50 directions, whose weights integrate polynomials of degree 11 over the sphere: the
+   26 to neighbours, and 24 that take three steps along an axis to one along the others [Lebedev 1976]. What comes at a
+   slant is interpolated between four cells. On its way of optical depth t through a cell that sends s in a direction,
      out = s + (in - s) exp(-t),   mean = s + (in - s) (1 - exp(-t)) / t
    conserves energy whatever t is. Light is described by its moments M, the means over all directions of radiance times
    real harmonics Y of degree l below the number of orders, 1, 2 or 4; S is what a cell sends:
@@ -14677,17 +14678,20 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    sweep carries light once from scattering to scattering. Cost: 26 steps per cell, sweep and moment; about 8 sweeps.
  */
 
-#define SPSI_CELL_DIRECTIONS 26
-#define SPSI_CELL_LENGTHS    3  /* of a way through a cell: 1, sqrt 2 and sqrt 3 edges */
+#define SPSI_CELL_DIRECTIONS 50
+#define SPSI_CELL_STRAIGHT   26 /* of these: to neighbours */
+#define SPSI_CELL_LENGTHS    4  /* of a way through a cell: 1, sqrt 2, sqrt 3 and, at a slant, sqrt 11 / 3 edges */
 #define SPSI_CELL_ORDERS     4  /* most: degrees 0 to 3 */
 #define SPSI_CELL_TERMS      16 /* moments of four orders */
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
-#define SPSI_CELL_BEAMS      9  /* directions that a row of cells is swept in at once */
+#define SPSI_CELL_ALONG      21 /* directions that rise along z */
+#define SPSI_CELL_BEAMS      13 /* most directions that a row of cells is swept in at once */
 
-/* A direction to a neighbour. */
+/* A direction in which light is carried. */
 typedef struct spsi_cell_direction {
     int step[3];  /* -1, 0 or 1 */
-    int length;   /* 0: along an edge, 1: across a face, 2: across the cell */
+    int axis;     /* at a slant: along which it takes three steps; -1: straight */
+    int length;   /* of its way through a cell */
     float weight; /* its share of the sphere */
     float harmonic[SPSI_CELL_TERMS];
 } spsi_cell_direction;
@@ -14737,20 +14741,30 @@ static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
 /* The degree of a term. */
 static int spsi_term_degree(int term) { return term == 0 ? 0 : term < 4 ? 1 : term < 9 ? 2 : 3; }
 
-/* All directions, by step along z, then y, then x. */
+static void spsi_cell_direction_build(int x, int y, int z, int axis, spsi_cell_direction *direction) {
+    static const double weight[SPSI_CELL_LENGTHS] = {4.0 / 315, 64.0 / 2835, 27.0 / 1280, 14641.0 / 725760};
+    const int step[3] = {x, y, z};
+    double unit[3];
+    for (int k = 0; k < 3; ++k) unit[k] = step[k] * (k == axis ? 3 : 1);
+    memcpy(direction->step, step, sizeof step);
+    direction->axis = axis;
+    direction->length = axis < 0 ? abs(x) + abs(y) + abs(z) - 1 : 3;
+    direction->weight = (float)weight[direction->length];
+    spsi_normalise(unit);
+    spsi_harmonics(unit, direction->harmonic);
+}
+
+/* All directions: those to neighbours, by step along z, then y, then x; then those at a slant that fall along z, and
+   those that rise: four along z, four that rise along y, four that fall. */
 static void spsi_cell_directions(spsi_cell_direction directions[SPSI_CELL_DIRECTIONS]) {
-    static const double weight[SPSI_CELL_LENGTHS] = {1.0 / 21, 4.0 / 105, 9.0 / 280};
-    int count = 0;
-    for (int i = 0; i < 27; ++i) {
-        spsi_cell_direction *direction = &directions[count];
-        double unit[3];
-        if (i == 13) continue; /* the cell itself */
-        for (int k = 0; k < 3; ++k) unit[k] = direction->step[k] = i / (k == 0 ? 1 : k == 1 ? 3 : 9) % 3 - 1;
-        direction->length = abs(direction->step[0]) + abs(direction->step[1]) + abs(direction->step[2]) - 1;
-        direction->weight = (float)weight[direction->length];
-        spsi_normalise(unit);
-        spsi_harmonics(unit, direction->harmonic);
-        ++count;
+    spsi_cell_direction *next = directions;
+    for (int i = 0; i < 27; ++i)
+        if (i != 13)
+            spsi_cell_direction_build(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1, -1, next++); /* 13: the cell itself */
+    for (int z = -1; z <= 1; z += 2) {
+        for (int i = 0; i < 4; ++i) spsi_cell_direction_build(i & 1 ? 1 : -1, i & 2 ? 1 : -1, z, 2, next++);
+        for (int y = 1; y >= -1; y -= 2)
+            for (int i = 0; i < 4; ++i) spsi_cell_direction_build(i & 1 ? 1 : -1, y, z, i < 2 ? 1 : 0, next++);
     }
 }
 
@@ -14807,11 +14821,16 @@ static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
     return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2);
 }
 
-/* Floats of a solver's scratch: two planes for nine directions, twice, or 6 rows per plane of cells. */
+/* Floats of what sweeps along z keep: two planes for each direction, and rows for those at a slant. */
+static size_t spsi_cell_along_floats(const spsi_cell_level *level) {
+    return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + 5 * spsi_cell_row_floats(level);
+}
+
+/* Floats of a solver's scratch: for sweeps both ways along z, or 6 rows per plane of cells. */
 static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
-    const size_t planes = 4 * SPSI_CELL_BEAMS * spsi_cell_plane_floats(finest);
+    const size_t along = 2 * spsi_cell_along_floats(finest);
     const size_t rows = 6 * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
-    return planes > rows ? planes : rows;
+    return along > rows ? along : rows;
 }
 
 typedef struct spsi_cell_pass {
@@ -14819,32 +14838,118 @@ typedef struct spsi_cell_pass {
     const spsi_cell_level *level;
 } spsi_cell_pass;
 
+/* What a row of cells sends in a direction. */
+static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
+                               int terms, float *sent) {
+    for (size_t x = 0; x < (size_t)level->pitch; x += SPSI_LANES) {
+        spsi_v s = spsi_load(level->sent + row + x);
+        for (int t = 1; t < terms; ++t)
+            s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + x), spsi_set(direction->harmonic[t]),
+                         s);
+        spsi_store(sent + x, s);
+    }
+}
+
+/* The radiance that enters each cell of a row: `share` of what leaves the cell before it, in the direction of step x,
+   and what is in `in` already. */
+static void spsi_cell_row_follow(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
+                                 const float *sent, float share, float *in) {
+    const int back = direction->step[0] < 0;
+    const float *through = level->through[direction->length] + row;
+    float radiance = 0;
+    for (int n = 0; n < level->pitch; ++n) {
+        const int x = back ? level->pitch - 1 - n : n;
+        in[x] += share * radiance;
+        radiance = sent[x] + (in[x] - sent[x]) * through[x];
+    }
+}
+
+/* A plane that is being swept along z, falling (index 0) or rising (1). */
+typedef struct spsi_cell_along {
+    const spsi_cell_pass *pass;
+    const spsi_cell_direction *directions[SPSI_CELL_ALONG];
+    float *planes, *rows; /* two planes for each direction; rows of what enters at a slant, and what is sent */
+    int index, z, number; /* number: of planes before this one */
+} spsi_cell_along;
+
+static void spsi_cell_along_begin(const spsi_cell_pass *pass, int index, spsi_cell_along *along) {
+    const spsi_cell_direction *directions = pass->solver->directions;
+    along->pass = pass;
+    along->index = index;
+    along->planes = pass->solver->scratch + (size_t)index * spsi_cell_along_floats(pass->level);
+    along->rows = along->planes + 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(pass->level);
+    for (int i = 0; i < 9; ++i) along->directions[i] = &directions[(index ? 17 : 0) + i];
+    for (int i = 0; i < 12; ++i) along->directions[9 + i] = &directions[SPSI_CELL_STRAIGHT + 12 * index + i];
+    memset(along->planes, 0, spsi_cell_along_floats(pass->level) * sizeof(float));
+}
+
+/* The radiance that has left row y in this plane, or in the one before. */
+static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, int before, int y) {
+    const spsi_cell_level *level = along->pass->level;
+    const int plane = 2 * direction + (before ? along->number % 2 : 1 - along->number % 2);
+    return along->planes + (size_t)plane * spsi_cell_plane_floats(level) +
+           (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
+}
+
+/* The radiance that enters row y at a slant. It comes from a third of the way between four cells. */
+static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
+    const spsi_cell_level *level = along->pass->level;
+    const spsi_cell_direction *direction = along->directions[i];
+    const int x = direction->step[0], back = y - direction->step[1];
+    const float *far_row = spsi_cell_along_row(along, i, 1, back), *beside = spsi_cell_along_row(along, i, 1, y);
+    const float *near_row = direction->axis == 2 ? beside : spsi_cell_along_row(along, i, 0, back);
+    const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
+    float *sent = along->rows + 4 * spsi_cell_row_floats(level);
+    if (direction->axis > 0) {
+        for (int n = 0; n < level->pitch; ++n)
+            in[n] = 4.0f / 9 * near_row[n] + 2.0f / 9 * (near_row[n - x] + far_row[n]) + 1.0f / 9 * far_row[n - x];
+        return;
+    }
+    for (int n = 0; n < level->pitch; ++n)
+        in[n] = 2.0f / 9 * (near_row[n - x] + beside[n - x]) + 1.0f / 9 * far_row[n - x];
+    spsi_cell_row_sent(level, row, direction, along->pass->solver->terms, sent);
+    spsi_cell_row_follow(level, row, direction, sent, 4.0f / 9, in);
+}
+
+/* Sweeps some directions through the plane, in rising or falling order of rows; the first ones begin the moments. */
+static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
+    const spsi_cell_level *level = along->pass->level;
+    float *moments = level->moments[along->index];
+    const float *const before[2] = {first > 0 ? moments : NULL, NULL};
+    spsi_cell_beams beams;
+    beams.count = count;
+    for (int n = 0; n < level->size[1]; ++n) {
+        const int y = falls ? level->size[1] - 1 - n : n;
+        float *slanted = along->rows;
+        for (int k = 0; k < count; ++k) {
+            const spsi_cell_direction *direction = along->directions[first + k];
+            beams.direction[k] = direction;
+            beams.out[k] = spsi_cell_along_row(along, first + k, 0, y);
+            if (direction->axis < 0) {
+                beams.in[k] = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
+                continue;
+            }
+            spsi_cell_along_slant(along, first + k, y, slanted);
+            beams.in[k] = slanted;
+            slanted += spsi_cell_row_floats(level);
+        }
+        spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
+                      along->pass->solver->terms);
+    }
+}
+
 /* Sweeps all directions that fall (index 0) or rise (1) along z, plane by plane. */
 static void spsi_cells_along_task(void *data, int index, int worker) {
-    static const float *const none[2] = {NULL, NULL};
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
-    const spsi_cell_level *level = pass->level;
-    const size_t row = spsi_cell_row_floats(level), plane = spsi_cell_plane_floats(level);
-    const spsi_cell_direction *directions = pass->solver->directions + (index ? 17 : 0);
-    float *radiance = pass->solver->scratch + (size_t)(2 * index) * SPSI_CELL_BEAMS * plane;
-    spsi_cell_beams beams;
+    const int planes = pass->level->size[2];
+    spsi_cell_along along;
     (void)worker;
-    memset(radiance, 0, 2 * SPSI_CELL_BEAMS * plane * sizeof *radiance);
-    beams.count = SPSI_CELL_BEAMS;
-    for (int n = 0; n < level->size[2]; ++n) {
-        const int z = index ? n : level->size[2] - 1 - n;
-        for (int y = 0; y < level->size[1]; ++y) {
-            for (int i = 0; i < SPSI_CELL_BEAMS; ++i) {
-                const int *step = directions[i].step;
-                float *planes[2] = {radiance + (size_t)(2 * i + n % 2) * plane,
-                                    radiance + (size_t)(2 * i + 1 - n % 2) * plane};
-                beams.direction[i] = &directions[i];
-                beams.in[i] = planes[0] + (size_t)(y + 1 - step[1]) * row + SPSI_LANES - step[0];
-                beams.out[i] = planes[1] + (size_t)(y + 1) * row + SPSI_LANES;
-            }
-            spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, &beams, none,
-                          level->moments[index], pass->solver->terms);
-        }
+    spsi_cell_along_begin(pass, index, &along);
+    for (along.number = 0; along.number < planes; ++along.number) {
+        along.z = index ? along.number : planes - 1 - along.number;
+        spsi_cell_along_sweep(&along, 0, SPSI_CELL_BEAMS, 0);
+        spsi_cell_along_sweep(&along, SPSI_CELL_BEAMS, 4, 0);
+        spsi_cell_along_sweep(&along, SPSI_CELL_BEAMS + 4, 4, 1);
     }
 }
 
@@ -14867,25 +14972,6 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int first, cons
     }
 }
 
-/* The radiance that enters each cell of a row from the cell before it, in the direction of step x. */
-static void spsi_cells_follow(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction, int terms,
-                              float *sent, float *in) {
-    const int back = direction->step[0] < 0;
-    float radiance = 0;
-    for (int x = 0; x < level->pitch; x += SPSI_LANES) {
-        spsi_v s = spsi_load(level->sent + row + (size_t)x);
-        for (int t = 1; t < terms; ++t)
-            s = spsi_fma(spsi_load(level->sent + (size_t)t * level->count + row + (size_t)x),
-                         spsi_set(direction->harmonic[t]), s);
-        spsi_store(sent + x, s);
-    }
-    for (int n = 0; n < level->pitch; ++n) {
-        const int x = back ? level->pitch - 1 - n : n;
-        in[x] = radiance;
-        radiance = sent[x] + (radiance - sent[x]) * level->through[0][row + (size_t)x];
-    }
-}
-
 /* Sweeps what is left, within plane z: directions without a step along z. */
 static void spsi_cells_plane_task(void *data, int z, int worker) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
@@ -14905,7 +14991,9 @@ static void spsi_cells_plane_task(void *data, int z, int worker) {
             beams.direction[i] = &pass->solver->directions[12 + i];
             beams.in[i] = own;
             beams.out[i] = own + row;
-            spsi_cells_follow(level, at, beams.direction[i], pass->solver->terms, own + 2 * row, own);
+            memset(own, 0, row * sizeof *own);
+            spsi_cell_row_sent(level, at, beams.direction[i], pass->solver->terms, own + 2 * row);
+            spsi_cell_row_follow(level, at, beams.direction[i], own + 2 * row, 1, own);
         }
         spsi_cell_row(level, at, &beams, one, level->moments[0], pass->solver->terms);
     }
@@ -14924,7 +15012,7 @@ static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_lev
 
 /* The share of what a cell sends that is its own mean: what crosses it has left (1 - exp(-t)) / t. */
 static inline spsi_v spsi_cell_own(const spsi_cell_level *level, size_t at) {
-    static const float share[SPSI_CELL_LENGTHS] = {6.0f / 21, 48.0f / 105, 72.0f / 280};
+    static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i)
         own = spsi_fma(spsi_sub(spsi_set(1), spsi_load(level->average[i] + at)), spsi_set(share[i]), own);
@@ -15082,7 +15170,7 @@ static void spsi_cells_correct_task(void *data, int z, int worker) {
 
 /* Ways through the cells of a plane. */
 static void spsi_cells_ways_task(void *data, int z, int worker) {
-    static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f};
+    static const float ways[SPSI_CELL_LENGTHS] = {1, 1.41421356f, 1.73205081f, 1.10554160f};
     const spsi_cell_level *level = ((const spsi_cell_pass *)data)->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
     (void)worker;

@@ -14850,17 +14850,19 @@ static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const s
     }
 }
 
-/* The radiance that enters each cell of a row: `share` of what leaves the cell before it, in the direction of step x,
-   and what is in `in` already. */
+/* The radiance that enters each cell of a row: what is in `in` already, and `share` of what leaves the cell before it,
+   in the direction of step x. `sent` is overwritten by what would leave without the latter, which keeps what each cell
+   waits for down to one multiplication. */
 static void spsi_cell_row_follow(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
-                                 const float *sent, float share, float *in) {
+                                 float *sent, float share, float *in) {
     const int back = direction->step[0] < 0;
     const float *through = level->through[direction->length] + row;
     float radiance = 0;
+    for (int x = 0; x < level->pitch; ++x) sent[x] += (in[x] - sent[x]) * through[x];
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
         in[x] += share * radiance;
-        radiance = sent[x] + (in[x] - sent[x]) * through[x];
+        radiance = sent[x] + share * through[x] * radiance;
     }
 }
 

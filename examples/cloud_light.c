@@ -33,7 +33,7 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
 
 static void set_cloud(sps_volume *cloud) {
     static const sps_lobe lobes[2] = {{0.85f, 0.85f}, {-0.1f, 0.15f}};
-    ex_volume_box(cloud, ex_vec_of(-1.25, -0.55, -0.65), ex_vec_of(1.4, 1.0, 0.85), 96);
+    ex_volume_box(cloud, ex_vec_of(-1.25, -0.55, -0.65), ex_vec_of(1.4, 1.0, 0.85), 112);
     cloud->eval_fn = cloud_value;
     cloud->revision = 1; /* all panels have the same voxels */
     cloud->extinction = 24;
@@ -44,7 +44,7 @@ static void set_cloud(sps_volume *cloud) {
 /* Paths through dense gas are long: a picture of half the size, each pixel of it shown as four. */
 static sps_result render_paths(sps_context *context, const sps_scene *scene, const sps_view *view,
                                const sps_image *image) {
-    static const sps_reference_settings paths = {.step = 2, .samples = 4, .seed = 1};
+    static const sps_reference_settings paths = {.step = 4, .samples = 4, .seed = 1};
     sps_view half = *view;
     sps_image small = {0};
     half.width = (view->width + 1) / 2, half.height = (view->height + 1) / 2;
@@ -107,24 +107,24 @@ static int make_picture(const sps_scene scenes[ROWS], const sps_view *view, cons
 
 int main(int argc, char **argv) {
     static float night[2][3] = {{0.030f, 0.050f, 0.105f}, {0.008f, 0.016f, 0.045f}};
-    static float evening[2][3] = {{0.62f, 0.30f, 0.13f}, {0.09f, 0.13f, 0.28f}};
+    static float evening[2][3] = {{0.50f, 0.22f, 0.10f}, {0.06f, 0.09f, 0.20f}};
     ex_scene_options options = {"cloud_light.png", 0, 0, 0, 0, 0};
-    sps_light suns[ROWS] = {ex_sun(ex_vec_of(-0.55, -0.75, 0.75), 5), ex_sun(ex_vec_of(1, -0.12, -0.35), 5)};
-    sps_view view = ex_view(ex_vec_of(0.1, 0.1, 6.5), ex_vec_of(0.1, 0.17, 0), 19);
+    sps_light suns[ROWS] = {ex_sun(ex_vec_of(-0.5, -0.5, 0.9), 5), ex_sun(ex_vec_of(1, -0.12, -0.35), 5)};
+    sps_view view = ex_view(ex_vec_of(0.1, 0.1, 6.5), ex_vec_of(0.07, 0.14, 0), 17);
     sps_scene scenes[ROWS];
     sps_volume cloud = {0};
     ex_error error;
     int status = EX_OK;
     view.width = 200, view.height = 140, view.quality = SPS_QUALITY_MEDIUM;
     set_cloud(&cloud);
-    ex_color(suns[SUNSET].color, 4.4, 1.7, 0.55);
+    ex_color(suns[SUNSET].color, 5.5, 2.0, 0.6);
     for (int i = 0; i < ROWS; ++i) {
         scenes[i] = ex_scene(&suns[i]);
         scenes[i].volumes = &cloud, scenes[i].volume_count = 1;
         scenes[i].background_user = i == BEHIND ? night : evening;
     }
     ex_color(scenes[BEHIND].ambient, 0.012, 0.02, 0.045);
-    ex_color(scenes[SUNSET].ambient, 0.10, 0.15, 0.26);
+    ex_color(scenes[SUNSET].ambient, 0.08, 0.12, 0.21);
     if (ex_scene_options_read(argc, argv, &options, &error))
         status = EX_MISTAKEN;
     else if (make_picture(scenes, &view, &options, &error))

@@ -60,9 +60,9 @@ CONTENTS (search for the tag)
     >>public        35 the public functions          >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully in gas
-    by SPS_SCATTERING_FULL; between gas and polygons only in sps_reference. Ambient light has no shadows, except in gas
-    under SPS_SCATTERING_FULL.
+    No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully in
+    gas by SPS_SCATTERING_FULL; between gas and polygons only in sps_reference. Ambient light has no shadows, except in
+    gas under SPS_SCATTERING_FULL.
     No refraction, no mirrors: light passes translucent polygons straight on.
     Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
     volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is

@@ -41,14 +41,12 @@ static void set_cloud(sps_volume *cloud) {
     cloud->lobes = lobes, cloud->lobe_count = 2;
 }
 
-enum { SMALLER = 4 };
-
 /* Shows a picture enlarged, linear between the middles of its pixels. */
 static void enlarge(const float *small, int width, int height, const sps_view *view, const sps_image *out) {
     for (int y = 0; y < view->height; ++y)
         for (int x = 0; x < view->width; ++x) {
-            const double u = ex_clamp((x + 0.5) / SMALLER - 0.5, 0, width - 1);
-            const double v = ex_clamp((y + 0.5) / SMALLER - 0.5, 0, height - 1);
+            const double u = ex_clamp((x + 0.5) * width / view->width - 0.5, 0, width - 1);
+            const double v = ex_clamp((y + 0.5) * height / view->height - 0.5, 0, height - 1);
             const size_t left = (size_t)u, top = (size_t)v, right = u > (double)left ? 4 : 0, row = 4 * (size_t)width;
             const float *upper = small + top * row + 4 * left, *lower = upper + (v > (double)top ? row : 0);
             for (size_t c = 0; c < 4; ++c)
@@ -58,13 +56,14 @@ static void enlarge(const float *small, int width, int height, const sps_view *v
         }
 }
 
-/* Paths through dense gas are long, so this renders fewer pixels. */
+/* Paths through dense gas are long, so this renders few pixels, however large the panel is. */
 static sps_result render_paths(sps_context *context, const sps_scene *scene, const sps_view *view,
                                const sps_image *image) {
     static const sps_reference_settings paths = {.step = 4, .samples = 96, .seed = 1};
     sps_view few = *view;
     sps_image small = {0};
-    few.width = (view->width + SMALLER - 1) / SMALLER, few.height = (view->height + SMALLER - 1) / SMALLER;
+    few.width = view->width < 50 ? view->width : 50;
+    few.height = (view->height * few.width + view->width - 1) / view->width;
     small.rgba = (float *)ex_allocate((size_t)few.width * (size_t)few.height, 4 * sizeof(float));
     const sps_result result = sps_reference(context, scene, &few, &paths, &small);
     enlarge(small.rgba, few.width, few.height, view, image);

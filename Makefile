@@ -49,7 +49,7 @@ build build/gallery build/tests build/tutorial:
 
 # ---------------------------------------------------------------------------------------------------- pictures
 
-SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable lamp penumbra panes steam slide textured
+SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable lamp penumbra panes steam slide textured cloud_light
 PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
 
 # $(call fetch,packages): installs them if possible; silent and harmless otherwise.
@@ -81,7 +81,7 @@ build/gallery/%.png: build/% | build/gallery
 	build/$* --out $@
 
 # The pictures of the README, the manual and the tutorial. They have no prerequisites, and are always rendered again.
-DOCS_PICTURES = tree smoke_room pot turntable penumbra panes slide textured
+DOCS_PICTURES = tree smoke_room pot turntable penumbra panes slide textured cloud_light
 .PHONY: pictures
 pictures: $(DOCS_PICTURES:%=build/%) $(STEPS:%=build/tutorial/%)
 	for scene in $(DOCS_PICTURES); do build/$$scene --out docs/$$scene.png --width 480 || exit 1; done

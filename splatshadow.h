@@ -60,8 +60,9 @@ CONTENTS (search for the tag)
     >>public        35 the public functions          >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Light scatters once, or forward any number of times; fully only
-    in sps_reference. Ambient light has no shadows.
+    No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully in
+    gas by SPS_SCATTERING_FULL; between gas and polygons only in sps_reference. Ambient light has no shadows, except in
+    gas under SPS_SCATTERING_FULL.
     No refraction, no mirrors: light passes translucent polygons straight on.
     Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
     volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
@@ -106,7 +107,8 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
-    bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. sps_plan returns an
+    bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL
+    adds 110 to 800 bytes per cell, by colors and phase functions, and a shadow table per light. sps_plan returns an
     upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
     much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
@@ -139,6 +141,9 @@ PAPERS
     E. R. Woodcock et al., "Techniques Used in the GEM Code for Monte Carlo Neutronics Calculations", 1965 >>paths
     J. Novak et al., "Residual Ratio Tracking for Estimating Attenuation in Participating Media", 2014 >>paths
     S. Goudsmit, J. L. Saunderson, "Multiple Scattering of Electrons", Physical Review 57, 1940 >>scattering
+    W. J. Wiscombe, "The Delta-M Method", Journal of the Atmospheric Sciences 34, 1977 >>cells
+    V. I. Lebedev, "Quadratures on a Sphere", USSR Comput. Math. and Math. Physics 16, 1976 >>cells
+    K. D. Lathrop, "Ray Effects in Discrete Ordinates Equations", Nuclear Science and Engineering 32, 1968 >>cells
     G. Steele et al., "Fast Splittable Pseudorandom Number Generators", OOPSLA 2014 >>paths
     J. Hanika, "Hacking the Shadow Terminator", Ray Tracing Gems II, 2021 >>surfaces
     T. Dekker, "A Floating-Point Technique for Extending the Available Precision", Numer. Math. 18, 1971 >>maths

@@ -6,6 +6,7 @@
    bench lights     one light and more, by maps, sheets and shadow tables; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
+   bench scattering light scattered once, forward and in every direction: times
    bench paths      multiple scattering by random paths, error against time
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
@@ -1531,31 +1532,90 @@ static void bench_penumbrae(void) {
 
 /* ================================================================================================== paths */
 
-/* Light scattered forward any number of times, against once: from both sides, since sheets take another pass over the
-   gas for light from behind, and tables do not. */
-static void bench_scattering(void) {
+/* How often light scatters, and whether the light in the cells is held. */
+typedef enum grade { ONCE = 0, FORWARD, HELD_CELLS, NEW_CELLS, GRADES } grade;
+
+static const char *const grade_names[GRADES] = {"once", "forward", "full, held", "full, made anew"};
+static const double grade_targets[GRADES] = {1, 1.05, 1.1, 1.3};
+
+/* The frame of a grade. Cells are held if all volumes and meshes have a revision. */
+static void grade_set(contender *c, ex_session *session, frame *f, grade of) {
+    f->mesh.revision = of != NEW_CELLS;
+    contender_set(c, session, f, 0);
+    c->view.scattering = of == ONCE ? SPS_SCATTERING_OFF : of == FORWARD ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_FULL;
+}
+
+/* Light scattered any number of times, against once: from both sides, since sheets take another pass over the gas for
+   light from behind, and tables do not. */
+static void bench_grades(ex_session sessions[GRADES]) {
     static const double directions[2][3] = {{-0.3, -0.6, -0.7}, {-0.3, -0.6, 0.7}};
-    ex_session sessions[2];
-    for (int k = 0; k < 2; ++k) ex_session_measure(&sessions[k], program, WORKERS);
-    printf("\nScattering: a blob of 128^3 voxels over a plane, 512 x 512, 2 workers, ms\n\n");
-    printf("| light | shadows | once | forward | forward / once |\n|---|---|---|---|---|\n");
-    for (int i = 0; i < 4; ++i) {
-        contender c[2];
-        frame f;
-        blob_frame(&f, 128, 512);
-        memcpy(f.light.direction, directions[i % 2], sizeof f.light.direction);
-        f.light.shadow_source = i / 2 ? SPS_SHADOW_TABLE : SPS_SHADOW_SHEETS;
-        for (int k = 0; k < 2; ++k) {
-            contender_set(&c[k], &sessions[k], &f, 0);
-            c[k].view.scattering = k ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
+    static const sps_lobe lobes[2] = {{0, 1}, {0.85f, 1}};
+    printf("\nScattering: a blob of 128^3 voxels over a plane, 512 x 512, 2 workers\n\n");
+    printf("| asymmetry | light | shadows | once, ms |");
+    for (int k = FORWARD; k < GRADES; ++k) printf(" %s / once, target %g |", grade_names[k], grade_targets[k]);
+    printf("\n|---|---|---|---|---|---|---|\n");
+    for (int i = 0; i < 8; ++i) {
+        contender c[GRADES];
+        frame frames[GRADES];
+        for (int k = 0; k < GRADES; ++k) {
+            frame *f = &frames[k];
+            blob_frame(f, 128, 512);
+            f->volume.lobes = &lobes[i / 4], f->volume.lobe_count = 1;
+            memcpy(f->light.direction, directions[i % 2], sizeof f->light.direction);
+            f->light.shadow_source = i / 2 % 2 ? SPS_SHADOW_TABLE : SPS_SHADOW_SHEETS;
+            grade_set(&c[k], &sessions[k], f, (grade)k);
         }
-        race(c, 2, REPEATS);
-        printf("| from %s | %s | %.1f | %.1f | %.2f |\n", i % 2 ? "behind" : "the front",
-               i / 2 ? "a table that is held" : "sheets", 1000 * c[0].seconds, 1000 * c[1].seconds,
-               c[1].seconds / c[0].seconds);
-        frame_end(&f);
+        race(c, GRADES, REPEATS);
+        printf("| %.2f | from %s | %s | %.1f |", (double)lobes[i / 4].asymmetry, i % 2 ? "behind" : "the front",
+               i / 2 % 2 ? "a table that is held" : "sheets", 1000 * c[ONCE].seconds);
+        for (int k = FORWARD; k < GRADES; ++k) printf(" %.2f |", c[k].seconds / c[ONCE].seconds);
+        printf("\n");
+        fflush(stdout);
+        for (int k = 0; k < GRADES; ++k) frame_end(&frames[k]);
     }
-    for (int k = 0; k < 2; ++k) ex_session_end(&sessions[k]);
+}
+
+/* The time to fill and light cells, and to follow light from cell to cell, in a blob as dense as a cloud. */
+static void bench_cells(ex_session *session) {
+    enum { SIZES = 4, PHASES = 3, ROUNDS = 3 };
+    static const int sizes[SIZES] = {32, 48, 64, 96}, moments[PHASES] = {1, 4, 16};
+    static const sps_lobe lobes[PHASES] = {{0, 1}, {0.3f, 1}, {0.85f, 1}};
+    frame f;
+    blob_frame(&f, 128, 64);
+    f.volume.extinction = 40;
+    f.mesh.revision = 0; /* cells are not held */
+    printf("\nMaking cells: the blob with an optical depth of 35 through its middle, 2 workers, ms\n\n");
+    printf("| asymmetry | moments | albedo |");
+    for (int k = 0; k < SIZES; ++k) printf(" scatter_size %d |", sizes[k]);
+    printf("\n|---|---|---|---|---|---|---|\n");
+    for (int i = 0; i < 2 * PHASES; ++i) {
+        f.volume.lobes = &lobes[i / 2], f.volume.lobe_count = 1;
+        f.volume.albedo[2] = i % 2 ? 0.9f : 1;
+        printf("| %.2f | %d | %s |", (double)lobes[i / 2].asymmetry, moments[i / 2], i % 2 ? "colored" : "grey");
+        for (int k = 0; k < SIZES; ++k) {
+            double seconds[ROUNDS];
+            sps_view view = f.view;
+            view.scattering = SPS_SCATTERING_FULL, view.scatter_size = sizes[k];
+            for (int r = 0; r < ROUNDS; ++r) {
+                sps_stats_report stats;
+                render_seconds(session, &f, &view);
+                sps_get_stats(session->context, &stats);
+                seconds[r] = stats.seconds_cells;
+            }
+            printf(" %.1f |", 1000 * ex_percentile(seconds, ROUNDS, 0.5));
+            fflush(stdout);
+        }
+        printf("\n");
+    }
+    frame_end(&f);
+}
+
+static void bench_scattering(void) {
+    ex_session sessions[GRADES];
+    for (int k = 0; k < GRADES; ++k) ex_session_measure(&sessions[k], program, WORKERS);
+    bench_grades(sessions);
+    bench_cells(&sessions[0]);
+    for (int k = 0; k < GRADES; ++k) ex_session_end(&sessions[k]);
 }
 
 /* What the standard error of multiple scattering costs: the blob over a plane, in a sun and under a sky. */

@@ -14680,7 +14680,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    The peak of a phase function, f = P[orders], passes light straight on: extinction is scaled by k = 1 - w f, albedo is
    w' = w (1 - f) / k, and r[l] = (P[l] - f) / (1 - f). [Wiscombe 1977, delta-M]
    The equations are solved by multigrid: cells of twice the edge correct what sweeps converge too slowly for, since a
-   sweep carries light once from scattering to scattering. Cost: 26 steps per cell, sweep and moment; about 8 sweeps.
+   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; about 8 sweeps.
  */
 
 #define SPSI_CELL_DIRECTIONS 50

@@ -955,7 +955,9 @@ static void test_layers(void) {
 
 /* Whatever gas is shaded by, it shows the same, as far as it does where light scatters once. */
 static void test_sources(void) {
-    static const sps_tmap_settings deep = {.technique = SPS_TMAP_COMPRESSED, .epsilon = 0.002f};
+    sps_tmap_settings deep;
+    memset(&deep, 0, sizeof deep);
+    deep.technique = SPS_TMAP_COMPRESSED, deep.epsilon = 0.002f;
     for (int light = SUN; light <= SPOT; ++light)
         for (int g = 0; g < 2; ++g)
             for (int source = 0; source < 2; ++source) {

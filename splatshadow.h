@@ -15991,10 +15991,12 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
 }
 
 /* Adds what one material of a part sends of the light in the cells, at a place in their grid. Extinction is scaled on
-   the way to the eye, too; what ambient light from behind reaches the eye for that is exp(-k t) - exp(-t) in all. */
+   the way to the eye, too; for that, what ambient light from behind and emission reach the eye more is
+   exp(-k t) - exp(-t) of them. */
 static void spsi_add_material_cells(const spsi_shader *shader, const spsi_part *part, int m, const spsi_v at[3],
                                     const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
+    const spsi_material *material = &frame->matter.materials[m];
     const spsi_sample *sample = &part->samples[m];
     const spsi_v start = spsi_add(part->before, into->ahead), end = spsi_add(part->after, into->ahead);
     const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
@@ -16004,6 +16006,11 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_part *
         const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
         const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(frame->content->cells, m, c, at));
         spsi_v sent = spsi_mul(light, seen);
+        if (peak > 0 && material->emits) {
+            const spsi_v emitted = spsi_mul(sample->value_length, spsi_set(material->emission[c]));
+            const spsi_v more = spsi_sub(seen, spsi_mean_transmittance(start, end));
+            into->again[c] = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), more, into->again[c]);
+        }
         if (peak > 0 && frame->ambient.exists)
             sent = spsi_fma(spsi_sub(spsi_mean_transmittance(start, end), spsi_mul(scale, seen)),
                             spsi_set(frame->ambient.radiance[c]), sent);

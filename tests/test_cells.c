@@ -291,6 +291,22 @@ static void fill_random(double depth, double albedo, double g, uint64_t seed) {
     }
 }
 
+/* Coarser cells hold the same gas: an eighth of its density each, twice the edge, and a quarter of their number. */
+static void check_levels(void) {
+    for (int n = 1; n < solver.level_count; ++n) {
+        double sums[2] = {0, 0}, kept[2] = {0, 0};
+        for (int i = 0; i < 2; ++i) {
+            const spsi_cell_level *level = &solver.levels[n - 1 + i];
+            for (size_t k = 0; k < level->count; ++k) {
+                sums[i] += (double)level->depth[k] * (i ? 4 : 1);
+                kept[i] += (double)level->depth[k] * (double)level->keep[0][k] * (i ? 4 : 1);
+            }
+        }
+        CHECK_NEAR(sums[1], sums[0], 1e-5 * sums[0]);
+        CHECK_NEAR(kept[1], kept[0], 1e-5 * kept[0]);
+    }
+}
+
 static const int sizes[][3] = {{1, 1, 1}, {3, 2, 1}, {17, 5, 9}, {4, 19, 6}, {8, 3, 33}};
 static const double asymmetries[] = {0, 0.4, 0.85};
 
@@ -307,6 +323,7 @@ static void test_solutions(void) {
         CHECK(grid.terms == (g < 0.1 ? 1 : g < 0.5 ? 4 : 16));
         fill_random(depth, albedo, g, (uint64_t)n + 1);
         if (!run_solver(&off)) return;
+        check_levels();
         missing = imbalance(&exact, 0);
         if (!CHECK(off < 2e-5) | !CHECK(missing < SPSI_CELL_BALANCE) | !CHECK(imbalance(&exact, 1) < 1e-2))
             printf("    %d x %d x %d, g %g, depth %g, albedo %g: sweep off by %g, missing %g, of all terms %g\n",
@@ -633,6 +650,24 @@ static void test_continued(void) {
     CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 2.5, 0);
     depth[24] = 1, seen[24] = 6;
     CHECK_NEAR((double)spsi_cells_continued(&small, seen, corner_cell), 6, 0);
+}
+
+/* What is rendered continues in that way: into all empty cells beside gas, and no others. */
+static void test_continued_in_scene(void) {
+    int beside = 0;
+    check_scene s;
+    const spsi_cell_grid *made;
+    start_plain(&s, SUN);
+    check_render(context, &s, image_a);
+    made = grid_of(context);
+    for (int i = 0; i < made->size[0] * made->size[1] * made->size[2]; ++i) {
+        const int at[3] = {i % made->size[0], i / made->size[0] % made->size[1], i / (made->size[0] * made->size[1])};
+        const size_t cell = (size_t)(i / made->size[0]) * (size_t)made->pitch + (size_t)at[0];
+        if (made->depth[cell] > 0) continue;
+        CHECK_NEAR((double)made->seen[cell], (double)spsi_cells_continued(made, made->seen, at), 0);
+        beside += made->seen[cell] > 0;
+    }
+    CHECK(beside > 20);
 }
 
 /* --- energy --- */
@@ -1464,6 +1499,7 @@ int main(void) {
     RUN(test_lit);
     RUN(test_lookups);
     RUN(test_continued);
+    RUN(test_continued_in_scene);
     RUN(test_white_sky);
     RUN(test_little);
     RUN(test_linear);

@@ -506,13 +506,20 @@ static const spsi_cell_job *job_of(const sps_context *by) {
 
 /* --- what cells are filled with --- */
 
+/* Half of the value is enough for all of the extinction. */
+static const sps_transfer_point plateau_points[] = {{0, {0.5f, 0.5f, 0.5f}, 0},
+                                                    {0.4f, {0.5f, 0.5f, 0.5f}, 0},
+                                                    {0.6f, {0.5f, 0.5f, 0.5f}, 6},
+                                                    {1, {0.5f, 0.5f, 0.5f}, 6}};
+static const sps_transfer plateau = {plateau_points, 4, NULL, NULL, 0};
+
 /* Cells cover the gas; as many as asked for lie along its longest side. Their optical depths add up to what the voxels
    hold: extinction times value times volume. */
 static void test_filling(void) {
     static const double widths[][3] = {{2, 2, 2}, {2, 1, 0.3}, {0.5, 3, 1}};
-    for (int n = 0; n < 3 * 2; ++n) {
+    for (int n = 0; n < 7; ++n) {
         const double *width = widths[n % 3];
-        double sum = 0, exact_sum = n < 3 ? 3 * width[0] * width[1] * width[2] : 0;
+        double sum = 0, fine_sum = 0, exact_sum = n < 3 ? 3 * width[0] * width[1] * width[2] : 0;
         int longest = 0;
         check_scene s;
         sps_volume *volume;
@@ -522,7 +529,11 @@ static void test_filling(void) {
         volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
         volume->extinction = 3;
         check_color(volume->albedo, 0.5, 0.5, 0.5);
-        if (n >= 3) {
+        if (n == 6) { /* its voxels are smaller than half a cell; half of its value is at its faces */
+            volume->transfer = &plateau, volume->size[0] = volume->size[1] = volume->size[2] = 40;
+            exact_sum = 6 * 8;
+        }
+        if (n >= 3 && n < 6) {
             s.scene.volume_count = 0;
             swarm = check_add_swarm(&s, 0.8);
             check_color(swarm->albedo, 0.5, 0.5, 0.5);
@@ -541,8 +552,16 @@ static void test_filling(void) {
         }
         CHECK(longest == s.view.scatter_size);
         for (size_t i = 0; i < made->count; ++i) sum += (double)made->depth[i] * made->edge * made->edge;
+        for (size_t i = 0; i < 8 * made->count; ++i)
+            fine_sum += (double)job_of(context)->samples[i] * made->edge * made->edge / 4;
+        CHECK_NEAR(fine_sum, sum, 1e-5 * sum);
+        CHECK((job_of(context)->fine > 1) == (n == 6));
         if (figures()) printf("filled: %.5f, exact %.5f\n", sum, exact_sum);
-        CHECK_NEAR(sum, exact_sum, (n == 0 ? 5e-4 : n < 3 ? 0.01 : 2e-3) * exact_sum); /* flat voxels ripple */
+        CHECK_NEAR(sum, exact_sum,
+                   (n == 0            ? 5e-4
+                    : n < 3 || n == 6 ? 0.01
+                                      : 2e-3) *
+                       exact_sum); /* flat voxels ripple */
         for (size_t i = 0; i < made->count; ++i)
             CHECK_NEAR((double)job_of(context)->scattered[i], 0.5 * (double)made->depth[i],
                        1e-5 * (double)made->depth[i]);

@@ -517,6 +517,8 @@ static const sps_transfer plateau = {plateau_points, 4, NULL, NULL, 0};
    hold: extinction times value times volume. */
 static void test_filling(void) {
     static const double widths[][3] = {{2, 2, 2}, {2, 1, 0.3}, {0.5, 3, 1}};
+    /* flat voxels ripple, and what is classified has sharper faces than samples */
+    static const double allowed[] = {5e-4, 2e-3, 0.01, 2e-3, 1e-3, 1e-3, 0.03};
     for (int n = 0; n < 7; ++n) {
         const double *width = widths[n % 3];
         double sum = 0, fine_sum = 0, exact_sum = n < 3 ? 3 * width[0] * width[1] * width[2] : 0;
@@ -557,11 +559,7 @@ static void test_filling(void) {
         CHECK_NEAR(fine_sum, sum, 1e-5 * sum);
         CHECK((job_of(context)->fine > 1) == (n == 6));
         if (figures()) printf("filled: %.5f, exact %.5f\n", sum, exact_sum);
-        CHECK_NEAR(sum, exact_sum,
-                   (n == 0            ? 5e-4
-                    : n < 3 || n == 6 ? 0.01
-                                      : 2e-3) *
-                       exact_sum); /* flat voxels ripple */
+        CHECK_NEAR(sum, exact_sum, allowed[n] * exact_sum);
         for (size_t i = 0; i < made->count; ++i)
             CHECK_NEAR((double)job_of(context)->scattered[i], 0.5 * (double)made->depth[i],
                        1e-5 * (double)made->depth[i]);
@@ -1338,24 +1336,25 @@ static void test_finite(void) {
     CHECK_NEAR(mean_of(image_a), 0, 0);
 }
 
-/* Gas without extinction that emits lights gas beside it. */
+/* Gas without extinction that emits lights gas around it, and gas beside it. */
 static void test_emitter(void) {
-    double dark;
-    check_scene s;
-    start_plain(&s, LIGHTS);
-    add_gas(&s);
-    s.volume[1].extinction = 0, s.volume[1].read_fn = NULL;
-    s.volume[1].placement = check_box(-0.3, 0.2, -0.3, 0.3, 0.8, 0.3);
-    check_color(s.volume[1].albedo, 0, 0, 0);
-    check_color(s.volume[1].emission, 2, 2, 2);
-    s.volume[1].eval_fn = NULL, s.volume[1].read_fn = check_read_constant, s.volume[1].user = (void *)(size_t)&one;
-    s.volume[1].revision = 0;
-    s.view.scatter_size = 20;
-    compare_with_paths(&s, "emitter in gas", 40, 0.05);
-    s.view.scattering = SPS_SCATTERING_OFF;
-    dark = mean_of(image_a);
-    check_render(context, &s, image_a);
-    CHECK(dark > 1.5 * mean_of(image_a));
+    for (int beside = 0; beside < 2; ++beside) {
+        double lit;
+        check_scene s;
+        sps_volume *volume;
+        start_plain(&s, LIGHTS);
+        volume = check_add_volume(&s, 12, 12, 12, check_box(-0.3, 0.2, -0.3, 0.3, 0.8, 0.3));
+        if (beside) volume->placement.origin[1] = 1.1;
+        volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+        check_color(volume->emission, 2, 2, 2);
+        s.view.scatter_size = 20;
+        compare_with_paths(&s, beside ? "emitter beside gas" : "emitter in gas", 40, 0.05);
+        lit = mean_of(image_a);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_a);
+        if (figures()) printf("emitter: %.3f times as bright\n", lit / mean_of(image_a));
+        CHECK(lit > (beside ? 1.01 : 1.5) * mean_of(image_a));
+    }
 }
 
 static void test_refused(void) {

@@ -1365,6 +1365,7 @@ static void test_refused(void) {
     for (int i = 0; i < 2; ++i) {
         start_plain(&s, SUN);
         s.view.scatter_size = wrong[i];
+        s.scene.volume_count = 0; /* refused before anything is looked at */
         check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT,
                     i ? "view.scatter_size is 257" : "view.scatter_size is -1");
         CHECK(check_error_info(context, SPS_ERROR_ARGUMENT));

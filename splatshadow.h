@@ -16143,9 +16143,9 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
         const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->ambient.radiance[c]));
         spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
         if (peak > 0) {
+            const spsi_v emitted = spsi_mul(sample->value_length, spsi_set(material->emission[c]));
             sent = spsi_fma(spsi_mul(gas, behind), spsi_sub(straight, spsi_mul(scale, seen)), sent);
-            sent = spsi_fma(spsi_mul(sample->value_length, spsi_set(material->emission[c])), spsi_sub(seen, straight),
-                            sent);
+            sent = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), spsi_sub(seen, straight), sent);
         }
         into->again[c] = spsi_add(into->again[c], spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)));
     }
@@ -17181,6 +17181,7 @@ typedef struct spsi_cell_spot {
     spsi_part part;
     spsi_v depth;    /* of the samples */
     spsi_v scale[3]; /* of their cells' extinction, by channel */
+    spsi_v whole[3]; /* what is scattered there, per what does not go straight on */
     size_t row;      /* of cells */
 } spsi_cell_spot;
 
@@ -17219,7 +17220,10 @@ static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp,
     spsi_v passes[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, harmonic[SPSI_CELL_TERMS];
     spsi_incident incident;
     spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, &incident);
-    if (shadow) spsi_cell_spot_passes(job, shadow, spot, passes);
+    if (shadow)
+        spsi_cell_spot_passes(job, shadow, spot, passes);
+    else
+        for (int c = 0; c < grid->channels; ++c) passes[c] = spot->whole[c];
     spsi_harmonics_v(incident.travel, grid->terms, harmonic);
     for (int c = 0; c < grid->channels; ++c) {
         const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
@@ -17231,15 +17235,21 @@ static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp,
     }
 }
 
-/* The scales of extinction in a row of cells, for each sample. */
-static void spsi_cells_scales(const spsi_cell_job *job, size_t row, int channel, int x, float scale[SPSI_LANES]) {
+/* The scales of extinction in a row of cells, for each sample; and for lights without shadows, which have no way along
+   which the peak's light could go straight on, the share by which what scatters must be more for nothing to be lost. */
+static void spsi_cells_scales(const spsi_cell_job *job, size_t row, int channel, int x, float scale[SPSI_LANES],
+                              float whole[SPSI_LANES]) {
     const spsi_cell_grid *grid = job->grid;
     for (int i = 0; i < SPSI_LANES; ++i) {
         const size_t at = row + (size_t)(spsi_least(x + i, job->rays.width - 1) / 2);
-        float straight = 0;
-        for (int m = 0; m < job->frame->matter.material_count; ++m)
-            straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
+        float straight = 0, all = 0;
+        for (int m = 0; m < job->frame->matter.material_count; ++m) {
+            const float scattered = job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
+            straight += grid->peak[m] * scattered;
+            all += scattered;
+        }
         scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - straight / grid->depth[at], 0) : 1;
+        whole[i] = all > straight ? all / (all - straight) : 1;
     }
 }
 
@@ -17259,9 +17269,10 @@ static void spsi_cells_light_task(void *data, int row, int worker) {
             spot.depth = spsi_load(job->samples + at);
             if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
             for (int c = 0; c < grid->channels; ++c) {
-                float scale[SPSI_LANES];
-                spsi_cells_scales(job, spot.row, c, x, scale);
+                float scale[SPSI_LANES], whole[SPSI_LANES];
+                spsi_cells_scales(job, spot.row, c, x, scale, whole);
                 spot.scale[c] = spsi_load(scale);
+                spot.whole[c] = spsi_load(whole);
             }
             spsi_cell_spot_build(job, x, sy, sz, &spot);
             for (int i = 0; i < job->frame->lamps.count; ++i) {

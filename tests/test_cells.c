@@ -1,0 +1,1578 @@
+/* Light that scatters any number of times from cell to cell: the directions and the solver against sums and sweeps in
+   double precision, what is filled in against what is known of gas and lights, layers against published figures, clouds
+   and all kinds of matter and lights against random paths; symmetries; what is held; where it must fail or change
+   nothing. */
+
+#include "check.h"
+
+enum { SIDE = 16, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS };
+static float image_a[COUNT], image_b[COUNT], image_c[COUNT], errors[3 * PIXELS];
+static sps_context *context;
+static check_triangles plate;
+
+static const float one = 1;
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+static double mean_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < PIXELS; ++i)
+        for (int c = 0; c < 3; ++c) sum += (double)image[4 * i + c] / (3 * PIXELS);
+    return sum;
+}
+
+/* Root of the mean square difference of radiance, relative to b's mean. */
+static double error_of(const float *a, const float *b) {
+    double square = 0;
+    for (int i = 0; i < COUNT; ++i)
+        if (i % 4 < 3) square += pow((double)a[i] - (double)b[i], 2) / (3 * PIXELS);
+    return sqrt(square) / mean_of(b);
+}
+
+static int same(const float *a, const float *b) { return memcmp(a, b, sizeof image_a) == 0; }
+
+static uint64_t cells_made(const sps_context *by) {
+    sps_stats_report stats;
+    sps_get_stats(by, &stats);
+    return stats.cells;
+}
+
+/* --- directions --- */
+
+/* The mean of x^a y^b z^c over the sphere: (a - 1)!! (b - 1)!! (c - 1)!! / (a + b + c + 1)!!, or 0 if any is odd. */
+static double mean_power(const int power[3]) {
+    double mean = 1;
+    int all = 1;
+    for (int k = 0; k < 3; ++k) {
+        if (power[k] % 2) return 0;
+        for (int i = 1; i < power[k]; i += 2, all += 2) mean *= (double)i / (all + 2);
+    }
+    return mean;
+}
+
+/* The vector of a direction: three steps to one at a slant. */
+static void vector_of(const spsi_cell_direction *direction, double v[3]) {
+    for (int k = 0; k < 3; ++k)
+        v[k] = direction->step[k] * (direction->axis >= 0 && direction->axis != k ? 1.0 / 3 : 1);
+}
+
+/* Weights are floats, and no power exceeds 1: 50 roundings of weights below 0.03 are below 1e-7. */
+static void test_weights(void) {
+    spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    double beyond = 0;
+    spsi_cell_directions(directions);
+    for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
+        const spsi_cell_direction *here = &directions[i], *before = &directions[i > 0 ? i - 1 : 0];
+        const int *step = here->step;
+        const int axes = abs(step[0]) + abs(step[1]) + abs(step[2]);
+        CHECK((here->axis < 0) == (i < SPSI_CELL_STRAIGHT) && here->length == (here->axis < 0 ? axes - 1 : 3));
+        CHECK(axes > 0 && (here->axis < 0 || axes == 3));
+        CHECK(here->axis != before->axis || before->step[2] <= step[2]); /* sweeps rely on their order */
+        for (int k = 0; k < i; ++k)
+            CHECK(memcmp(step, directions[k].step, sizeof here->step) || here->axis != directions[k].axis);
+    }
+    for (int i = 0; i < 13 * 13 * 13; ++i) {
+        const int power[3] = {i % 13, i / 13 % 13, i / 169}, degree = power[0] + power[1] + power[2];
+        double sum = 0;
+        if (degree > 12) continue;
+        for (int k = 0; k < SPSI_CELL_DIRECTIONS; ++k) {
+            double v[3];
+            vector_of(&directions[k], v);
+            spsi_normalise(v);
+            sum += (double)directions[k].weight * pow(v[0], power[0]) * pow(v[1], power[1]) * pow(v[2], power[2]);
+        }
+        if (degree < 12 && !CHECK_NEAR(sum, mean_power(power), 1e-7))
+            printf("    x^%d y^%d z^%d\n", power[0], power[1], power[2]);
+        if (degree == 12) beyond = fmax(beyond, fabs(sum - mean_power(power)));
+    }
+    CHECK(beyond > 1e-5); /* 11 is the last degree that is exact */
+}
+
+/* The l-th Legendre polynomial. */
+static double legendre(int l, double c) {
+    if (l < 2) return l == 0 ? 1 : c;
+    return l == 2 ? 1.5 * c * c - 0.5 : 2.5 * c * c * c - 1.5 * c;
+}
+
+/* Harmonics of one degree add up to (2 l + 1) P[l] of the angle between two directions. Products of them are of degree
+   6, which the weights integrate. A harmonic is at most sqrt 7, and three roundings of a product make 7 * 3 * 6e-8. */
+static void test_harmonics(void) {
+    spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    check_random random = {1};
+    spsi_cell_directions(directions);
+    for (int a = 0; a < SPSI_CELL_TERMS; ++a)
+        for (int b = 0; b <= a; ++b) {
+            double sum = 0;
+            for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i)
+                sum += (double)directions[i].weight * (double)directions[i].harmonic[a] *
+                       (double)directions[i].harmonic[b];
+            if (!CHECK_NEAR(sum, a == b, 1.5e-6)) printf("    terms %d and %d\n", a, b);
+        }
+    for (int n = 0; n < 100; ++n) {
+        double u[3], v[3], sum[SPSI_CELL_ORDERS] = {0};
+        float of_u[SPSI_CELL_TERMS], of_v[SPSI_CELL_TERMS];
+        for (int k = 0; k < 3; ++k) u[k] = check_next(&random) - 0.5, v[k] = check_next(&random) - 0.5;
+        spsi_normalise(u), spsi_normalise(v);
+        spsi_harmonics(u, of_u), spsi_harmonics(v, of_v);
+        for (int t = 0; t < SPSI_CELL_TERMS; ++t) sum[spsi_term_degree(t)] += (double)of_u[t] * (double)of_v[t];
+        for (int l = 0; l < SPSI_CELL_ORDERS; ++l) CHECK_NEAR(sum[l], (2 * l + 1) * legendre(l, spsi_dot(u, v)), 5e-6);
+    }
+}
+
+/* A vector of directions, whose numbers of terms differ. */
+static void test_harmonics_of_vectors(void) {
+    check_random random = {2};
+    float v[3][SPSI_LANES], out[SPSI_LANES], exact[SPSI_CELL_TERMS];
+    spsi_v lanes[3], all[SPSI_CELL_TERMS];
+    for (int k = 0; k < 3; ++k) {
+        for (int i = 0; i < SPSI_LANES; ++i) v[k][i] = (float)(check_next(&random) - 0.5);
+        lanes[k] = spsi_load(v[k]);
+    }
+    for (int orders = 1; orders <= 4; orders += orders) {
+        spsi_harmonics_v(lanes, orders * orders, all);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const double direction[3] = {(double)v[0][i], (double)v[1][i], (double)v[2][i]};
+            spsi_harmonics(direction, exact);
+            for (int t = 0; t < orders * orders; ++t) {
+                spsi_store(out, all[t]);
+                CHECK_NEAR((double)out[i], (double)exact[t], 1e-6);
+            }
+        }
+    }
+}
+
+/* --- the solver --- */
+
+enum { MOST_CELLS = 2048, MOST_TERMS = MOST_CELLS * SPSI_CELL_TERMS };
+
+/* The same cells in double precision, without padding: terms of a cell beside each other. */
+typedef struct exact_cells {
+    int size[3], count, terms;
+    double depth[MOST_CELLS], keep[4 * MOST_CELLS];
+    double given[MOST_TERMS], sent[MOST_TERMS], moments[MOST_TERMS];
+    double escaped; /* power through all faces of the grid, in the units of depth times moment */
+} exact_cells;
+
+static exact_cells exact;
+static spsi_cell_solver solver;
+static spsi_cell_grid grid;
+
+static int degree_of(int term) { return (int)sqrt(term + 0.5); }
+
+/* The number of a cell, `back` steps before (-1) or after (1) one in the order of a sweep; -1: beyond the grid. The
+   bits of `along` say along which axes. */
+static int cell_beside(const exact_cells *e, const int at[3], const int step[3], int along, int ahead) {
+    int cell = 0;
+    for (int k = 2; k >= 0; --k) {
+        const int x = at[k] + (along >> k & 1 ? ahead * step[k] : 0);
+        if (x < 0 || x >= e->size[k]) return -1;
+        cell = cell * e->size[k] + x;
+    }
+    return cell;
+}
+
+/* The share of light that goes from a cell to the one beside it along these axes: linear between centres. */
+static double share_of(const double vector[3], int along) {
+    double share = 1;
+    for (int k = 0; k < 3; ++k) share *= along >> k & 1 ? fabs(vector[k]) : 1 - fabs(vector[k]);
+    return share;
+}
+
+/* Sweeps one direction, cell by cell. */
+static void sweep_direction(exact_cells *e, const spsi_cell_direction *direction) {
+    static double radiance[MOST_CELLS];
+    const int *step = direction->step;
+    double vector[3], way, weight = (double)direction->weight;
+    float harmonic[SPSI_CELL_TERMS];
+    vector_of(direction, vector);
+    way = sqrt(vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2]);
+    {
+        const double unit[3] = {vector[0] / way, vector[1] / way, vector[2] / way};
+        spsi_harmonics(unit, harmonic);
+    }
+    for (int n = 0; n < e->count; ++n) {
+        int at[3] = {n % e->size[0], n / e->size[0] % e->size[1], n / (e->size[0] * e->size[1])}, cell;
+        double s = 0, in = 0, t, mean;
+        for (int k = 0; k < 3; ++k) at[k] = step[k] < 0 ? e->size[k] - 1 - at[k] : at[k];
+        cell = cell_beside(e, at, step, 0, 0);
+        for (int along = 1; along < 8; ++along) {
+            const int from = cell_beside(e, at, step, along, -1);
+            if (share_of(vector, along) > 0 && from >= 0) in += share_of(vector, along) * radiance[from];
+        }
+        for (int i = 0; i < e->terms; ++i) s += e->sent[cell * e->terms + i] * (double)harmonic[i];
+        t = e->depth[cell] * way;
+        mean = s + (in - s) * (t > 0 ? -expm1(-t) / t : 1);
+        radiance[cell] = s + (in - s) * exp(-t);
+        for (int i = 0; i < e->terms; ++i) e->moments[cell * e->terms + i] += weight * mean * (double)harmonic[i];
+        for (int along = 1; along < 8; ++along)
+            if (cell_beside(e, at, step, along, 1) < 0)
+                e->escaped += weight / way * share_of(vector, along) * radiance[cell];
+    }
+}
+
+/* The moments of what cells send. */
+static void sweep(exact_cells *e) {
+    spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    spsi_cell_directions(directions);
+    memset(e->moments, 0, sizeof e->moments);
+    e->escaped = 0;
+    for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) sweep_direction(e, &directions[i]);
+}
+
+/* Sweeps until nothing changes. Returns the number of sweeps. */
+static int converge(exact_cells *e) {
+    for (int n = 1; n < 4000; ++n) {
+        double change = 0, most = 0;
+        sweep(e);
+        for (int i = 0; i < e->count; ++i)
+            for (int t = 0; t < e->terms; ++t) {
+                const int at = i * e->terms + t;
+                const double next = e->keep[4 * i + degree_of(t)] * e->moments[at] + e->given[at];
+                change = fmax(change, fabs(next - e->sent[at]));
+                most = fmax(most, fabs(next));
+                e->sent[at] = next;
+            }
+        if (change < 1e-7 * most) return n;
+    }
+    return 4000;
+}
+
+static size_t padded(const exact_cells *e, int cell) {
+    const int row = cell / e->size[0];
+    return (size_t)row * (size_t)grid.pitch + (size_t)(cell % e->size[0]);
+}
+
+/* Lays a solver out as a frame of this asymmetry would. */
+static int begin_solver(int nx, int ny, int nz, double g) {
+    static spsi_frame frame;
+    memset(&frame, 0, sizeof frame), memset(&grid, 0, sizeof grid);
+    frame.channels = 1;
+    frame.matter.material_count = frame.matter.materials[0].scatters = 1;
+    frame.matter.materials[0].lobe_count = 1;
+    frame.matter.materials[0].lobes[0].weight = 1, frame.matter.materials[0].lobes[0].asymmetry = (float)g;
+    grid.size[0] = exact.size[0] = nx, grid.size[1] = exact.size[1] = ny, grid.size[2] = exact.size[2] = nz;
+    spsi_cells_lay_out(&frame, &grid);
+    exact.count = nx * ny * nz, exact.terms = grid.terms;
+    if (!CHECK(exact.count <= MOST_CELLS)) return 0;
+    if (!CHECK(spsi_cell_solver_build(context, &grid, &solver) == SPS_OK)) return 0;
+    for (int n = 0; n < solver.level_count; ++n)
+        memset(solver.levels[n].depth, 0,
+               spsi_cell_level_floats(&solver.levels[n], grid.orders) * sizeof(float)); /* as the caller does */
+    return 1;
+}
+
+/* Solves what `exact` has, and takes over what was found, with moments of a sweep of its own. The sum of differences of
+   moments goes into `off`, relative to the sum of all; in thin cells they are small differences of what is sent. */
+static int run_solver(double *off) {
+    static const spsi_part_of_call whole = {0, 1};
+    const spsi_cell_level *level = &solver.levels[0];
+    double difference = 0, sum = 0;
+    for (int i = 0; i < exact.count; ++i) {
+        const size_t at = padded(&exact, i);
+        level->depth[at] = (float)exact.depth[i];
+        for (int l = 0; l < grid.orders; ++l) level->keep[l][at] = (float)exact.keep[4 * i + l];
+        for (int t = 0; t < exact.terms; ++t)
+            level->given[(size_t)t * level->count + at] = (float)exact.given[i * exact.terms + t];
+    }
+    if (!CHECK(spsi_cells_solve(&solver, &whole) == SPS_OK)) return 0;
+    for (int i = 0; i < exact.count * exact.terms; ++i)
+        exact.sent[i] = (double)level->sent[(size_t)(i % exact.terms) * level->count + padded(&exact, i / exact.terms)];
+    sweep(&exact);
+    for (int i = 0; i < exact.count * exact.terms; ++i) {
+        const size_t at = (size_t)(i % exact.terms) * level->count + padded(&exact, i / exact.terms);
+        difference += fabs((double)level->moments[0][at] - exact.moments[i]);
+        sum += fabs(exact.moments[i]) + 0.01 * fabs(exact.sent[i]);
+    }
+    *off = sum > 0 ? difference / sum : difference;
+    return 1;
+}
+
+/* The share of what cells send that is missing, as the solver measures it; `all`: of all terms instead of the first. */
+static double imbalance(const exact_cells *e, int all) {
+    double missing = 0, sent = 0;
+    for (int i = 0; i < e->count; ++i)
+        for (int t = 0; t < (all ? e->terms : 1); ++t) {
+            const int at = i * e->terms + t;
+            const double wanted = e->keep[4 * i + degree_of(t)] * e->moments[at] + e->given[at];
+            missing += fabs(wanted - e->sent[at]) * fmin(e->depth[i], 1);
+            if (t == 0) sent += fabs(e->sent[at]) * fmin(e->depth[i], 1);
+        }
+    return sent > 0 ? missing / sent : missing;
+}
+
+/* Gas of random depths, a fifth of it empty, given light at random, most of it on one side. */
+static void fill_random(double depth, double albedo, double g, uint64_t seed) {
+    const double peak = grid.orders > 1 ? pow(g, grid.orders) : 0;
+    check_random random = {seed};
+    for (int i = 0; i < exact.count; ++i) {
+        const int empty = check_next(&random) < 0.2 && i > 0;
+        const double light = i % exact.size[0] < 2 ? 1 : 0.05, kept = (albedo - albedo * peak) / (1 - albedo * peak);
+        exact.depth[i] = empty ? 0 : depth * 2 * check_next(&random);
+        for (int l = 0; l < grid.orders; ++l)
+            exact.keep[4 * i + l] = empty ? 0 : kept * (pow(g, l) - peak) / (1 - peak);
+        for (int t = 0; t < exact.terms; ++t)
+            exact.given[i * exact.terms + t] =
+                empty
+                    ? 0
+                    : light * (t == 0 ? check_next(&random) : 0.6 * (check_next(&random) - 0.5) * pow(g, degree_of(t)));
+    }
+}
+
+/* Coarser cells hold the same gas: an eighth of its density each, twice the edge, and a quarter of their number. */
+static void check_levels(void) {
+    for (int n = 1; n < solver.level_count; ++n) {
+        double sums[2] = {0, 0}, kept[2] = {0, 0};
+        for (int i = 0; i < 2; ++i) {
+            const spsi_cell_level *level = &solver.levels[n - 1 + i];
+            for (size_t k = 0; k < level->count; ++k) {
+                sums[i] += (double)level->depth[k] * (i ? 4 : 1);
+                kept[i] += (double)level->depth[k] * (double)level->keep[0][k] * (i ? 4 : 1);
+            }
+        }
+        CHECK_NEAR(sums[1], sums[0], 1e-5 * sums[0]);
+        CHECK_NEAR(kept[1], kept[0], 1e-5 * kept[0]);
+    }
+}
+
+static const int sizes[][3] = {{1, 1, 1}, {3, 2, 1}, {17, 5, 9}, {4, 19, 6}, {8, 3, 33}};
+static const double asymmetries[] = {0, 0.4, 0.85};
+
+/* What is found must be a solution: sent = keep * moments + given, by another sweep. That must hold as closely as the
+   solver states, at any depth; and floats are as good as a few hundred of their roundings. */
+static void test_solutions(void) {
+    static const double depths[] = {0.001, 0.1, 1, 10, 1e4}, albedos[] = {1, 0.99, 0.5};
+    double worst = 0, worst_sweep = 0, all = 0;
+    for (int n = 0; n < 5 * 3 * 5 * 3; ++n) {
+        const int *size = sizes[n % 5];
+        const double g = asymmetries[n / 5 % 3], depth = depths[n / 15 % 5], albedo = albedos[n / 75];
+        double off, missing;
+        if (!begin_solver(size[0], size[1], size[2], g)) return;
+        CHECK(grid.terms == (g < 0.1 ? 1 : g < 0.5 ? 4 : 16));
+        fill_random(depth, albedo, g, (uint64_t)n + 1);
+        if (!run_solver(&off)) return;
+        check_levels();
+        missing = imbalance(&exact, 0);
+        if (!CHECK(off < 2e-5) | !CHECK(missing < SPSI_CELL_BALANCE) | !CHECK(imbalance(&exact, 1) < 1e-2))
+            printf("    %d x %d x %d, g %g, depth %g, albedo %g: sweep off by %g, missing %g, of all terms %g\n",
+                   size[0], size[1], size[2], g, depth, albedo, off, missing, imbalance(&exact, 1));
+        worst = fmax(worst, missing), worst_sweep = fmax(worst_sweep, off), all = fmax(all, imbalance(&exact, 1));
+    }
+    if (figures())
+        printf("solutions: missing %.2g at most, of all terms %.2g, sweeps off by %.2g\n", worst, all, worst_sweep);
+}
+
+/* Sweeps alone arrive at the same, where they arrive: what is missing is scattered about as often as light is. */
+static void test_converged(void) {
+    static const double depths[] = {0.05, 0.5, 2}, albedos[] = {1, 0.9};
+    static double found[MOST_TERMS];
+    double worst = 0;
+    for (int n = 0; n < 3 * 3 * 3 * 2; ++n) {
+        const int *size = sizes[1 + n % 3];
+        const double g = asymmetries[n / 3 % 3], depth = depths[n / 9 % 3], albedo = albedos[n / 27];
+        double off, difference = 0, sum = 0;
+        if (!check_long() && depth > 1 && (n % 3 == 2 || g > 0.5)) continue; /* many sweeps */
+        if (!begin_solver(size[0], size[1], size[2], g)) return;
+        fill_random(depth, albedo, g, (uint64_t)n + 1);
+        if (!run_solver(&off)) return;
+        memcpy(found, exact.moments, sizeof found);
+        CHECK(converge(&exact) < 4000);
+        for (int i = 0; i < exact.count * exact.terms; ++i) {
+            difference += fabs(found[i] - exact.moments[i]);
+            if (i % exact.terms == 0) sum += exact.moments[i];
+        }
+        worst = fmax(worst, difference / sum);
+        if (!CHECK(difference < 5e-3 * sum))
+            printf("    %d x %d x %d, g %g, depth %g, albedo %g: off by %g\n", size[0], size[1], size[2], g, depth,
+                   albedo, difference / sum);
+    }
+    if (figures()) printf("converged: off by %.2g at most\n", worst);
+}
+
+/* Nothing is lost: what cells are given and do not absorb leaves the grid. Depths grow until what leaves is next to
+   nothing of what is sent, where floats no longer show it. */
+static void test_energy(void) {
+    static const double depths[] = {0.01, 0.1, 1, 4, 30};
+    for (int n = 0; n < 5 * 5; ++n) {
+        const int *size = sizes[n / 5];
+        const double depth = depths[n % 5];
+        double off, given = 0, absorbed = 0, albedo = n % 2 ? 1 : 0.9;
+        if (!begin_solver(size[0], size[1], size[2], 0)) return;
+        fill_random(depth, albedo, 0, (uint64_t)n + 1);
+        if (!run_solver(&off)) return;
+        for (int i = 0; i < exact.count; ++i) {
+            given += exact.depth[i] * exact.given[i];
+            absorbed += exact.depth[i] * (exact.depth[i] > 0 ? 1 - exact.keep[4 * i] : 0) * exact.moments[i];
+        }
+        if (figures())
+            printf("%d x %d x %d of depth %g, albedo %g: given %.6g, absorbed %.6g, escaped %.6g, off by %.2g\n",
+                   size[0], size[1], size[2], depth, albedo, given, absorbed, exact.escaped,
+                   (absorbed + exact.escaped) / given - 1);
+        CHECK(exact.escaped >= 0);
+        CHECK_NEAR(absorbed + exact.escaped, given, (n % 5 < 4 ? 2e-3 : 0.02) * given);
+    }
+}
+
+/* Gas that gives what it absorbs of a radiance of 1 holds no more than that, and deep inside no less. */
+static void test_furnace(void) {
+    static const double depths[] = {0.01, 1, 100, 1e4};
+    for (int n = 0; n < 4 * 5 * 2; ++n) {
+        const int *size = sizes[n % 5];
+        const double depth = depths[n / 5 % 4], albedo = n / 20 ? 0.99 : 0.5;
+        double off, least = HUGE_VAL, most = 0;
+        if (!begin_solver(size[0], size[1], size[2], 0)) return;
+        for (int i = 0; i < exact.count; ++i)
+            exact.depth[i] = depth, exact.keep[4 * i] = albedo, exact.given[i] = 1 - albedo;
+        if (!run_solver(&off)) return;
+        for (int i = 0; i < exact.count; ++i)
+            least = fmin(least, exact.moments[i]), most = fmax(most, exact.moments[i]);
+        if (!CHECK(least > 0 && most <= 1 + 1e-3))
+            printf("    depth %g, albedo %g: %g..%g\n", depth, albedo, least, most);
+        if (depth > 1000) CHECK(least > 0.98);
+        if (depth < 0.1) CHECK(most < 30 * depth);
+    }
+}
+
+/* Nothing is given: nothing is found, and nothing is divided by it. */
+static void test_nothing_given(void) {
+    double off;
+    if (!begin_solver(5, 4, 3, 0.85)) return;
+    fill_random(1, 1, 0.85, 1);
+    memset(exact.given, 0, sizeof exact.given);
+    if (!run_solver(&off)) return;
+    for (int i = 0; i < exact.count * exact.terms; ++i) CHECK_NEAR(exact.moments[i], 0, 0);
+    CHECK_NEAR(off, 0, 0);
+}
+
+/* --- scenes --- */
+
+static double transformed_puff(const void *user, const double p[3]) {
+    const double(*rows)[3] = (const double(*)[3])user;
+    double q[3];
+    for (int i = 0; i < 3; ++i) q[i] = spsi_dot(rows[i], p);
+    return check_puff(NULL, q);
+}
+
+/* The first 3 rows of where a scene's gas is looked up. */
+static double look_rows[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+static const double unchanged[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+static const check_field puff_field = {
+    transformed_puff, look_rows, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+
+static const sps_transfer_point points[] = {{0, {0.9f, 0.9f, 0.5f}, 0}, {1, {0.9f, 0.8f, 0.7f}, 6}};
+static const sps_transfer tissue = {points, 2, NULL, NULL, 0};
+static const sps_lobe lobes[] = {{0.5f, 3}, {-0.2f, 1}}, forward = {0.85f, 1}, middle = {0.5f, 1},
+                      backward = {-0.3f, 1};
+static sps_particles *swarm;
+
+enum { GAS, CLASSIFIED, SWARM, MIXED, TWO_GASES, KINDS };
+static const char *const kinds[] = {"gas", "classified", "particles", "particles in gas", "two gases"};
+enum { SUN, BEHIND, POINT, WITHIN, SPOT, UNSHADOWED, LIGHTS };
+static const char *const lights[] = {"sun", "sun behind", "point", "lamp within", "spot", "unshadowed sun"};
+
+static void add_gas(check_scene *s) {
+    sps_volume *volume = check_add_volume(s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field;
+    volume->user = (void *)(size_t)&puff_field;
+    volume->extinction = 5;
+    volume->lobes = lobes, volume->lobe_count = 2;
+    check_color(volume->albedo, 1, 0.95, 0.8);
+}
+
+static void add_light(check_scene *s, int light) {
+    if (light == SUN) check_add_directional(s, 0.5, -0.8, -0.4, 2);
+    if (light == BEHIND) check_add_directional(s, 0.3, -0.2, 0.9, 2);
+    if (light == UNSHADOWED) check_add_directional(s, 0.5, -0.8, 0.4, 2)->no_shadow = 1;
+    if (light == POINT) check_add_point(s, -2, 3, 2, 20);
+    if (light == WITHIN) check_add_point(s, 0.1, 0.15, -0.2, 1);
+    if (light == SPOT) {
+        sps_light *spot = check_add_point(s, -2, 2, 1, 30);
+        check_set3(spot->direction, 2, -2, -1);
+        spot->inner_cone = 0.1, spot->outer_cone = 0.25;
+    }
+}
+
+static void start(check_scene *s, int kind, int light) {
+    check_clear(s, SIDE, SIDE);
+    memcpy(look_rows, unchanged, sizeof look_rows);
+    check_set3(s->view.camera.position, 0, 0, 5);
+    check_perspective(&s->view.camera, 0.4);
+    if (kind != SWARM) add_gas(s);
+    if (kind == CLASSIFIED) s->volume[0].transfer = &tissue;
+    if (kind == SWARM || kind == MIXED) {
+        swarm = check_add_swarm(s, kind == MIXED ? 0.3 : 0.8);
+        swarm->soft = 1;
+        swarm->lobes = lobes, swarm->lobe_count = 1;
+        check_color(swarm->albedo, 0.8, 0.9, 1);
+    }
+    if (kind == TWO_GASES) {
+        sps_volume *other = check_add_volume(s, 12, 12, 12, check_box(-0.2, -0.9, -0.8, 0.9, 0.3, 0.7));
+        other->read_fn = check_read_constant;
+        other->user = (void *)(size_t)&one;
+        other->extinction = 2;
+        check_color(other->albedo, 0.6, 0.9, 0.95);
+    }
+    add_light(s, light);
+    s->view.scattering = SPS_SCATTERING_FULL;
+    s->view.scatter_size = 12;
+}
+
+/* A grey scene that is quick to render: isotropic gas of albedo 1. */
+static void start_plain(check_scene *s, int light) {
+    start(s, GAS, light);
+    s->volume[0].lobe_count = 0;
+    check_color(s->volume[0].albedo, 1, 1, 1);
+}
+
+static const spsi_cell_grid *grid_of(const sps_context *by) {
+    return (const spsi_cell_grid *)by->buffers[SPSI_BUFFER_CELL_GRID].data;
+}
+
+static const spsi_cell_job *job_of(const sps_context *by) {
+    return (const spsi_cell_job *)by->buffers[SPSI_BUFFER_CELL_JOB].data;
+}
+
+/* --- what cells are filled with --- */
+
+/* Half of the value is enough for all of the extinction. */
+static const sps_transfer_point plateau_points[] = {{0, {0.5f, 0.5f, 0.5f}, 0},
+                                                    {0.4f, {0.5f, 0.5f, 0.5f}, 0},
+                                                    {0.6f, {0.5f, 0.5f, 0.5f}, 6},
+                                                    {1, {0.5f, 0.5f, 0.5f}, 6}};
+static const sps_transfer plateau = {plateau_points, 4, NULL, NULL, 0};
+
+/* Cells cover the gas; as many as asked for lie along its longest side. Their optical depths add up to what the voxels
+   hold: extinction times value times volume. */
+static void test_filling(void) {
+    static const double widths[][3] = {{2, 2, 2}, {2, 1, 0.3}, {0.5, 3, 1}};
+    /* flat voxels ripple, and what is classified has sharper faces than samples */
+    static const double allowed[] = {5e-4, 2e-3, 0.01, 2e-3, 1e-3, 1e-3, 0.03};
+    for (int n = 0; n < 7; ++n) {
+        const double *width = widths[n % 3];
+        double sum = 0, fine_sum = 0, exact_sum = n < 3 ? 3 * width[0] * width[1] * width[2] : 0;
+        int longest = 0;
+        check_scene s;
+        sps_volume *volume;
+        const spsi_cell_grid *made;
+        check_clear(&s, SIDE, SIDE);
+        volume = check_add_volume(&s, 12, 12, 12, check_box(1, 2, 3, 1 + width[0], 2 + width[1], 3 + width[2]));
+        volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+        volume->extinction = 3;
+        check_color(volume->albedo, 0.5, 0.5, 0.5);
+        if (n == 6) { /* its voxels are smaller than half a cell; half of its value is at its faces */
+            volume->transfer = &plateau, volume->size[0] = volume->size[1] = volume->size[2] = 40;
+            exact_sum = 6 * 8;
+        }
+        if (n >= 3 && n < 6) {
+            s.scene.volume_count = 0;
+            swarm = check_add_swarm(&s, 0.8);
+            check_color(swarm->albedo, 0.5, 0.5, 0.5);
+            exact_sum = 50 * 0.8 * SPSI_PI * 0.25 * 0.25 * (2.0 / 3); /* chords of a ball: 2/3 of its diameter */
+        }
+        check_add_directional(&s, 0, 0, -1, 1);
+        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 9 + n % 3;
+        check_render(context, &s, image_a);
+        made = grid_of(context);
+        CHECK(cells_made(context) == (uint64_t)(made->size[0] * made->size[1] * made->size[2]));
+        for (int k = 0; k < 3; ++k) {
+            longest = spsi_most(longest, made->size[k]);
+            if (n >= 3) continue;
+            CHECK(made->corner[k] <= 1 + k + 1e-6 &&
+                  made->corner[k] + made->size[k] * made->edge >= 1 + k + width[k] - 1e-6);
+        }
+        CHECK(longest == s.view.scatter_size);
+        for (size_t i = 0; i < made->count; ++i) sum += (double)made->depth[i] * made->edge * made->edge;
+        for (size_t i = 0; i < 8 * made->count; ++i)
+            fine_sum += (double)job_of(context)->samples[i] * made->edge * made->edge / 4;
+        CHECK_NEAR(fine_sum, sum, 1e-5 * sum);
+        CHECK((job_of(context)->fine > 1) == (n == 6));
+        if (figures()) printf("filled: %.5f, exact %.5f\n", sum, exact_sum);
+        CHECK_NEAR(sum, exact_sum, allowed[n] * exact_sum);
+        for (size_t i = 0; i < made->count; ++i)
+            CHECK_NEAR((double)job_of(context)->scattered[i], 0.5 * (double)made->depth[i],
+                       1e-5 * (double)made->depth[i]);
+    }
+}
+
+/* What lights send to each cell, by moment: irradiance / 4 pi, times the harmonics of its direction, times what gas on
+   the way leaves. */
+static void test_lit(void) {
+    static const sps_lobe lobe = {0.8f, 1};
+    for (int n = 0; n < 4; ++n) { /* a sun without shadow, a sun, a point, a spot, all from above */
+        check_scene s;
+        sps_volume *volume;
+        const spsi_cell_grid *made;
+        const spsi_cell_job *job;
+        sps_light *light;
+        check_clear(&s, SIDE, SIDE);
+        volume = check_add_volume(&s, 24, 24, 24, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+        volume->extinction = 1;
+        volume->lobes = &lobe, volume->lobe_count = 1;
+        check_color(volume->albedo, 0.9, 0.9, 0.9);
+        light = n < 2 ? check_add_directional(&s, 0, -1, 0, 2) : check_add_point(&s, 0, 9, 0, 200);
+        light->no_shadow = n != 1;
+        if (n == 3) light->direction[1] = -1, light->inner_cone = 0.02, light->outer_cone = 0.05;
+        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = 16;
+        check_render(context, &s, image_a);
+        made = grid_of(context), job = job_of(context);
+        CHECK(made->terms == 16);
+        for (int i = 0; i < 16 * 16 * 16; ++i) {
+            const int cell[3] = {i % 16, i / 16 % 16, i / 256};
+            const size_t at = (size_t)(i / 16) * (size_t)made->pitch + (size_t)cell[0];
+            const double k = 1 - 0.9 * pow((double)lobe.asymmetry, 4);
+            double p[3], way[3], irradiance = 2, depth, distance, cosine;
+            float harmonic[SPSI_CELL_TERMS];
+            if (cell[0] % 5 || cell[1] % 5 || cell[2] % 5) continue;
+            for (int c = 0; c < 3; ++c) {
+                p[c] = made->corner[c] + made->edge * (cell[c] + 0.5);
+                way[c] = p[c] - (n < 2 ? p[c] : c == 1 ? 9 : 0);
+            }
+            if (fabs(p[0]) > 0.85 || fabs(p[1]) > 0.85 || fabs(p[2]) > 0.85) continue; /* where gas fades out */
+            if (n < 2) way[1] = -1;
+            distance = spsi_length(way);
+            if (n >= 2) irradiance = 200 / (distance * distance);
+            spsi_normalise(way);
+            cosine = -way[1];
+            if (n == 3) {
+                const double share = (cosine - cos(0.05)) / (cos(0.02) - cos(0.05));
+                irradiance *= pow(fmax(0, fmin(share, 1)), 2);
+            }
+            depth = n == 1 ? 1 - p[1] : 0;
+            spsi_harmonics(way, harmonic);
+            for (int t = 0; t < 16; ++t) {
+                const double got = (double)job->incoming[(size_t)t * made->count + at] / (4 * (double)made->depth[at]);
+                const double whole =
+                    n == 1 ? 1 : 1 / (1 - pow((double)lobe.asymmetry, 4)); /* nothing goes straight on */
+                const double wanted = whole * irradiance / (4 * SPSI_PI) * (double)harmonic[t] * exp(-k * depth);
+                if (!CHECK_NEAR(got, wanted, n == 0 ? 1e-5 : n == 1 ? 0.002 : n == 2 ? 0.01 : 0.2))
+                    printf("    light %d, term %d, at %g %g %g\n", n, t, p[0], p[1], p[2]);
+            }
+        }
+    }
+}
+
+/* Lookups are linear between cells' centres, and constant beyond the outermost. */
+static void test_lookups(void) {
+    float seen[2 * 8 * 3 * 4 + SPSI_LANES], out[SPSI_LANES];
+    check_random random = {4};
+    spsi_cell_grid small;
+    memset(&small, 0, sizeof small);
+    small.size[0] = 5, small.size[1] = 3, small.size[2] = 4;
+    small.pitch = 8, small.count = 8 * 3 * 4, small.channels = 2, small.seen = seen;
+    for (int c = 0; c < 2; ++c)
+        for (int i = 0; i < 96; ++i) seen[96 * c + i] = (float)(c + i % 8 + 10 * (i / 8 % 3) + 100 * (i / 24));
+    for (int n = 0; n < 200; ++n) {
+        double p[3], inside[3];
+        spsi_v at[3];
+        for (int k = 0; k < 3; ++k) {
+            p[k] = (double)(float)(8 * check_next(&random) - 2);
+            inside[k] = fmax(0, fmin(p[k], small.size[k] - 1));
+            at[k] = spsi_set((float)p[k]);
+        }
+        spsi_store(out, spsi_cells_lookup(&small, 0, n % 2, at));
+        CHECK_NEAR((double)out[0], n % 2 + inside[0] + 10 * inside[1] + 100 * inside[2], 1e-3);
+    }
+}
+
+/* An empty cell beside gas shows what gas would show there, if it went on as it goes: linearly, and never below 0. */
+static void test_continued(void) {
+    float seen[8 * 3 * 3 + SPSI_LANES] = {0}, depth[8 * 3 * 3 + SPSI_LANES] = {0};
+    const int middle_cell[3] = {3, 1, 1}, corner_cell[3] = {0, 0, 0};
+    const int here = 3 + 8 + 24;
+    spsi_cell_grid small;
+    memset(&small, 0, sizeof small);
+    small.size[0] = 7, small.size[1] = small.size[2] = 3;
+    small.pitch = 8, small.count = 72, small.depth = depth;
+    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 0, 0);
+    depth[here + 1] = 1, seen[here + 1] = 3; /* one cell only */
+    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 3, 0);
+    depth[here + 2] = 1, seen[here + 2] = 1;
+    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 5, 0);
+    seen[here + 2] = 7;
+    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 0, 0);
+    depth[here - 8] = 1, seen[here - 8] = 5; /* at the grid's end: as it is */
+    CHECK_NEAR((double)spsi_cells_continued(&small, seen, middle_cell), 2.5, 0);
+    depth[24] = 1, seen[24] = 6;
+    CHECK_NEAR((double)spsi_cells_continued(&small, seen, corner_cell), 6, 0);
+}
+
+/* What is rendered continues in that way: into all empty cells beside gas, and no others. */
+static void test_continued_in_scene(void) {
+    int beside = 0;
+    check_scene s;
+    const spsi_cell_grid *made;
+    start_plain(&s, SUN);
+    check_render(context, &s, image_a);
+    made = grid_of(context);
+    for (int i = 0; i < made->size[0] * made->size[1] * made->size[2]; ++i) {
+        const int at[3] = {i % made->size[0], i / made->size[0] % made->size[1], i / (made->size[0] * made->size[1])};
+        const size_t cell = (size_t)(i / made->size[0]) * (size_t)made->pitch + (size_t)at[0];
+        if (made->depth[cell] > 0) continue;
+        CHECK_NEAR((double)made->seen[cell], (double)spsi_cells_continued(made, made->seen, at), 0);
+        beside += made->seen[cell] > 0;
+    }
+    CHECK(beside > 20);
+}
+
+/* --- energy --- */
+
+/* Before a white sky, a cloud that absorbs nothing cannot be seen, whatever its lobes; with an absorber it is darker.
+ */
+static void test_white_sky(void) {
+    static const double all[] = {0, 0.5, 0.85, -0.3};
+    for (int n = 0; n < 4 * 3; ++n) {
+        const sps_lobe lobe = {(float)all[n % 4], 1};
+        double least = HUGE_VAL, most = 0;
+        check_scene s;
+        start(&s, GAS, LIGHTS);
+        s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
+        s.volume[0].extinction = n / 4 == 1 ? 100 : 1; /* ultra: rays end where 5e-5 of light would pass */
+        s.view.quality = SPS_QUALITY_ULTRA;
+        check_color(s.volume[0].albedo, 1, 1, 1);
+        if (n / 4 == 2) check_color(s.volume[0].albedo, 0.9, 0.99, 0.5);
+        check_color(s.scene.ambient, 2, 2, 2);
+        check_color(s.scene.background, 2, 2, 2);
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i)
+            if (i % 4 < 3) least = fmin(least, (double)image_a[i]), most = fmax(most, (double)image_a[i]);
+        if (!CHECK(most <= 2 + 2e-5) ||
+            !CHECK(n / 4 == 2 ? least > 0.1 && least < 1.8 : least >= 2 - (n / 4 ? 1.2e-4 : 2e-5)))
+            printf("    g %g, kind %d: %g..%g\n", all[n % 4], n / 4, least, most);
+    }
+    { /* gas that only absorbs, in the midst of it */
+        check_scene s;
+        start_plain(&s, LIGHTS);
+        add_gas(&s);
+        s.volume[1].size[0] = 12;
+        s.volume[1].placement = check_box(-0.3, -0.3, -0.3, 0.3, 0.3, 0.3);
+        check_color(s.volume[1].albedo, 0, 0, 0);
+        check_color(s.scene.ambient, 1, 1, 1);
+        check_color(s.scene.background, 1, 1, 1);
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i)
+            if (i % 4 < 3) CHECK(image_a[i] <= 1 + 1e-5f && image_a[i] > 0);
+        CHECK((double)image_a[4 * (SIDE / 2 * SIDE + SIDE / 2)] < 0.97);
+    }
+}
+
+/* Where nothing scatters nothing is followed; thin gas scatters next to nothing again. */
+static void test_little(void) {
+    for (int kind = 0; kind < 3; ++kind)
+        for (int light = SUN; light <= BEHIND; ++light) {
+            check_scene s;
+            start(&s, GAS, light);
+            check_color(s.scene.ambient, 0.5, 0.5, 0.5);
+            if (kind == 0) check_color(s.volume[0].albedo, 0, 0, 0);
+            if (kind == 1) s.volume[0].extinction = 1e-3f;
+            if (kind == 2) s.volume[0].extinction = 1e-3f, s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+            check_render(context, &s, image_a);
+            CHECK((cells_made(context) == 0) == (kind == 0));
+            s.view.scattering = SPS_SCATTERING_OFF;
+            check_render(context, &s, image_b);
+            if (kind == 0) CHECK(same(image_a, image_b));
+            if (kind == 0) continue;
+            if (figures()) printf("thin: %.2g of the light is other\n", error_of(image_a, image_b));
+            CHECK(!same(image_a, image_b) && error_of(image_a, image_b) < (kind == 2 ? 0.01 : 2e-3));
+        }
+}
+
+/* --- symmetries --- */
+
+static void add_images(float *to, const float *more) {
+    for (int i = 0; i < COUNT; ++i)
+        if (i % 4 < 3) to[i] += more[i];
+}
+
+/* Light adds up, as far as the solver's balance goes, and its scale is free. */
+static void test_linear(void) {
+    check_scene s;
+    start(&s, GAS, SUN);
+    s.view.lookup_threshold = 0;
+    s.light[0].shadow_source = SPS_SHADOW_TABLE;
+    add_light(&s, POINT);
+    s.light[1].shadow_source = SPS_SHADOW_TABLE;
+    check_render(context, &s, image_c);
+    s.scene.light_count = 1;
+    check_render(context, &s, image_a);
+    for (int c = 0; c < 3; ++c) s.light[0].color[c] *= 1024;
+    check_render(context, &s, image_b);
+    for (int i = 0; i < COUNT; ++i) CHECK_NEAR((double)image_b[i], (i % 4 < 3 ? 1024 : 1) * (double)image_a[i], 0);
+    s.light[0] = s.light[1];
+    check_render(context, &s, image_b);
+    add_images(image_a, image_b);
+    if (figures()) printf("two lights: off by %.2g\n", error_of(image_a, image_c));
+    CHECK(error_of(image_a, image_c) < 2e-4);
+}
+
+/* v becomes its products with the rows. */
+static void turn(const double rows[3][3], double v[3]) {
+    double out[3];
+    for (int i = 0; i < 3; ++i) out[i] = spsi_dot(rows[i], v);
+    check_set3(v, out[0], out[1], out[2]);
+}
+
+/* A scene that is mirrored or turned as a whole shows the same, mirrored where the camera is not. Of a lamp within,
+   what the nearest cells receive is a mean along z, but not across it. */
+static void test_turned(void) {
+    static const double ways[][3][3] = {{{-1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, /* mirrored */
+                                        {{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}, /* about z */
+                                        {{1, 0, 0}, {0, 0, -1}, {0, 1, 0}}, /* about x */
+                                        {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}}; /* x, y, z in turn */
+    for (int n = 0; n < 4 * 2; ++n) {
+        const double(*rows)[3] = ways[n % 4];
+        double off;
+        check_scene s;
+        if (!check_long() && (n + n / 4) % 2) continue; /* mirrored and about x; about z and in turn */
+        start(&s, GAS, n < 4 ? SUN : WITHIN);
+        s.light[0].shadow_source = SPS_SHADOW_TABLE;
+        s.view.camera.up[1] = 1;
+        s.view.quality = SPS_QUALITY_HIGH;
+        if (n < 4) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+        check_render(context, &s, image_b);
+        for (int i = 0; i < 3; ++i)
+            for (int k = 0; k < 3; ++k) look_rows[i][k] = rows[k][i];
+        turn(rows, s.view.camera.position), turn(rows, s.view.camera.up);
+        turn(rows, s.light[0].direction), turn(rows, s.light[0].position);
+        check_render(context, &s, image_a);
+        if (n % 4 == 0) {
+            for (int i = 0; i < COUNT; ++i)
+                image_c[i] = image_a[i / (4 * SIDE) * 4 * SIDE + 4 * (SIDE - 1 - i / 4 % SIDE) + i % 4];
+            memcpy(image_a, image_c, sizeof image_a);
+        }
+        off = error_of(image_a, image_b);
+        if (figures()) printf("turned by way %d, %s: off by %.2g\n", n % 4, n < 4 ? "sun" : "lamp", off);
+        if (!CHECK(off < (n < 6 ? 2e-3 : 0.2))) printf("    way %d, light %d: %g\n", n % 4, n / 4, off);
+    }
+}
+
+/* The unit of length is free. */
+static void test_scaled(void) {
+    static const double scales[] = {1e6, 1e-6, 0.3};
+    for (int light = SUN; light <= POINT; light += POINT - SUN)
+        for (int n = 0; n < 3; ++n) {
+            const double scale = scales[n];
+            check_scene s;
+            start(&s, GAS, light);
+            check_render(context, &s, image_b);
+            for (int i = 0; i < 3; ++i) {
+                s.view.camera.position[i] *= scale;
+                s.light[0].position[i] *= scale;
+                s.volume[0].placement.origin[i] *= scale;
+                for (int k = 0; k < 3; ++k) s.volume[0].placement.axis[i][k] *= scale;
+                if (light == POINT) s.light[0].color[i] *= (float)(scale * scale);
+                look_rows[i][i] = 1 / scale;
+            }
+            s.volume[0].extinction /= (float)scale;
+            check_render(context, &s, image_a);
+            if (!CHECK(error_of(image_a, image_b) < 1e-3))
+                printf("    %s, scale %g: %g\n", lights[light], scale, error_of(image_a, image_b));
+        }
+}
+
+/* --- against random paths --- */
+
+/* Compares the mean of all pixels with that of random paths: within five standard errors and `share` of it. */
+static void compare_with_paths(const check_scene *s, const char *name, int samples, double share) {
+    sps_reference_settings settings;
+    sps_image image;
+    double square = 0, mean, exact_mean;
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    settings.step = 0.5, settings.samples = check_long() ? 8 * samples : samples, settings.seed = 1;
+    settings.error = errors, image.rgba = image_b;
+    check_render(context, s, image_a);
+    if (!CHECK_OK(context, sps_reference(context, &s->scene, &s->view, &settings, &image))) return;
+    for (int i = 0; i < 3 * PIXELS; ++i) square += pow((double)errors[i] / (3 * PIXELS), 2);
+    mean = mean_of(image_a), exact_mean = mean_of(image_b);
+    square = sqrt(3 * square); /* colors share their paths */
+    if (figures())
+        printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, mean, exact_mean, square,
+               100 * (mean / exact_mean - 1));
+    if (!CHECK(fabs(mean - exact_mean) <= 5 * square + share * exact_mean))
+        printf("    %s: %g, paths %g +- %g\n", name, mean, exact_mean, square);
+}
+
+enum { CLOUD = 32 };
+static float cloud[CLOUD * CLOUD * CLOUD];
+
+/* Overlapping lumps. */
+static void make_cloud(void) {
+    check_random random = {7};
+    memset(cloud, 0, sizeof cloud);
+    for (int i = 0; i < 14; ++i) {
+        double centre[3], radius = CLOUD / 16.0 + CLOUD / 8.0 * check_next(&random);
+        for (int k = 0; k < 3; ++k) centre[k] = CLOUD * (0.28 + 0.44 * check_next(&random));
+        for (int n = 0; n < CLOUD * CLOUD * CLOUD; ++n) {
+            const double x = n % CLOUD + 0.5 - centre[0], y = n / CLOUD % CLOUD + 0.5 - centre[1];
+            const double z = n / (CLOUD * CLOUD) + 0.5 - centre[2];
+            const double d = 1 - (x * x + y * y + z * z) / (radius * radius);
+            if (d > 0) cloud[n] = (float)fmin(1, (double)cloud[n] + d * d);
+        }
+    }
+}
+
+/* A cloud of albedo 1, of an optical depth of about 10, from behind, aside and in front. */
+static void test_clouds(void) {
+    static const double directions[3][3] = {{0.3, 0.1, 1}, {1, 0.2, 0}, {0.3, -0.4, -1}};
+    static const char *const names[] = {"from behind", "aside", "from the front"};
+    static check_array array = {cloud, {CLOUD, CLOUD, CLOUD}, 0, 0};
+    make_cloud();
+    for (int n = 0; n < 9; ++n) {
+        const sps_lobe *const all[] = {NULL, &middle, &forward};
+        char name[64];
+        check_scene s;
+        sps_volume *volume;
+        if (!check_long() && n % 2) continue;
+        check_clear(&s, SIDE, SIDE);
+        s.view.camera.ortho_height = 1.4;
+        volume = check_add_volume(&s, CLOUD, CLOUD, CLOUD, check_box(-1, -1, -1, 1, 1, 1));
+        volume->read_fn = check_read_array, volume->user = &array;
+        volume->extinction = 10;
+        volume->lobes = all[n / 3], volume->lobe_count = n / 3 > 0;
+        check_color(volume->albedo, 1, 1, 1);
+        check_add_directional(&s, directions[n % 3][0], directions[n % 3][1], directions[n % 3][2], 1);
+        s.view.quality = SPS_QUALITY_HIGH;
+        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = check_long() ? 64 : 32;
+        snprintf(name, sizeof name, "cloud, g %g, %s", n < 3 ? 0 : (double)all[n / 3]->asymmetry, names[n % 3]);
+        compare_with_paths(&s, name, 20, 0.05);
+    }
+}
+
+/* All kinds of matter and of lights. */
+static void test_paths(void) {
+    for (int kind = 0; kind < KINDS; ++kind)
+        for (int light = 0; light < LIGHTS; ++light) {
+            char name[64];
+            check_scene s;
+            if (!check_long() && kind != GAS && light != (kind % 2 ? SUN : WITHIN)) continue;
+            start(&s, kind, light);
+            s.view.scatter_size = 20;
+            snprintf(name, sizeof name, "%s, %s", kinds[kind], lights[light]);
+            compare_with_paths(&s, name, light == WITHIN ? 40 : 20, 0.06);
+        }
+}
+
+/* Lights without shadows have no way along which light could go straight on: what they send scatters as a whole. */
+static void test_paths_unshadowed(void) {
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        start(&s, GAS, UNSHADOWED);
+        s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+        if (n) check_color(s.volume[0].albedo, 0.7, 0.9, 0.95), s.volume[0].extinction = 2;
+        s.view.scatter_size = 20;
+        compare_with_paths(&s, n ? "thin gas, unshadowed sun" : "forward gas, unshadowed sun", 20, 0.1);
+    }
+}
+
+/* Emission is scattered, and ambient light comes through the gas. */
+static void test_paths_unlit(void) {
+    for (int kind = 0; kind < 5; ++kind) {
+        static const char *const names[] = {"emission", "ambient", "ambient, forward", "emission, ambient and sun",
+                                            "emission, forward"};
+        check_scene s;
+        start(&s, GAS, kind == 3 ? SUN : LIGHTS);
+        if (kind == 2 || kind == 4) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+        if (kind > 0 && kind < 4) check_color(s.scene.ambient, 0.5, 0.6, 0.7);
+        if (kind == 0 || kind > 2) check_color(s.volume[0].emission, 0.5, 0.6, 1);
+        s.view.scatter_size = 20;
+        compare_with_paths(&s, names[kind], 20, 0.03);
+    }
+}
+
+/* --- layers --- */
+
+/* What a layer a unit thick and 8 wide sends back (0) and through (1), of a sun square to it, by quadrature over the
+   cosine of orthographic views. What goes straight through is left out. */
+static void layer_sends(double depth, double g, double albedo, double share[2]) {
+    static const double at[] = {0.0950125098, 0.2816035508, 0.4580167777, 0.6178762444,
+                                0.7554044084, 0.8656312024, 0.9445750231, 0.9894009350};
+    static const double weight[] = {0.1894506105, 0.1826034150, 0.1691565194, 0.1495959888,
+                                    0.1246289713, 0.0951585117, 0.0622535239, 0.0271524594};
+    const sps_lobe lobe = {(float)g, 1};
+    float rgba[16];
+    check_scene s;
+    sps_volume *volume;
+    check_clear(&s, 2, 2);
+    volume = check_add_volume(&s, 128, 128, 32, check_box(-4, -4, 0, 4, 4, 1));
+    volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+    volume->extinction = (float)depth;
+    volume->lobes = &lobe, volume->lobe_count = 1;
+    volume->revision = 1;
+    check_color(volume->albedo, albedo, albedo, albedo);
+    check_add_directional(&s, 0, 0, -1, 1);
+    s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = check_long() ? 192 : 96;
+    s.view.camera.ortho_height = 0.1;
+    s.view.camera.target[2] = 0.5;
+    for (int through = 0; through < 2; ++through) {
+        share[through] = 0;
+        for (int i = 0; i < 16; ++i) {
+            const double cosine = 0.5 + (i < 8 ? -0.5 : 0.5) * at[i % 8];
+            s.view.camera.position[0] = 1000 * sqrt(1 - cosine * cosine);
+            s.view.camera.position[2] = 0.5 + (through ? -1000 : 1000) * cosine;
+            check_render(context, &s, rgba);
+            share[through] += SPSI_PI * weight[i % 8] * cosine * (double)rgba[0];
+        }
+    }
+}
+
+/* H. C. van de Hulst, Multiple Light Scattering, 1980, for a depth of 2; doubling for 10 (test_paths.c), where no light
+   is lost. There, the light that cells send is a constant within 0.8 units of optical depth, and grows by a sixth on
+   that way beside the lit face: of the tenth or so of all light that leaves within it, a fifth may be off. What leaves
+   at the layer's sides is below 0.005. */
+static void test_layers(void) {
+    static const double depths[] = {2, 10}, asymmetries_of[] = {0.75, 0}, albedos[] = {0.9, 1};
+    static const double back[] = {0.0974, 0.8525}, through[] = {0.6610, 0.1475}, allowed[] = {0.01, 0.02};
+    for (int n = 0; n < 2; ++n) {
+        const double straight = exp(-depths[n]);
+        double share[2];
+        layer_sends(depths[n], asymmetries_of[n], albedos[n], share);
+        share[1] += straight;
+        if (figures())
+            printf("layer of %g, g %g: back %.4f of %.4f, through %.4f of %.4f\n", depths[n], asymmetries_of[n],
+                   share[0], back[n], share[1], through[n]);
+        CHECK_NEAR(share[0], back[n], allowed[n]);
+        CHECK_NEAR(share[1], through[n], allowed[n]);
+    }
+}
+
+/* --- shadows and polygons --- */
+
+/* Whatever gas is shaded by, it shows the same, as far as it does where light scatters once. */
+static void test_sources(void) {
+    sps_tmap_settings deep;
+    memset(&deep, 0, sizeof deep);
+    deep.technique = SPS_TMAP_COMPRESSED, deep.epsilon = 0.002f;
+    for (int light = SUN; light <= SPOT; ++light)
+        for (int g = 0; g < 2; ++g)
+            for (int source = 0; source < 2; ++source) {
+                double off[2];
+                if (light == WITHIN || (!check_long() && (light + g) % 2)) continue; /* no sheets */
+                for (int full = 0; full < 2; ++full) {
+                    check_scene s;
+                    start_plain(&s, light);
+                    if (g) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+                    s.view.scattering = full ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+                    s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+                    check_render(context, &s, image_b);
+                    s.light[0].shadow_source = source ? SPS_SHADOW_TABLE : SPS_SHADOW_AUTO;
+                    if (!source) s.light[0].shadow_map = &deep;
+                    check_render(context, &s, image_a);
+                    off[full] = error_of(image_a, image_b);
+                }
+                if (figures())
+                    printf("%s, g %d, source %d: once %.4f, full %.4f\n", lights[light], g, source, off[0], off[1]);
+                CHECK(off[1] < off[0] + 0.002);
+            }
+}
+
+/* A plate above the gas, in the way of a sun from above. */
+static void start_below(check_scene *s, double width, double transmittance) {
+    const double origin[3] = {-width, 1.5, -2}, u[3] = {2 * width, 0, 0}, v[3] = {0, 0, 4};
+    start_plain(s, LIGHTS);
+    s->volume[0].lobes = &middle, s->volume[0].lobe_count = 1;
+    check_add_directional(s, 0, -1, 0, 2);
+    plate.count = 0;
+    check_add_quad(&plate, origin, u, v);
+    check_translucent(check_add_mesh(s, &plate, 0), transmittance);
+}
+
+/* An opaque plate leaves no light, and a pane its share of each color; half a plate darkens the other half of the gas,
+   too. Seen from above, light is behind the eye; from below, in front of it. */
+static void test_polygons(void) {
+    for (int n = 0; n < 2; ++n) {
+        double open, half, dark = 0;
+        check_scene s;
+        start_below(&s, 2, 0);
+        if (n) check_set3(s.view.camera.position, 0, -5, 1);
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i) dark = fmax(dark, i % 4 < 3 ? (double)image_a[i] : 0);
+        s.scene.mesh_count = 0;
+        check_render(context, &s, image_b);
+        open = mean_of(image_b);
+        if (figures()) printf("below a plate: %.2g\n", dark / open);
+        CHECK(dark < 2e-4 * open); /* as much as of light that scatters once, where the plate's triangles meet */
+        start_below(&s, 2, 0.5);
+        if (n) check_set3(s.view.camera.position, 0, -5, 1);
+        s.mesh[0].transmittance[1] = 0.25f;
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i) image_b[i] *= i % 4 == 1 ? 0.25f : i % 4 == 3 ? 1.0f : 0.5f;
+        if (figures()) printf("pane: off by %.2g\n", error_of(image_a, image_b));
+        CHECK(error_of(image_a, image_b) < (n ? 0.01 : 2e-3)); /* from below, the eye sees the pane behind the gas */
+        start_below(&s, 2, 0);
+        if (n) check_set3(s.view.camera.position, 0, -5, 1);
+        plate.list[0].position[0][0] = 0; /* of x -2 .. 2, what is beyond a slanted edge */
+        s.light[0].shadow_source = SPS_SHADOW_TABLE;
+        check_render(context, &s, image_a);
+        half = mean_of(image_a);
+        if (figures()) printf("part of a plate: %.3f of the light\n", half / open);
+        CHECK(half > 0.2 * open && half < 0.8 * open);
+    }
+    check_free_triangles(&plate);
+}
+
+/* Plates and panes in part of the light, against random paths, which also meet them between one cell and another. */
+static void test_polygon_paths(void) {
+    for (int n = 0; n < 2; ++n) {
+        const double origin[3] = {0, 2.5, -3}, u[3] = {3, 0, 0}, v[3] = {0, 0, 6};
+        check_scene s;
+        start_plain(&s, LIGHTS);
+        check_add_directional(&s, 0.1, -1, 0, 2);
+        plate.count = 0;
+        check_add_quad(&plate, origin, u, v);
+        check_translucent(check_add_mesh(&s, &plate, 0), n ? 0.4 : 0);
+        s.view.scatter_size = 20;
+        compare_with_paths(&s, n ? "pane" : "plate", 20, 0.06);
+    }
+    check_free_triangles(&plate);
+}
+
+/* --- what is held --- */
+
+enum {
+    AGAIN,
+    CAMERA,
+    REGION,
+    THRESHOLD, /* nothing that cells depend on */
+    COLOR,
+    DIRECTION,
+    SHADOW,
+    ANOTHER_LIGHT,
+    ALBEDO,
+    LOBE,
+    AMBIENT,
+    EMISSION,
+    EXTINCTION,
+    REVISION,
+    PLACEMENT,
+    MESH_REVISION,
+    MESH_COLOR,
+    CELLS,
+    CHANGES
+};
+static const char *const changes[] = {"again",
+                                      "camera",
+                                      "region",
+                                      "threshold",
+                                      "color",
+                                      "direction",
+                                      "shadow",
+                                      "another light",
+                                      "albedo",
+                                      "lobe",
+                                      "ambient",
+                                      "emission",
+                                      "extinction",
+                                      "revision",
+                                      "placement",
+                                      "mesh revision",
+                                      "mesh transmittance",
+                                      "cells"};
+
+static float held_value;
+static double held_puff(const void *user, const double p[3]) { return (double)held_value * check_puff(user, p); }
+static const check_field held_field = {held_puff, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+
+static void change(check_scene *s, int what) {
+    if (what == CAMERA) check_set3(s->view.camera.position, 3, 1, 4);
+    if (what == REGION) s->view.region[0] = 1, s->view.region[2] = SIDE - 1, s->view.region[3] = SIDE;
+    if (what == THRESHOLD) s->view.lookup_threshold = 0.01f;
+    if (what == COLOR) s->light[0].color[1] *= 0.5f;
+    if (what == DIRECTION) s->light[0].direction[0] = -0.5;
+    if (what == SHADOW) s->light[1].no_shadow = 1;
+    if (what == ANOTHER_LIGHT) s->scene.light_count = 1;
+    if (what == ALBEDO) s->volume[0].albedo[2] = 0.5f;
+    if (what == LOBE) s->volume[0].lobes = &backward, s->volume[0].lobe_count = 1;
+    if (what == AMBIENT) s->scene.ambient[0] = 0.4f;
+    if (what == EMISSION) s->volume[0].emission[0] = 0.4f;
+    if (what == EXTINCTION) s->volume[0].extinction = 3;
+    if (what == REVISION) s->volume[0].revision = 2, held_value = 0.7f;
+    if (what == PLACEMENT) s->volume[0].placement.axis[0][0] = 1.5;
+    if (what == MESH_REVISION) s->mesh[0].revision = 2, plate.list[0].position[0][0] = 1;
+    if (what == MESH_COLOR) check_translucent(&s->mesh[0], 0.5);
+    if (what == CELLS) s->view.scatter_size = 10;
+}
+
+static void start_held(check_scene *s) {
+    const double origin[3] = {0.1, 1.5, -2}, u[3] = {3, 0, 0}, v[3] = {0, 0, 4};
+    start(s, GAS, SUN);
+    s->view.quality = SPS_QUALITY_DRAFT;
+    held_value = 1;
+    s->volume[0].user = (void *)(size_t)&held_field;
+    add_light(s, POINT);
+    s->volume[0].revision = 1;
+    plate.count = 0;
+    check_add_quad(&plate, origin, u, v);
+    check_add_mesh(s, &plate, 0.5)->revision = 1;
+    check_color(s->scene.ambient, 0.1, 0.2, 0.3);
+}
+
+/* The second call takes cells over if nothing of theirs has changed, and shows what a new context shows. */
+static void test_held(void) {
+    for (int what = 0; what < CHANGES; ++what) {
+        sps_context *by = check_context(NULL), *fresh = check_context(NULL);
+        check_scene s;
+        start_held(&s);
+        check_render(by, &s, image_a);
+        CHECK(cells_made(by) > 0);
+        change(&s, what);
+        memset(image_a, 0, sizeof image_a), memset(image_b, 0, sizeof image_b);
+        check_render(by, &s, image_a);
+        check_render(fresh, &s, image_b);
+        CHECK(cells_made(fresh) > 0);
+        if (!CHECK((cells_made(by) == 0) == (what < COLOR)) | !CHECK(same(image_a, image_b)))
+            printf("    changed: %s\n", changes[what]);
+        check_render(by, &s, image_a);
+        CHECK(cells_made(by) == 0 && same(image_a, image_b));
+        sps_destroy(by), sps_destroy(fresh);
+    }
+    for (int n = 0; n < 2; ++n) { /* without a revision of all volumes and meshes */
+        sps_context *by = check_context(NULL);
+        check_scene s;
+        start_held(&s);
+        if (n == 0) s.volume[0].revision = 0;
+        if (n == 1) s.mesh[0].revision = 0;
+        for (int i = 0; i < 2; ++i) {
+            check_render(by, &s, image_a);
+            CHECK(cells_made(by) > 0);
+        }
+        sps_destroy(by);
+    }
+    check_free_triangles(&plate);
+}
+
+/* Calls in between that follow no light, or other light, or that are cancelled amid it, do no harm. */
+static void test_held_between(void) {
+    for (int n = 0; n < 4; ++n) {
+        check_hooks hooks;
+        check_cancel cancel = {0, 0};
+        sps_config config;
+        sps_context *by;
+        check_scene s, other;
+        memset(&hooks, 0, sizeof hooks);
+        config = check_config(&hooks);
+        config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+        by = sps_create(&config, NULL);
+        start_held(&s);
+        check_render(by, &s, image_b);
+        other = s;
+        other.scene.volumes = other.volume, other.scene.lights = other.light, other.scene.meshes = other.mesh;
+        if (n == 0) other.view.scattering = SPS_SCATTERING_OFF;
+        if (n == 1) other.scene.volume_count = 0;
+        if (n == 2) other.view.scatter_size = 20;
+        if (n == 3) {
+            cancel.at = cancel.calls * 3 / 5, cancel.calls = 0; /* while cells are solved for */
+            other.light[0].color[0] = 5;
+            check_fails(by, &other, image_a, SPS_ERROR_CANCELLED, "cancelled");
+            cancel.at = 0;
+        } else
+            check_render(by, &other, image_a);
+        check_render(by, &s, image_a);
+        CHECK(same(image_a, image_b));
+        CHECK((cells_made(by) == 0) == (n < 2));
+        sps_destroy(by);
+    }
+    check_free_triangles(&plate);
+}
+
+/* --- workers and regions --- */
+
+static void test_workers(void) {
+    static const int counts[] = {1, 2, 3, 7};
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        start(&s, n ? MIXED : GAS, SUN);
+        add_light(&s, WITHIN);
+        if (n) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+        check_color(s.scene.ambient, 0.1, 0.2, 0.3);
+        check_render(context, &s, image_b);
+        for (int i = 0; i < 4; ++i) {
+            check_hooks hooks;
+            sps_context *by;
+            memset(&hooks, 0, sizeof hooks);
+            hooks.worker_count = counts[i], hooks.order = (uint64_t)i;
+            by = check_context(&hooks);
+            check_render(by, &s, image_a);
+            CHECK(same(image_a, image_b));
+            sps_destroy(by);
+            CHECK(hooks.live == 0);
+        }
+    }
+}
+
+static void test_regions(void) {
+    static const int regions[][4] = {{0, 0, 5, 16}, {3, 7, 9, 2}, {15, 15, 1, 1}};
+    check_scene s;
+    start(&s, GAS, SUN);
+    s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+    check_render(context, &s, image_b);
+    for (int n = 0; n < 3; ++n) {
+        const int *r = regions[n];
+        int differ = 0;
+        memcpy(s.view.region, r, sizeof s.view.region);
+        check_render(context, &s, image_a);
+        for (int i = 0; i < 4 * r[2] * r[3]; ++i)
+            differ +=
+                memcmp(&image_a[i], &image_b[4 * ((r[1] + i / (4 * r[2])) * SIDE + r[0]) + i % (4 * r[2])], 4) != 0;
+        CHECK(differ == 0);
+    }
+}
+
+/* --- hard cases --- */
+
+static void check_finite(const check_scene *s, const char *name) {
+    int bad = 0;
+    check_render(context, s, image_a);
+    for (int i = 0; i < COUNT; ++i) bad += !(image_a[i] >= 0 && image_a[i] <= FLT_MAX);
+    if (!CHECK(bad == 0)) printf("    %s\n", name);
+}
+
+static void test_finite(void) {
+    static const float extinctions[] = {1e-8f, 1e-3f, 1e3f, 1e6f, 1e15f};
+    static const sps_lobe peak = {0.99f, 1}, back = {-0.99f, 1};
+    const sps_lobe *const all[] = {NULL, &middle, &peak, &back};
+    check_scene s;
+    for (int n = 0; n < 5 * 4; ++n)
+        for (int light = SUN; light <= WITHIN; light += WITHIN - SUN) {
+            if (!check_long() && n % 4 == 1) continue;
+            start_plain(&s, light);
+            s.view.scatter_size = 9;
+            s.volume[0].extinction = extinctions[n / 4];
+            s.volume[0].lobes = all[n % 4], s.volume[0].lobe_count = n % 4 > 0;
+            if (n % 2) check_color(s.scene.ambient, 1, 1, 1);
+            check_finite(&s, "extinction");
+        }
+    for (int n = 1; n <= 3; ++n) { /* few voxels */
+        start_plain(&s, WITHIN);
+        check_set3(s.light[0].position, 0, 0, 0); /* a voxel's centre, if there are 1 or 3 */
+        s.volume[0].size[0] = n, s.volume[0].size[1] = s.volume[0].size[2] = 1;
+        s.volume[0].eval_fn = NULL, s.volume[0].read_fn = check_read_constant, s.volume[0].user = (void *)(size_t)&one;
+        for (s.view.scatter_size = 1; s.view.scatter_size < 40; s.view.scatter_size += 13) check_finite(&s, "voxels");
+    }
+    start_plain(&s, SUN); /* the eye within */
+    check_set3(s.view.camera.position, 0.1, 0, 0.1);
+    check_set3(s.view.camera.target, -1, 0.5, -1);
+    s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+    check_finite(&s, "eye within");
+    CHECK(mean_of(image_a) > 0);
+    start_plain(&s, SUN); /* no gas */
+    s.volume[0].eval_fn = NULL, s.volume[0].read_fn = check_read_constant;
+    held_value = 0, s.volume[0].user = &held_value;
+    check_finite(&s, "empty");
+    CHECK_NEAR(mean_of(image_a), 0, 0);
+    start(&s, TWO_GASES, SUN); /* one emits and has no extinction */
+    s.volume[1].extinction = 0;
+    check_color(s.volume[1].emission, 1, 1, 1);
+    check_finite(&s, "emission alone");
+    start(&s, GAS, LIGHTS); /* no light */
+    check_finite(&s, "dark");
+    CHECK_NEAR(mean_of(image_a), 0, 0);
+}
+
+/* Gas without extinction that emits lights gas around it, and gas beside it. */
+static void test_emitter(void) {
+    for (int beside = 0; beside < 2; ++beside) {
+        double lit;
+        check_scene s;
+        sps_volume *volume;
+        start_plain(&s, LIGHTS);
+        volume = check_add_volume(&s, 12, 12, 12, check_box(-0.3, 0.2, -0.3, 0.3, 0.8, 0.3));
+        if (beside) volume->placement.origin[1] = 1.1;
+        volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+        check_color(volume->emission, 2, 2, 2);
+        s.view.scatter_size = 20;
+        compare_with_paths(&s, beside ? "emitter beside gas" : "emitter in gas", 40, 0.05);
+        lit = mean_of(image_a);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_a);
+        if (figures()) printf("emitter: %.3f times as bright\n", lit / mean_of(image_a));
+        CHECK(lit > (beside ? 1.01 : 1.5) * mean_of(image_a));
+    }
+}
+
+static void test_refused(void) {
+    static const int wrong[] = {-1, 257};
+    sps_reference_settings settings;
+    sps_image image;
+    check_scene s;
+    for (int i = 0; i < 2; ++i) {
+        start_plain(&s, SUN);
+        s.view.scatter_size = wrong[i];
+        s.scene.volume_count = 0; /* refused before anything is looked at */
+        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT,
+                    i ? "view.scatter_size is 257" : "view.scatter_size is -1");
+        CHECK(check_error_info(context, SPS_ERROR_ARGUMENT));
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.scatter_size is");
+    }
+    start_plain(&s, SUN);
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    settings.step = 0.5, image.rgba = image_a, image_a[0] = 7;
+    CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
+    CHECK(image_a[0] == 7 && check_error_info(context, SPS_ERROR_UNSUPPORTED));
+    settings.samples = 1;
+    CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
+}
+
+/* --- failures --- */
+
+static void start_small(check_scene *s) {
+    start_below(s, 2, 0.5);
+    if (!check_long()) s->scene.mesh_count = 0; /* its depth map takes as long as all else */
+    swarm = check_add_swarm(s, 0.3);
+    check_color(swarm->albedo, 0.8, 0.9, 1);
+    s->view.width = s->view.height = 8;
+    s->view.quality = SPS_QUALITY_DRAFT;
+    s->view.scatter_size = 6;
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = 8;
+    s->volume[0].lobes = &forward, s->volume[0].lobe_count = 1;
+    s->volume[0].revision = 1;
+}
+
+static sps_result render(sps_context *by, const check_scene *s, float *rgba) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    rgba[0] = 7;
+    return sps_render(by, &s->scene, &s->view, &image);
+}
+
+/* Any allocation and any call of progress_fn may fail: an error, no image, and the next call shows what it should. Of
+   some thousand calls, fewer and fewer are tried. */
+static void test_failures(void) {
+    const size_t bytes = 4 * 8 * 8 * sizeof(float);
+    for (int kind = 0; kind < 2; ++kind) {
+        check_hooks hooks;
+        check_cancel cancel = {0, 0};
+        sps_config config;
+        sps_result result;
+        long n = 1; /* the first allocation is the context */
+        check_scene s;
+        start_small(&s);
+        check_render(context, &s, image_b);
+        memset(&hooks, 0, sizeof hooks);
+        do {
+            sps_context *by;
+            config = check_config(&hooks);
+            config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+            by = sps_create(&config, NULL);
+            n += kind == 0 ? 1 : 1 + n / (check_long() ? 50 : 8);
+            if (kind == 0) hooks.fail_at = hooks.allocations + n - 1;
+            if (kind == 1) cancel.calls = 0, cancel.at = n - 1;
+            result = render(by, &s, image_a);
+            hooks.fail_at = cancel.at = 0;
+            if (result != SPS_OK) {
+                CHECK(result == (kind == 0 ? SPS_ERROR_MEMORY : SPS_ERROR_CANCELLED) && image_a[0] == 7);
+                CHECK(render(by, &s, image_a) == SPS_OK);
+            }
+            CHECK(memcmp(image_a, image_b, bytes) == 0);
+            CHECK(render(by, &s, image_a) == SPS_OK && memcmp(image_a, image_b, bytes) == 0);
+            sps_destroy(by);
+            CHECK(hooks.live == 0);
+        } while (result != SPS_OK && n < 100000);
+        if (figures()) printf("failures: up to %ld\n", n - 2);
+        CHECK(n > (kind == 0 ? 20 : 10));
+    }
+    check_free_triangles(&plate);
+}
+
+/* --- the plan --- */
+
+static void test_plan(void) {
+    for (int n = 0; n < 6; ++n) {
+        sps_context *by = check_context(NULL);
+        sps_plan_report report;
+        sps_stats_report stats;
+        check_scene s;
+        start(&s, n == 3 ? MIXED : GAS, n == 2 ? WITHIN : SUN);
+        if (n == 1) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+        if (n == 4) start_plain(&s, UNSHADOWED);
+        if (n == 5) add_light(&s, POINT), s.view.scatter_size = 30;
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(report.pass[SPS_PASS_CELLS].runs == 1 && strstr(report.pass[SPS_PASS_CELLS].reason, "asks"));
+        CHECK(report.pass[SPS_PASS_FORWARD].runs == (n != 4));
+        check_render(by, &s, image_a);
+        sps_get_stats(by, &stats);
+        if (figures())
+            printf("plan: cells %zu of %zu bytes, used %zu\n", report.pass[SPS_PASS_CELLS].bytes, report.bytes,
+                   stats.bytes_peak);
+        if (!CHECK(stats.bytes_peak <= report.bytes))
+            printf("    scene %d: %zu, planned %zu\n", n, stats.bytes_peak, report.bytes);
+        if (n == 4) { /* nothing but cells: the bound is a cube's, as the gas is */
+            static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,  SPSI_BUFFER_CELLS,
+                                      SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN, SPSI_BUFFER_CELL_MOMENTS};
+            size_t bytes = 0;
+            for (int i = 0; i < 6; ++i) bytes += by->buffers[own[i]].size;
+            if (figures()) printf("plan: %zu of %zu bytes for cells alone\n", bytes, report.pass[SPS_PASS_CELLS].bytes);
+            CHECK(bytes <= report.pass[SPS_PASS_CELLS].bytes && bytes > report.pass[SPS_PASS_CELLS].bytes / 10 * 9);
+        }
+        CHECK(report.pass[SPS_PASS_CELLS].bytes > 0 && report.bytes > report.pass[SPS_PASS_CELLS].bytes);
+        s.view.scattering = SPS_SCATTERING_FORWARD;
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(report.pass[SPS_PASS_CELLS].runs == 0 && report.pass[SPS_PASS_CELLS].bytes == 0);
+        CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "does not ask") != NULL);
+        s.view.scattering = SPS_SCATTERING_FULL;
+        s.scene.particle_set_count = 0, check_color(s.volume[0].albedo, 0, 0, 0);
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(report.pass[SPS_PASS_CELLS].runs == 0 && strstr(report.pass[SPS_PASS_CELLS].reason, "nothing scatters"));
+        sps_destroy(by);
+    }
+}
+
+/* Cells by quality. */
+static void test_qualities(void) {
+    static const int sides[] = {24, 48, 64, 96};
+    static const sps_quality qualities[] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH, SPS_QUALITY_ULTRA};
+    for (int i = 0; i < 4; ++i) {
+        size_t bytes[2];
+        for (int own = 0; own < 2; ++own) {
+            sps_plan_report report;
+            check_scene s;
+            start(&s, GAS, SUN);
+            s.view.quality = qualities[i], s.view.scatter_size = own ? sides[i] : 0;
+            CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
+            bytes[own] = report.pass[SPS_PASS_CELLS].bytes;
+        }
+        CHECK(bytes[0] == bytes[1]);
+    }
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_weights);
+    RUN(test_harmonics);
+    RUN(test_harmonics_of_vectors);
+    RUN(test_solutions);
+    RUN(test_converged);
+    RUN(test_energy);
+    RUN(test_furnace);
+    RUN(test_nothing_given);
+    RUN(test_filling);
+    RUN(test_lit);
+    RUN(test_lookups);
+    RUN(test_continued);
+    RUN(test_continued_in_scene);
+    RUN(test_white_sky);
+    RUN(test_little);
+    RUN(test_linear);
+    RUN(test_turned);
+    RUN(test_scaled);
+    RUN(test_clouds);
+    RUN(test_paths);
+    RUN(test_paths_unshadowed);
+    RUN(test_paths_unlit);
+    RUN(test_layers);
+    RUN(test_sources);
+    RUN(test_polygons);
+    RUN(test_polygon_paths);
+    RUN(test_held);
+    RUN(test_held_between);
+    RUN(test_workers);
+    RUN(test_regions);
+    RUN(test_finite);
+    RUN(test_emitter);
+    RUN(test_refused);
+    RUN(test_failures);
+    RUN(test_plan);
+    RUN(test_qualities);
+    sps_destroy(context);
+    return check_report();
+}

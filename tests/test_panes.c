@@ -533,6 +533,37 @@ static void lit_fog(const renderer *r) {
 }
 static void test_lit_fog(void) { EACH_RENDERER(lit_fog); }
 
+/* A pane between thin fog and a disc that lights it from the side: the edge's penumbra is 2 * 0.5 * 3 / 5 = 0.6 wide in
+   the fog's middle, of the 2 that the view is high, so that some of its 24 rows are lit in part. The middle of light
+   would cast an edge of a texel. */
+static void penumbra_in_fog(const renderer *r) {
+    static const double corner[3] = {-3, 0, -50}, u[3] = {0, 50, 0}, v[3] = {0, 0, 100};
+    float *const into[2] = {plain, image};
+    int partly = 0;
+    check_scene s;
+    for (int n = 0; n < 2; ++n) {
+        sps_light *light;
+        start(&s, 1, 24);
+        check_color(add_fog(&s, 0.05)->albedo, 1, 1, 1);
+        check_add_quad(&lists[0], corner, u, v);
+        if (n > 0) add_mesh(&s, 0.5, 0.5, 0.5);
+        light = check_add_light(&s, SPS_LIGHT_DISC, 100);
+        check_set3(light->position, -8, 0, 0);
+        check_set3(light->axes[0], 0, 0.5, 0);
+        check_set3(light->axes[1], 0, 0, 0.5);
+        s.view.camera.ortho_height = 2;
+        if (!render_into(r, &s, into[n])) return;
+    }
+    for (int i = 0; i < 24; ++i) {
+        const double lit = (double)image[4 * i] / (double)plain[4 * i];
+        partly += lit > 0.55 && lit < 0.95;
+    }
+    CHECK(partly >= 4);
+    CHECK_NEAR((double)image[0], 0.5 * (double)plain[0], 0.01 * (double)plain[0]);
+    CHECK_NEAR((double)image[4 * 23], (double)plain[4 * 23], 0.01 * (double)plain[4 * 23]);
+}
+static void test_penumbra_in_fog(void) { EACH_RENDERER(penumbra_in_fog); }
+
 /* Fog of extinction sigma in front of polygons k = 0..2, which are `away[k]` from the eye and let T[k] pass: the color
    behind the first k parts of the fog adds surface[k], and the fog S (1 - e^-tau). *distance: mean distance of what is
    taken away, of one color; a part of length L from distance d on has d (1 - e^-tau) + (1 - e^-tau (1 + tau)) /
@@ -955,6 +986,7 @@ int main(void) {
     RUN(test_closed_net);
     RUN(test_glowing_fog);
     RUN(test_lit_fog);
+    RUN(test_penumbra_in_fog);
     RUN(test_eye_in_fog);
     RUN(test_gas_between_panes);
     RUN(test_straight_edge);

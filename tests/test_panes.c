@@ -533,6 +533,30 @@ static void lit_fog(const renderer *r) {
 }
 static void test_lit_fog(void) { EACH_RENDERER(lit_fog); }
 
+/* Thin fog that is lit from the side, and only before a pane: the pane takes none of that away, though slabs are lit in
+   part as wholes. What is lit behind the pane, 0.02 of 2, and half of it taken away, is 0.005. A slab of four voxels is
+   0.57 long along the eye's rays, where the edge of a shadow is found in quarters: half of an eighth may be lost, 0.018
+   of 2. */
+static void lit_before_a_pane(const renderer *r) {
+    static const double corner[3] = {-3, -50, -50}, u[3] = {0, 100, 0}, v[3] = {0, 0, 50};
+    float *const into[2] = {plain, image};
+    double share = 0;
+    check_scene s;
+    for (int n = 0; n < 2; ++n) {
+        start(&s, 8, 1);
+        s.view.slab = 4, s.view.camera.ortho_height = 0.2;
+        check_color(add_fog(&s, 0.05)->albedo, 1, 1, 1);
+        check_add_directional(&s, 1, 0, 0, 10);
+        check_add_quad(&lists[0], corner, u, v);
+        add_mesh(&s, 0, 0, 0);
+        if (n > 0) add_pane(&s, 0.02, 0.5, 0.5, 0.5);
+        if (!render_into(r, &s, into[n])) return;
+    }
+    for (int i = 0; i < 8; ++i) share += (double)image[4 * i] / (double)plain[4 * i] / 8;
+    CHECK_NEAR(share, 1, 0.005 + 0.009);
+}
+static void test_lit_before_a_pane(void) { EACH_RENDERER(lit_before_a_pane); }
+
 /* A pane between thin fog and a disc that lights it from the side: the edge's penumbra is 2 * 0.5 * 3 / 5 = 0.6 wide in
    the fog's middle, of the 2 that the view is high, so that some of its 24 rows are lit in part. The middle of light
    would cast an edge of a texel. */
@@ -986,6 +1010,7 @@ int main(void) {
     RUN(test_closed_net);
     RUN(test_glowing_fog);
     RUN(test_lit_fog);
+    RUN(test_lit_before_a_pane);
     RUN(test_penumbra_in_fog);
     RUN(test_eye_in_fog);
     RUN(test_gas_between_panes);

@@ -566,9 +566,10 @@ typedef enum sps_falloff {
    their own; a table is looked up in any slab. */
 typedef enum sps_shadow_source {
     /* Sheets where slabs can serve light and camera, a table where none can. Further lights take a table too, and share
-       the first one's sweep, if that costs no detail: nothing is classified, the table is as fine as the light's sheets
-       (within its default size of 256 entries each way), and it fits into memory_limit beside everything that the scene
-       may need. Known before anything is read, from the volumes' boxes; only with particles not until they are. */
+       the first one's sweep, as does any light under SPS_SCATTERING_FULL, which needs tables, if that costs no detail:
+       nothing is classified, the table is as fine as the light's sheets (within its default size of 256 entries each
+       way), and it fits into memory_limit beside everything that the scene may need. Known before anything is read,
+       from the volumes' boxes; only with particles not until they are. */
     SPS_SHADOW_AUTO = 0,
     SPS_SHADOW_SHEETS, /* refused where no slabs serve light and camera */
     SPS_SHADOW_TABLE   /* a table with default settings, of shadow_map_size */
@@ -671,7 +672,7 @@ typedef struct sps_scene {
     int mesh_count;
     const sps_light *lights;
     int light_count;
-    float ambient[3];    /* radiance from all directions, >= 0; lights gases and surfaces without shadow */
+    float ambient[3];    /* radiance from all directions, >= 0, unshadowed except in SPS_SCATTERING_FULL's gas */
     float background[3]; /* radiance behind everything, >= 0; not part of alpha */
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. Returns
        non-zero on failure. */
@@ -728,7 +729,9 @@ typedef enum sps_scattering {
        cells does not depend on the camera: it is held for the next call, and used there if nothing that it was made
        from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Polygons
        shade the lights' way to the cells, but neither stop nor return what goes from cell to cell, and receive nothing
-       of it. A light with an extent lights the cells from its centre. */
+       of it. A light with an extent lights the cells from its centre. Cost: filling the cells and a table per light,
+       and some ten sweeps over them per channel of color; then a lookup of them per gas and channel beside those of
+       shadows. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_FULL
 } sps_scattering;
 
@@ -785,12 +788,12 @@ typedef struct sps_reference_settings {
        that is less. The error is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
-       ambient light is shadowed by nothing. Otherwise, whatever that says, light scatters any number of times, in gas
-       and between gas and polygons, though not from polygon to polygon, and ambient light comes from infinity, through
-       the gas and past the polygons. What the eye sees of light that has scattered once is marched; the rest is an
-       unbiased estimate, whose error falls with the square root of their number. Polygons that only paths meet show the
-       colors of their meshes, without shade_fn. Of translucent triangles in one plane, a path that has passed one does
-       not meet the others. */
+       ambient light is shadowed by nothing; SPS_SCATTERING_FULL, which has none, is SPS_ERROR_UNSUPPORTED. Otherwise,
+       whatever that says, light scatters any number of times, in gas and between gas and polygons, though not from
+       polygon to polygon, and ambient light comes from infinity, through the gas and past the polygons. What the eye
+       sees of light that has scattered once is marched; the rest is an unbiased estimate, whose error falls with the
+       square root of their number. Polygons that only paths meet show the colors of their meshes, without shade_fn. Of
+       translucent triangles in one plane, a path that has passed one does not meet the others. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
@@ -2377,6 +2380,27 @@ static inline spsi_v spsi_phase(const spsi_material *material, spsi_v cosine) {
     for (int i = 0; i < material->lobe_count; ++i)
         sum = spsi_fma(spsi_lobe_phase(material->lobes[i].asymmetry, cosine), spsi_set(material->lobes[i].weight), sum);
     return sum;
+}
+
+/* The l-th Legendre moment of a phase function. */
+static double spsi_phase_moment(const spsi_material *material, int l) {
+    double sum = 0;
+    for (int i = 0; i < material->lobe_count; ++i)
+        sum += (double)material->lobes[i].weight * pow((double)material->lobes[i].asymmetry, l);
+    return sum;
+}
+
+/* The number of orders in which light must be followed from cell to cell, >>cells: 1 if nothing scatters, or only
+   evenly, 2 if not far forward, 4. */
+static int spsi_phase_orders(const spsi_material *material) {
+    const double second = spsi_phase_moment(material, 2);
+    if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) return 1;
+    return second > 0.25 ? 4 : 2;
+}
+
+/* The share of what a material scatters that its peak passes straight on, if this many orders are followed. */
+static double spsi_phase_peak(const spsi_material *material, int orders) {
+    return orders > 1 ? spsi_phase_moment(material, orders) : 0;
 }
 
 /* Extinction only, for a vector of values. */
@@ -4007,6 +4031,7 @@ typedef struct spsi_matter {
     int light_channel_count; /* channels of a light's sheets: one for all gases, one for each classified volume */
     int scatters;            /* 1: some material scatters */
     int emits;               /* 1: some material emits */
+    int orders;              /* maximum of all materials' spsi_phase_orders; 0: there are none */
     int extinguishes;        /* 1: some material has extinction */
     int classifies;          /* 1: some volume has a transfer function */
 } spsi_matter;
@@ -4815,6 +4840,7 @@ static int spsi_take_material(spsi_frame *frame, const spsi_material *material) 
     int channel = spsi_find_material(frame, material);
     frame->matter.scatters |= material->scatters;
     frame->matter.emits |= material->emits;
+    frame->matter.orders = spsi_most(frame->matter.orders, spsi_phase_orders(material));
     if (channel < 0) {
         channel = frame->matter.material_count++;
         frame->matter.materials[channel] = *material;
@@ -7833,31 +7859,6 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
-/* The l-th Legendre moment of a phase function. */
-static double spsi_phase_moment(const spsi_material *material, int l) {
-    double sum = 0;
-    for (int i = 0; i < material->lobe_count; ++i)
-        sum += (double)material->lobes[i].weight * pow((double)material->lobes[i].asymmetry, l);
-    return sum;
-}
-
-/* The number of orders that a frame's phase functions call for: 1 if all are even, 2 if none is forward, 4. */
-static int spsi_phase_orders(const spsi_frame *frame) {
-    int orders = 1;
-    for (int m = 0; m < frame->matter.material_count; ++m) {
-        const spsi_material *material = &frame->matter.materials[m];
-        const double second = spsi_phase_moment(material, 2);
-        if (!material->scatters || (second == 0 && spsi_phase_moment(material, 1) == 0)) continue;
-        orders = spsi_most(orders, second > 0.25 ? 4 : 2);
-    }
-    return orders;
-}
-
-/* The share of what a material scatters that its peak passes straight on. */
-static double spsi_phase_peak(const spsi_material *material, int orders) {
-    return orders > 1 ? spsi_phase_moment(material, orders) : 0;
-}
-
 /* Whether light is followed from cell to cell, >>cells. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return frame->view.scattering == SPS_SCATTERING_FULL && frame->matter.scatters;
@@ -7866,7 +7867,7 @@ static int spsi_scatters_fully(const spsi_frame *frame) {
 /* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
     if (!frame->matter.scatters || frame->lamps.shadow_count == 0) return 0;
-    return spsi_scatters_fully(frame) ? spsi_phase_orders(frame) > 1 : frame->view.scattering == SPS_SCATTERING_FORWARD;
+    return spsi_scatters_fully(frame) ? frame->matter.orders > 1 : frame->view.scattering == SPS_SCATTERING_FORWARD;
 }
 
 /* Whether any gas scatters light more than once. */
@@ -7881,7 +7882,7 @@ static float spsi_light_end(const spsi_frame *frame) {
 
 /* The optical depth at which the eye's rays end. */
 static float spsi_eye_end(const spsi_frame *frame) {
-    const int peaks = spsi_scatters_fully(frame) && spsi_phase_orders(frame) > 1;
+    const int peaks = spsi_scatters_fully(frame) && frame->matter.orders > 1;
     return spsi_scatters_forward(frame) || peaks ? SPSI_FORWARD_END : (float)-log(frame->accuracy.threshold);
 }
 
@@ -14587,7 +14588,7 @@ static int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep)
 
 /* Makes the tables of all gases, which materials refer to from then on. */
 static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
-    const int orders = spsi_scatters_fully(frame) ? spsi_phase_orders(frame) : 0;
+    const int orders = spsi_scatters_fully(frame) ? frame->matter.orders : 0;
     spsi_forward *forward;
     if (!spsi_scatters_forward(frame)) return SPS_OK;
     forward = (spsi_forward *)spsi_reserve(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count,
@@ -14680,8 +14681,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    The peak of a phase function, f = P[orders], passes light straight on: extinction is scaled by k = 1 - w f, albedo is
    w' = w (1 - f) / k, and r[l] = (P[l] - f) / (1 - f). [Wiscombe 1977, delta-M]
    The equations are solved by multigrid: cells of twice the edge correct what sweeps converge too slowly for, since a
-   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; about 8 sweeps.
- */
+   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; 6 to 9 sweeps. */
 
 #define SPSI_CELL_DIRECTIONS 50
 #define SPSI_CELL_STRAIGHT   26 /* of these: to neighbours */
@@ -14711,6 +14711,9 @@ typedef struct spsi_cell_level {
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
 } spsi_cell_level;
+
+/* Entries of a row of cells. Lookups read two columns. */
+static int spsi_cell_pitch(int cells) { return spsi_most(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
 
 typedef struct spsi_cell_solver {
     sps_context *context;
@@ -16901,6 +16904,7 @@ typedef struct spsi_cell_job {
     spsi_shader shader;
     spsi_sweep sweep;
     spsi_cell_solver *solver;
+    uint64_t gas; /* fingerprint of the gas */
 } spsi_cell_job;
 
 /* --- where cells are --- */
@@ -16924,10 +16928,9 @@ static int spsi_cells_place(const spsi_frame *frame, spsi_cell_grid *grid) {
 
 /* Sets what follows from the size. */
 static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
-    grid->pitch = (grid->size[0] + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES;
-    if (grid->pitch < 2) grid->pitch = 2; /* lookups read two columns */
+    grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = (size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]);
-    grid->orders = spsi_phase_orders(frame);
+    grid->orders = frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
@@ -17117,8 +17120,7 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
 /* Makes a light's own table, which waits for the sweeps. */
 static sps_result spsi_cells_own_map(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
                                      sps_tmap *map) {
-    const uint64_t gas = spsi_gas_fingerprint(job->frame);
-    if (spsi_lamp_tmap_begin(job->context, job->frame, lamp, gas, map) ||
+    if (spsi_lamp_tmap_begin(job->context, job->frame, lamp, job->gas, map) ||
         spsi_lamp_tmap_fill(job->context, job->frame, lamp, part, map))
         return job->context->result;
     map->waits = 1;
@@ -17295,6 +17297,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     memset(maps, 0, (size_t)count * sizeof *maps);
     for (int i = 0; i < count; ++i) maps[i].context = context;
     context->cell_tmap_count = count;
+    job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->rays, &job->slabs);
     spsi_cells_shader(job);
     if (!spsi_cells_shadows(job, part, maps))
@@ -17388,7 +17391,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
             level->size[k] = n == 0 ? grid->size[k] : (solver->levels[n - 1].size[k] + 1) / 2;
             longest = spsi_most(longest, level->size[k]);
         }
-        level->pitch = n == 0 ? grid->pitch : (level->size[0] + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES;
+        level->pitch = spsi_cell_pitch(level->size[0]);
         level->count = n == 0 ? grid->count : (size_t)level->pitch * (size_t)(level->size[1] * level->size[2]);
         floats += spsi_cell_level_floats(level, grid->orders);
         if (longest <= 4) break;

@@ -103,10 +103,7 @@ static int make_picture(const sps_scene scenes[ROWS], const sps_view *view, cons
     double seconds[ROWS][WAYS];
     ex_session session;
     sps_image picture;
-    if (ex_session_begin(&session, options->threads, error)) return 1;
-    memset(&picture, 0, sizeof picture);
-    picture.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
-    picture.row_pixels = (size_t)width;
+    if (ex_scene_begin(options, width, height, &session, &picture, error)) return 1;
     int failed = render_panels(&session, scenes, &panel, &picture, seconds, error);
     ex_session_end(&session);
     if (!failed) failed = ex_write_png(options->out, picture.rgba, width, height, error);

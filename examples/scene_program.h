@@ -132,6 +132,16 @@ static inline int ex_scene_render_panels(sps_context *context, const ex_panels *
     return 0;
 }
 
+/* Begins a session, and a picture of that size, whose rgba is to be freed. */
+static inline int ex_scene_begin(const ex_scene_options *options, int width, int height, ex_session *session,
+                                 sps_image *picture, ex_error *error) {
+    if (ex_session_begin(session, options->threads, error)) return 1;
+    memset(picture, 0, sizeof *picture);
+    picture->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
+    picture->row_pixels = (size_t)width;
+    return 0;
+}
+
 /* Renders the picture, makes it small if it is large, and writes it. */
 static inline int ex_scene_render(const ex_panels *panels, const sps_view *view, const ex_scene_options *options,
                                   ex_error *error) {
@@ -141,10 +151,7 @@ static inline int ex_scene_render(const ex_panels *panels, const sps_view *view,
     const size_t pixels = (size_t)width * (size_t)height;
     ex_session session;
     sps_image image;
-    if (ex_session_begin(&session, options->threads, error)) return 1;
-    memset(&image, 0, sizeof image);
-    image.rgba = (float *)ex_allocate(pixels, 4 * sizeof(float));
-    image.row_pixels = (size_t)width;
+    if (ex_scene_begin(options, width, height, &session, &image, error)) return 1;
     if (panels->finish) image.depth = (float *)ex_allocate(pixels, sizeof(float));
     const double start = ex_now(NULL);
     int failed = ex_scene_render_panels(session.context, panels, &rendered, &image, error);

@@ -90,10 +90,7 @@ static int make_picture(const sps_scene *scene, const sps_view *view, const ex_s
     ex_session session;
     sps_image picture;
     turn took = {0, 0, 0, 0};
-    if (ex_session_begin(&session, options->threads, error)) return 1;
-    memset(&picture, 0, sizeof picture);
-    picture.rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
-    picture.row_pixels = (size_t)width;
+    if (ex_scene_begin(options, width, height, &session, &picture, error)) return 1;
     int failed = render_turn(&session, scene, &panel, &picture, &took, error);
     ex_session_end(&session);
     if (!failed) failed = ex_write_png(options->out, picture.rgba, width, height, error);

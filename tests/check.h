@@ -286,6 +286,22 @@ static inline int check_read_array(void *user, const int lo[3], const int size[3
     return 0;
 }
 
+/* Fills side^3 values with overlapping lumps, as of a cloud. */
+static inline void check_lumps(float *values, int side) {
+    check_random random = {7};
+    memset(values, 0, (size_t)side * (size_t)side * (size_t)side * sizeof *values);
+    for (int i = 0; i < 14; ++i) {
+        double centre[3], radius = side / 16.0 + side / 8.0 * check_next(&random);
+        for (int k = 0; k < 3; ++k) centre[k] = side * (0.28 + 0.44 * check_next(&random));
+        for (int n = 0; n < side * side * side; ++n) {
+            const double x = n % side + 0.5 - centre[0], y = n / side % side + 0.5 - centre[1];
+            const double z = n / (side * side) + 0.5 - centre[2];
+            const double d = 1 - (x * x + y * y + z * z) / (radius * radius);
+            if (d > 0) values[n] = (float)fmin(1, (double)values[n] + d * d);
+        }
+    }
+}
+
 /* sps_particles.read_fn of an array. */
 static inline int check_read_particles(void *user, size_t first, size_t count, sps_particle *out) {
     memcpy(out, (const sps_particle *)user + first, count * sizeof *out);

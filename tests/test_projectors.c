@@ -481,6 +481,7 @@ static void test_workers(void) {
     check_hooks hooks;
     sps_context *many;
     memset(&hooks, 0, sizeof hooks);
+    hooks.worker_count = 3, hooks.order = 1;
     many = check_context(&hooks);
     for (int kind = 0; kind < 4; ++kind) {
         slide image = {9, 0, 0, 0, NOISE};

@@ -168,7 +168,7 @@ static void test_other_directions(void) {
         if (views[n].kind == 2) check_add_point(&s, l[0], l[1], l[2], 9);
         if (views[n].kind == 0) check_color(s.scene.ambient, 1, 1, 1);
         check_chosen(&s, views[n].kind > 0, 0, NULL, image_a);
-        check_march(context, &s, 0.25, image_b, NULL);
+        check_march(context, &s, 0.5, image_b, NULL);
         if (!CHECK(check_rms(image_a, image_b, COUNT) < 0.03 * mean_of(image_b)) || !CHECK(mean_of(image_b) > 1e-3))
             printf("    view %d: off by %g of %g\n", (int)n, check_rms(image_a, image_b, COUNT), mean_of(image_b));
     }

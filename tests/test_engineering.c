@@ -341,10 +341,11 @@ static sps_context *progress_context(check_hooks *hooks, progress *p) {
     return sps_create(&config, NULL);
 }
 
+/* The long tests try every call of progress_fn, others fewer and fewer: most are between two tiles or rows. */
 static void test_every_cancellation(mixed *m, kind which, long least) {
     long n;
     run_fresh(m, which, pixels_fresh);
-    for (n = 1; n < 2000; ++n) {
+    for (n = 1; n < 2000; n += check_long() ? 1 : 1 + n / (check_memory_only() ? 2 : 8)) {
         check_hooks hooks;
         failure f = {m, which, SPS_ERROR_CANCELLED, &hooks, pixels_fresh};
         progress p;
@@ -496,7 +497,8 @@ static int vary(mixed *m, int variant) {
 }
 
 static void test_planned_bytes(void) {
-    for (int variant = 0, more = 1; more; ++variant)
+    for (int variant = 0, more = 1; more; ++variant) {
+        if (check_memory_only() && variant % 3 == 0) continue; /* test_context_reused renders these */
         for (int workers = 0; workers <= (variant % 3 ? 0 : 7); workers += 7) {
             mixed m;
             size_t planned, peak;
@@ -511,6 +513,7 @@ static void test_planned_bytes(void) {
                        (double)planned);
             mixed_free(&m);
         }
+    }
 }
 
 /* One context for all scenes in turn: each call's plan bounds the memory held, and the images are the fresh ones. */
@@ -571,7 +574,7 @@ static void thread_parallel_for(void *user, int count, sps_task_fn task, void *t
 static void test_shuffled_workers(const mixed *m, kind which) {
     run_fresh(m, which, pixels_fresh);
     for (int workers = 1; workers <= 7; workers += workers == 1 ? 1 : 5) {
-        const uint64_t orders = workers == 7 && which == RENDER && !check_memory_only() ? 6 : 1;
+        const uint64_t orders = workers < 7 || which != RENDER || check_memory_only() ? 1 : check_long() ? 6 : 3;
         for (uint64_t order = 0; order < orders; ++order) { /* each tile by several workers */
             check_hooks hooks;
             sps_context *context;
@@ -2166,7 +2169,7 @@ int main(void) {
     test_stack(&m);
 #endif
     test_quick_start();
-    test_command_line();
+    if (!check_memory_only()) test_command_line(); /* which is no program with sanitizers */
     mixed_free(&m);
     mixed_free(&small);
     return check_report();

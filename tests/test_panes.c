@@ -559,19 +559,23 @@ static void test_lit_before_a_pane(void) { EACH_RENDERER(lit_before_a_pane); }
 
 /* A pane between thin fog and a disc that lights it from the side: the edge's penumbra is 2 * 0.5 * 3 / 5 = 0.6 wide in
    the fog's middle, of the 2 that the view is high, so that some of its 24 rows are lit in part. The middle of light
-   would cast an edge of a texel. */
+   would cast an edge of a texel. The reference casts a ray per step and point, so that both are few. */
 static void penumbra_in_fog(const renderer *r) {
     static const double corner[3] = {-3, 0, -50}, u[3] = {0, 50, 0}, v[3] = {0, 0, 100};
     float *const into[2] = {plain, image};
     int partly = 0;
     check_scene s;
     for (int n = 0; n < 2; ++n) {
+        sps_volume *fog;
         sps_light *light;
         start(&s, 1, 24);
-        check_color(add_fog(&s, 0.05)->albedo, 1, 1, 1);
+        fog = add_fog(&s, 0.05);
+        for (int k = 0; k < 3; ++k) fog->size[k] /= 2;
+        check_color(fog->albedo, 1, 1, 1);
         check_add_quad(&lists[0], corner, u, v);
         if (n > 0) add_mesh(&s, 0.5, 0.5, 0.5);
         light = check_add_light(&s, SPS_LIGHT_DISC, 100);
+        light->samples = 16;
         check_set3(light->position, -8, 0, 0);
         check_set3(light->axes[0], 0, 0.5, 0);
         check_set3(light->axes[1], 0, 0, 0.5);
@@ -752,6 +756,7 @@ static void finer_image(const renderer *r) {
         check_scene s;
         float *const into[2] = {plain, image};
         static float fine_depths[PIXELS_MOST];
+        if (!check_long() && lit && N == 4) continue; /* slow, and much like the others */
         for (int fine = 1; fine >= 0; --fine) {
             start(&s, fine ? 12 * N : 12, fine ? 10 * N : 10);
             s.view.coverage_samples = fine ? n % 2 : N;
@@ -920,24 +925,26 @@ static void add_face_of_cube(check_triangles *list, int axis, double middle, dou
    of the light's six faces meet, which the eye looks along. Fog of optical depth 0.4 across is off by its cut kernels,
    0.2 %, and by slabs, whose light is the mean of a few steps: below 1 %, or 2 % where slabs are twice as thick. */
 static void test_seams(void) {
-    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_HIGH; ++quality)
-        for (int n = 0; n < 2; ++n) {
-            const double height = n ? 0.1 : 0.3;
-            check_scene s;
-            sps_volume *fog;
-            start(&s, 41, 3);
+    for (int n = 0; n < 2; ++n) {
+        const double height = n ? 0.1 : 0.3;
+        check_scene s;
+        sps_volume *fog;
+        start(&s, 41, 3);
+        check_orthographic(&s.view.camera, 0.0067);
+        check_set3(s.view.camera.position, 3, 3, height);
+        check_set3(s.view.camera.target, 0, 0, height);
+        check_set3(s.view.camera.up, 0, 0, 1);
+        fog = check_add_volume(&s, 16, 16, 16, check_box(-1, -1, -1, 1, 1, 1));
+        fog->read_fn = check_read_constant, fog->user = &one, fog->extinction = 0.2f;
+        check_color(fog->albedo, 1, 1, 1);
+        for (int i = 0; i < 6; ++i) add_face_of_cube(&lists[0], i / 2, i % 2 ? 0.05 : -0.05, 0.05);
+        add_mesh(&s, 0.1, 0.1, 0.1);
+        check_add_point(&s, 0, 0, 0, 1);
+        if (!render_into(&renderers[0], &s, plain)) return;
+        for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_HIGH; ++quality) {
+            if (!check_long() && quality == SPS_QUALITY_MEDIUM) continue;
             s.view.quality = (sps_quality)quality;
-            check_orthographic(&s.view.camera, 0.0067);
-            check_set3(s.view.camera.position, 3, 3, height);
-            check_set3(s.view.camera.target, 0, 0, height);
-            check_set3(s.view.camera.up, 0, 0, 1);
-            fog = check_add_volume(&s, 16, 16, 16, check_box(-1, -1, -1, 1, 1, 1));
-            fog->read_fn = check_read_constant, fog->user = &one, fog->extinction = 0.2f;
-            check_color(fog->albedo, 1, 1, 1);
-            for (int i = 0; i < 6; ++i) add_face_of_cube(&lists[0], i / 2, i % 2 ? 0.05 : -0.05, 0.05);
-            add_mesh(&s, 0.1, 0.1, 0.1);
-            check_add_point(&s, 0, 0, 0, 1);
-            if (!render_into(&renderers[1], &s, image) || !render_into(&renderers[0], &s, plain)) return;
+            if (!render_into(&renderers[1], &s, image)) return;
             for (int i = 0; i < 123; ++i)
                 if (!CHECK_NEAR((double)image[4 * i] / (double)plain[4 * i], 1,
                                 quality == SPS_QUALITY_DRAFT ? 0.02 : 0.01)) {
@@ -945,6 +952,7 @@ static void test_seams(void) {
                     return;
                 }
         }
+    }
 }
 
 /* Many panes in one pixel, all of which lie before a steep surface of two colors, though not at their mean depth. */

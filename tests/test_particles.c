@@ -916,6 +916,7 @@ static void test_memory(void) {
     build_mixed(&x);
     x.set[0].count = 200, x.set[1].count = 100;
     x.s.view.width = 31, x.s.view.height = 29;
+    x.s.view.quality = SPS_QUALITY_DRAFT;
     check_render(context, &x.s, image_a);
     for (int reference = 0; reference < 2; ++reference)
         for (long fail = 1; fail < 200; ++fail) {

@@ -352,7 +352,7 @@ static sps_light *start_fog(check_scene *s, sps_light_kind kind, const sps_proje
     check_set3(light->axes[0], 0.3, 0, 0.1);
     check_set3(light->axes[1], 0, 0.25, 0);
     if (kind == SPS_LIGHT_DIRECTIONAL) light->angular_diameter = 0.15;
-    light->samples = 32;
+    light->samples = 8;
     return light;
 }
 

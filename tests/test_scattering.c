@@ -283,6 +283,7 @@ static void test_dense(void) {
             const double exact = lights * exact_layer((double)lobe.asymmetry, t, back);
             sps_stats_report stats;
             check_scene s;
+            if (!check_long() && n / 4 == 1) continue; /* the depth between the others */
             start_layer(&s, t, &lobe, back ? -1 : 1);
             shade_layer(&s, source, back ? -1 : 1);
             s.view.slab = slab;
@@ -369,18 +370,19 @@ static double error_of(const float *image) {
 /* The reference marches with the series itself. Errors may be those of light that scatters once, and 0.5 % of tables.
    Returns that of light that scatters forward. */
 static double compare_with_reference(int kind, int light, double extinction) {
+    const double step = extinction > PUFF_EXTINCTION ? 0.4 : 0.5;
     double once, again, more;
     check_scene s;
     start(&s, kind, light);
     s.volume[0].extinction = (float)extinction;
     s.view.scattering = SPS_SCATTERING_OFF;
     check_render(context, &s, image_a);
-    check_march(context, &s, 0.4, image_b, NULL);
+    check_march(context, &s, step, image_b, NULL);
     once = error_of(image_a);
     more = mean_of(image_b);
     s.view.scattering = SPS_SCATTERING_FORWARD;
     check_render(context, &s, image_a);
-    check_march(context, &s, 0.4, image_b, NULL);
+    check_march(context, &s, step, image_b, NULL);
     again = error_of(image_a);
     more = mean_of(image_b) / more;
     if (figures())

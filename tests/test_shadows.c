@@ -338,7 +338,7 @@ static void check_gas_over_ground(int fog, int point) {
     double first[3] = {0, 0, 0};
     memset(&field, 0, sizeof field);
     field.value_fn = puff;
-    for (double half = 4; half < 2e6; half *= 512) {
+    for (double half = 4; half < 2e6; half *= check_long() ? 512 : 512 * 512) {
         check_scene s;
         sps_volume *gas;
         start(&s);

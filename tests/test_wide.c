@@ -115,7 +115,7 @@ static void test_against_reference(void) {
             start(&s, kind, angles[n]);
             CHECK(plan_of(&s).sweep_count == (n ? 4 : 1));
             if (!check_render_depth(context, &s, image_a, depth_a)) continue;
-            check_march(context, &s, kind == TISSUE ? 0.25 : 0.5, image_b, depth_b);
+            check_march(context, &s, kind == TISSUE ? 0.35 : 0.5, image_b, depth_b);
             mean = mean_of(image_b), off = check_rms(image_a, image_b, COUNT) / mean;
             elsewhere = error_step(0) / mean, seam = error_step(1) / mean;
             if (figures())

@@ -1203,6 +1203,7 @@ static void test_camera_inside(void) {
         const double z[] = {0, 1, 10}, length[] = {1, 2 - spill, 2};
         check_scene s;
         double exact = length[i % 3];
+        if (check_memory_only() && i % 2) continue;
         uniform_build(&s, 16, 1);
         check_set3(s.view.camera.position, i % 3 == 2 ? 1 : 0, 0, z[i % 3]);
         check_set3(s.view.camera.target, i % 3 == 2 ? 1 : 0, 0, z[i % 3] - 1);
@@ -1326,6 +1327,7 @@ static void test_light_and_eye(void) {
     for (int i = 0; i < 8; ++i) {
         check_scene s;
         const double *p = places[i % 4];
+        if (check_memory_only() && i % 2) continue;
         uniform_build(&s, 12, 0.4);
         s.view.quality = SPS_QUALITY_ULTRA;
         check_perspective(&s.view.camera, 0.25);

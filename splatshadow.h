@@ -1668,6 +1668,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_CELLS,             /* what its cells hold, and the light that reaches them */
     SPSI_BUFFER_CELL_TMAPS,        /* lights' tables for them */
     SPSI_BUFFER_CELL_SOLVER,       /* levels of cells, and radiance */
+    SPSI_BUFFER_CELL_WALLS,        /* polygons about the cells */
     SPSI_BUFFER_CELL_MOMENTS,      /* the light in the cells */
     SPSI_BUFFER_CELL_SEEN,         /* what the eye sees of it */
     SPSI_BUFFER_RUN,               /* data shared by the tasks of a sweep */
@@ -4086,7 +4087,11 @@ typedef struct spsi_cell_grid {
     float peak[SPSI_MATERIALS_MAX];     /* share of what is scattered that goes straight on */
     float *depth;                       /* optical depth along an edge */
     float *moments;                     /* per channel and term: what the light in a cell is, without ambient light */
-    float *seen; /* per material and channel: radiance towards the eye per optical depth scattered */
+    float *seen;    /* per material and channel: radiance towards the eye per optical depth scattered */
+    int flux_terms; /* where there are polygons: of degree 0 to 2; 0: there are none */
+    float *flux;    /* per channel and term: moments of what cells send, by which they light polygons */
+    float *patches; /* of the grid's sides, >>cells: place, area and, per channel, what leaves them per area */
+    float *scale;   /* per channel: of extinction, on the mean of all gas */
 } spsi_cell_grid;
 
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
@@ -6083,6 +6088,45 @@ static sps_result spsi_tree_build(sps_context *context, spsi_tree *tree, spsi_tr
     return spsi_progress(context, 0);
 }
 
+/* --- rays in double precision --- */
+
+typedef struct spsi_ray {
+    double origin[3], direction[3];
+    double low, high; /* segment of interest, in lengths of `direction` from the origin */
+} spsi_ray;
+
+static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
+    range[0] = ray->low;
+    range[1] = ray->high;
+    for (int i = 0; i < 3; ++i) {
+        const double d = ray->direction[i], from = ray->origin[i];
+        double a, b;
+        if (!(fabs(d) > 0)) {
+            if (from < low[i] || from > high[i]) return 0;
+            continue;
+        }
+        a = (low[i] - from) / d;
+        b = (high[i] - from) / d;
+        range[0] = fmax(range[0], fmin(a, b));
+        range[1] = fmin(range[1], fmax(a, b));
+    }
+    return range[0] <= range[1];
+}
+
+/* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
+   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
+static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
+    double low[3], high[3], range[2], room = 0;
+    for (int i = 0; i < 3; ++i)
+        room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
+    room *= 1e-12;
+    for (int i = 0; i < 3; ++i) {
+        low[i] = tree->centre[i] + (double)node->low[i] - room;
+        high[i] = tree->centre[i] + (double)node->high[i] + room;
+    }
+    return spsi_ray_meets_box(ray, low, high, range);
+}
+
 /* ============================================================================================= >>polygons
    12 Triangles as the eye and each light see them, by homogeneous edge functions [Olano & Greer 1997]: for corners h0,
    h1, h2 in ray space, the three (h1 x h2) . (x, y, 1) have one sign where the ray hits the triangle, even with corners
@@ -7745,6 +7789,98 @@ static void spsi_packet_trace(const spsi_faces *faces, spsi_packet *packet) {
     }
 }
 
+/* --- faces near a place --- */
+
+/* Whether a face's plane passes through a box about a centre. */
+static int spsi_face_near(const spsi_face *face, const double centre[3], double half) {
+    double plane[3], offset[3];
+    spsi_face_plane(face, plane);
+    spsi_along(centre, face->position[0], -1, offset);
+    return fabs(spsi_dot(plane, offset)) <= half * (fabs(plane[0]) + fabs(plane[1]) + fabs(plane[2]));
+}
+
+/* Whether a face may pass through a box about a centre: its own box and its plane do. */
+static int spsi_faces_near(const spsi_faces *faces, const double centre[3], const double half[3]) {
+    const double most = fmax(half[0], fmax(half[1], half[2]));
+    int stack[SPSI_TREE_STACK], top = 0;
+    if (faces->tree.count > 0) stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
+        int meets = 1;
+        for (int k = 0; k < 3; ++k) {
+            const double at = centre[k] - faces->tree.centre[k], room = half[k] + 1e-6 * (fabs(at) + half[k]);
+            meets &= (double)node->low[k] <= at + room && (double)node->high[k] >= at - room;
+        }
+        if (!meets) continue;
+        for (int i = 0; i < node->count; ++i)
+            if (spsi_face_near(&faces->list[faces->tree.order[node->first + i]], centre, most)) return 1;
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return 0;
+}
+
+/* --- the nearest face on a ray --- */
+
+/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. */
+static int spsi_face_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
+    const double *d = ray->direction;
+    double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
+    for (int i = 0; i < 3; ++i) {
+        a[i] = face->position[0][i] - ray->origin[i];
+        b[i] = face->position[1][i] - ray->origin[i];
+        c[i] = face->position[2][i] - ray->origin[i];
+    }
+    spsi_face_plane(face, n);
+    room = rounding * (fabs(n[0]) + fabs(n[1]) + fabs(n[2]));
+    ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
+    facing = spsi_dot(n, d);
+    ahead = facing < 0 ? -spsi_dot(n, a) : spsi_dot(n, a);
+    if (!spsi_edges_hold(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0) || !(ahead > room)) return 0;
+    *t = ahead / fabs(facing);
+    if (!(*t > ray->low && *t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
+    weights[0] = (float)(-ac / (ab + bc - ac));
+    weights[1] = (float)(ab / (ab + bc - ac));
+    return 1;
+}
+
+/* Finds the nearest face on a ray that begins on face `own` (-1: on none), and shortens the ray to it. */
+static void spsi_ray_to_face(const spsi_faces *faces, int own, spsi_ray *ray, spsi_hit *hit) {
+    int stack[SPSI_TREE_STACK], top = 0;
+    hit->face = -1;
+    if (faces->tree.count > 0) stack[top++] = 0;
+    while (top > 0) {
+        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
+        if (!spsi_ray_meets_node(&faces->tree, ray, node)) continue;
+        for (int i = 0; i < node->count; ++i) {
+            const int number = faces->tree.order[node->first + i];
+            const spsi_face *face = &faces->list[number];
+            const double rounding = own >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
+            double t;
+            float weights[2];
+            if (number == own || !spsi_face_meets(face, ray, rounding, &t, weights)) continue;
+            ray->high = t;
+            hit->face = number;
+            memcpy(hit->weights, weights, sizeof weights);
+        }
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+}
+
+/* The same for opaque faces only. */
+static int spsi_ray_to_wall(const spsi_faces *faces, spsi_ray *ray, spsi_hit *hit) {
+    const double high = ray->high;
+    for (;;) {
+        ray->high = high;
+        spsi_ray_to_face(faces, -1, ray, hit);
+        if (hit->face < 0 || !spsi_face_is_translucent(&faces->list[hit->face])) return hit->face >= 0;
+        ray->low = ray->high;
+    }
+}
+
 typedef struct spsi_face_items {
     const spsi_faces *faces;
     spsi_tree_item *items;
@@ -7862,6 +7998,11 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 /* Whether light is followed from cell to cell, >>cells. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return frame->view.scattering == SPS_SCATTERING_FULL && frame->matter.scatters;
+}
+
+/* Whether rays are traced through the polygons. */
+static int spsi_needs_tree(const spsi_frame *frame) {
+    return frame->lamps.shadow_count > 0 || spsi_scatters_fully(frame);
 }
 
 /* Whether gas needs tables of light that is scattered forward. */
@@ -14681,7 +14822,9 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    The peak of a phase function, f = P[orders], passes light straight on: extinction is scaled by k = 1 - w f, albedo is
    w' = w (1 - f) / k, and r[l] = (P[l] - f) / (1 - f). [Wiscombe 1977, delta-M]
    The equations are solved by multigrid: cells of twice the edge correct what sweeps converge too slowly for, since a
-   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; 6 to 9 sweeps. */
+   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; 6 to 9 sweeps.
+   An opaque polygon closes the links between cells whose centres it separates: nothing enters there but what it sends
+   itself, which is swept alone, as the light of one more lamp. */
 
 #define SPSI_CELL_DIRECTIONS 50
 #define SPSI_CELL_STRAIGHT   26 /* of these: to neighbours */
@@ -14710,6 +14853,9 @@ typedef struct spsi_cell_level {
     float *average[SPSI_CELL_LENGTHS]; /* the mean of transmittance along it */
     float *keep[SPSI_CELL_ORDERS];     /* w' r[l] */
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
+    uint32_t *closed;                  /* per cell: bit i closes the link of step i, >>lighting; NULL: all are open */
+    uint32_t *outside;                 /* per cell: the same from outside the grid, by direction at a slant; or NULL */
+    unsigned char *walled;             /* per row: whether any of its cells has a closed link */
 } spsi_cell_level;
 
 /* Entries of a row of cells. Lookups read two columns. */
@@ -14722,7 +14868,11 @@ typedef struct spsi_cell_solver {
     spsi_cell_level levels[SPSI_CELL_LEVELS];
     float *scratch;  /* rows and planes of radiance */
     double *balance; /* per plane of cells: what is missing, and what is sent */
+    float *leaving;  /* per plane of cells, three parts: what leaves the grid; NULL: not wanted */
 } spsi_cell_solver;
+
+/* The link by which light in the direction of a step enters a cell. */
+static int spsi_cell_link(int x, int y, int z) { return x + 1 + 3 * (y + 1) + 9 * (z + 1); }
 
 /* Real harmonics whose squares have the mean 1 over the sphere: terms l^2 to (l + 1)^2 - 1 are of degree l. */
 static void spsi_harmonics(const double v[3], float out[SPSI_CELL_TERMS]) {
@@ -14829,22 +14979,55 @@ static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
     return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2);
 }
 
-/* Floats of what sweeps along z keep: two planes for each direction, and rows for those at a slant. */
+/* Floats of what sweeps along z keep: two planes for each direction, rows for those at a slant, and one for each of the
+   others that may enter closed cells. */
 static size_t spsi_cell_along_floats(const spsi_cell_level *level) {
-    return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + 5 * spsi_cell_row_floats(level);
+    return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + (5 + 9) * spsi_cell_row_floats(level);
 }
 
-/* Floats of a solver's scratch: for sweeps both ways along z, or 6 rows per plane of cells. */
+#define SPSI_CELL_ROWS 9 /* of radiance per plane of cells, for directions within it */
+
+/* Floats of a solver's scratch: for sweeps both ways along z, or for rows within each plane of cells. */
 static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
     const size_t along = 2 * spsi_cell_along_floats(finest);
-    const size_t rows = 6 * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
+    const size_t rows = SPSI_CELL_ROWS * spsi_cell_row_floats(finest) * (size_t)finest->size[2];
     return along > rows ? along : rows;
 }
 
 typedef struct spsi_cell_pass {
     const spsi_cell_solver *solver;
     const spsi_cell_level *level;
+    const float *walls; /* per cell: radiance that enters it by closed links; NULL: none */
+    float *leaving;     /* as in the solver */
 } spsi_cell_pass;
+
+static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+    spsi_cell_pass pass;
+    pass.solver = solver;
+    pass.level = level;
+    pass.walls = NULL;
+    pass.leaving = NULL;
+    return pass;
+}
+
+/* Closed links of a row of cells; NULL: all are open. */
+static const uint32_t *spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
+    return level->closed && level->walled[row / (size_t)level->pitch] ? level->closed + row : NULL;
+}
+
+/* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
+   closed. */
+static const float *spsi_cell_row_enters(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
+                                         const float *in, float *own) {
+    const uint32_t *closed = spsi_cell_row_closed(pass->level, row);
+    const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
+    if (!closed) return in;
+    for (int x = 0; x < pass->level->pitch; ++x) {
+        const float wall = pass->walls ? pass->walls[row + (size_t)x] : 0;
+        own[x] = closed[x] >> link & 1 ? wall : in[x];
+    }
+    return own;
+}
 
 /* What a row of cells sends in a direction. */
 static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
@@ -14858,14 +15041,48 @@ static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const s
     }
 }
 
+/* Whether the link by which light in a direction enters a cell from a neighbour, `step` cells before, is closed. From
+   outside the grid, light at a slant has links of its own. */
+static int spsi_cell_shut(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row, int x,
+                          const int step[3]) {
+    const spsi_cell_level *level = pass->level;
+    const int number = (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT;
+    const int y = (int)(row / (size_t)level->pitch) % level->size[1], before = x - step[0], aside = y - step[1];
+    const int z = (int)(row / (size_t)level->pitch) / level->size[1] - step[2];
+    const int leaves =
+        before < 0 || before >= level->size[0] || aside < 0 || aside >= level->size[1] || z < 0 || z >= level->size[2];
+    if (direction->axis >= 0 && leaves) return level->outside && level->outside[row + (size_t)x] >> number & 1;
+    return level->closed[row + (size_t)x] >> spsi_cell_link(step[0], step[1], step[2]) & 1;
+}
+
+/* spsi_cell_row_follow where links are closed. */
+static void spsi_cell_row_follow_closed(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
+                                        float *sent, float share, float *in) {
+    const spsi_cell_level *level = pass->level;
+    const int back = direction->step[0] < 0, step[3] = {direction->step[0], 0, 0};
+    const float *through = level->through[direction->length] + row;
+    float radiance = 0;
+    for (int n = 0; n < level->pitch; ++n) {
+        const int x = back ? level->pitch - 1 - n : n;
+        const float wall = pass->walls ? pass->walls[row + (size_t)x] : 0;
+        in[x] += share * (spsi_cell_shut(pass, direction, row, x, step) ? wall : radiance);
+        radiance = sent[x] + (in[x] - sent[x]) * through[x];
+    }
+}
+
 /* The radiance that enters each cell of a row: what is in `in` already, and `share` of what leaves the cell before it,
    in the direction of step x. `sent` is overwritten by what would leave without the latter, which keeps what each cell
    waits for down to one multiplication. */
-static void spsi_cell_row_follow(const spsi_cell_level *level, size_t row, const spsi_cell_direction *direction,
+static void spsi_cell_row_follow(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
                                  float *sent, float share, float *in) {
+    const spsi_cell_level *level = pass->level;
     const int back = direction->step[0] < 0;
     const float *through = level->through[direction->length] + row;
     float radiance = 0;
+    if (spsi_cell_row_closed(level, row)) {
+        spsi_cell_row_follow_closed(pass, row, direction, sent, share, in);
+        return;
+    }
     for (int x = 0; x < level->pitch; ++x) sent[x] += (in[x] - sent[x]) * through[x];
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
@@ -14873,6 +15090,64 @@ static void spsi_cell_row_follow(const spsi_cell_level *level, size_t row, const
         radiance = sent[x] + share * through[x] * radiance;
     }
 }
+
+/* --- what leaves the grid --- */
+
+#define SPSI_CELL_PATCHES 8 /* along each edge of a side of the grid */
+#define SPSI_CELL_SIDE    (SPSI_CELL_PATCHES * SPSI_CELL_PATCHES)
+#define SPSI_CELL_LEAVING (SPSI_CELL_PATCHES * (4 + SPSI_CELL_PATCHES)) /* floats per plane: four edges, and itself */
+
+/* The patch of a side that a cell is part of, and the first cell of a patch. */
+static int spsi_cell_patch(int at, int size) { return at * SPSI_CELL_PATCHES / size; }
+static int spsi_cell_patch_first(int patch, int size) {
+    return (patch * size + SPSI_CELL_PATCHES - 1) / SPSI_CELL_PATCHES;
+}
+
+/* The share of its cosine with which each side of the grid counts that light leaves by, where it leaves a cell by
+   several (bits, by axis) at once: at a slant all of it crosses the side along its axis, and a third each of the
+   others. So what leaves is what the cells beyond would receive. */
+static float spsi_cell_leaving_share(const spsi_cell_direction *direction, int sides) {
+    const int count = (sides & 1) + (sides >> 1 & 1) + (sides >> 2 & 1);
+    if (direction->axis < 0) return 1.0f / (float)count;
+    if (sides >> direction->axis & 1) return 3.0f / (float)(2 + count);
+    return count == 2 ? 5.0f / 6 : 1;
+}
+
+/* Adds what one direction's light carries through the sides of the grid that a row of cells touches, per area of a
+   cell's face: the mean over all directions of radiance times cosine. */
+static void spsi_cell_row_leaves(const spsi_cell_level *level, int y, int z, const spsi_cell_direction *direction,
+                                 const float *out, float *leaving) {
+    const float third = 0.57735027f * direction->weight;
+    const int *step = direction->step, *size = level->size;
+    const int ends[3] = {step[0] < 0 ? 0 : size[0] - 1, step[1] < 0 ? 0 : size[1] - 1, step[2] < 0 ? 0 : size[2] - 1};
+    const int row = (step[1] && y == ends[1] ? 2 : 0) | (step[2] && z == ends[2] ? 4 : 0);
+    float *edges = leaving, *plane = leaving + 4 * SPSI_CELL_PATCHES;
+    for (int x = row ? 0 : ends[0]; x < (row ? size[0] : ends[0] + 1); ++x) {
+        const int sides = row | (step[0] && x == ends[0] ? 1 : 0);
+        const float sent = sides ? third * spsi_cell_leaving_share(direction, sides) * out[x] : 0;
+        const int along = spsi_cell_patch(x, size[0]);
+        if (sides & 1)
+            edges[(step[0] > 0) * SPSI_CELL_PATCHES + spsi_cell_patch(y, size[1])] +=
+                fabsf(direction->harmonic[3]) * sent;
+        if (sides & 2) edges[(2 + (step[1] > 0)) * SPSI_CELL_PATCHES + along] += fabsf(direction->harmonic[1]) * sent;
+        if (sides & 4)
+            plane[spsi_cell_patch(y, size[1]) * SPSI_CELL_PATCHES + along] += fabsf(direction->harmonic[2]) * sent;
+    }
+}
+
+/* Carries light through row y of plane z, in directions of one of the sweep's three parts. */
+static void spsi_cell_row_swept(const spsi_cell_pass *pass, int part, int y, int z, const spsi_cell_beams *beams,
+                                const float *const before[2], float *moments) {
+    const spsi_cell_level *level = pass->level;
+    spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams, before, moments,
+                  pass->solver->terms);
+    if (!pass->leaving) return;
+    for (int i = 0; i < beams->count; ++i)
+        spsi_cell_row_leaves(level, y, z, beams->direction[i], beams->out[i],
+                             pass->leaving + (size_t)(3 * z + part) * SPSI_CELL_LEAVING);
+}
+
+/* --- sweeping --- */
 
 /* A plane that is being swept along z, falling (index 0) or rising (1). */
 typedef struct spsi_cell_along {
@@ -14901,6 +15176,28 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
 }
 
+/* Puts right what enters the closed cells of a row at a slant, from four cells: `near_row` and `far_row` straight on
+   (except along x, where the first is followed in turn), and a step along x aside. */
+static void spsi_cell_along_slant_closed(const spsi_cell_along *along, const spsi_cell_direction *direction, size_t row,
+                                         const float *near_row, const float *far_row, const float *beside, float *in) {
+    static const float shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
+    const spsi_cell_pass *pass = along->pass;
+    const uint32_t *closed = spsi_cell_row_closed(pass->level, row), *outside = pass->level->outside;
+    const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
+    const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
+    const int steps[4][3] = {
+        {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
+    if (!closed) return;
+    for (int n = 0; n < pass->level->size[0]; ++n) {
+        const float from[4] = {near_row[n], near_row[n - x], axis == 0 ? beside[n - x] : far_row[n], far_row[n - x]};
+        const float wall = pass->walls ? pass->walls[row + (size_t)n] : 0;
+        if (!closed[n] && !(outside && outside[row + (size_t)n])) continue;
+        in[n] = 0;
+        for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
+            in[n] += shares[k] * (spsi_cell_shut(pass, direction, row, n, steps[k]) ? wall : from[k]);
+    }
+}
+
 /* The radiance that enters row y at a slant. It comes from a third of the way between four cells. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
     const spsi_cell_level *level = along->pass->level;
@@ -14913,38 +15210,44 @@ static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, fl
     if (direction->axis > 0) {
         for (int n = 0; n < level->pitch; ++n)
             in[n] = 4.0f / 9 * near_row[n] + 2.0f / 9 * (near_row[n - x] + far_row[n]) + 1.0f / 9 * far_row[n - x];
+        spsi_cell_along_slant_closed(along, direction, row, near_row, far_row, beside, in);
         return;
     }
     for (int n = 0; n < level->pitch; ++n)
         in[n] = 2.0f / 9 * (near_row[n - x] + beside[n - x]) + 1.0f / 9 * far_row[n - x];
+    spsi_cell_along_slant_closed(along, direction, row, near_row, far_row, beside, in);
     spsi_cell_row_sent(level, row, direction, along->pass->solver->terms, sent);
-    spsi_cell_row_follow(level, row, direction, sent, 4.0f / 9, in);
+    spsi_cell_row_follow(along->pass, row, direction, sent, 4.0f / 9, in);
 }
 
 /* Sweeps some directions through the plane, in rising or falling order of rows; the first ones begin the moments. */
 static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
     const spsi_cell_level *level = along->pass->level;
+    const size_t pitch = spsi_cell_row_floats(level);
     float *moments = level->moments[along->index];
     const float *const before[2] = {first > 0 ? moments : NULL, NULL};
     spsi_cell_beams beams;
     beams.count = count;
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = falls ? level->size[1] - 1 - n : n;
+        const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
         float *slanted = along->rows;
         for (int k = 0; k < count; ++k) {
             const spsi_cell_direction *direction = along->directions[first + k];
             beams.direction[k] = direction;
             beams.out[k] = spsi_cell_along_row(along, first + k, 0, y);
             if (direction->axis < 0) {
-                beams.in[k] = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
+                beams.in[k] = spsi_cell_row_enters(along->pass, row, direction,
+                                                   spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) -
+                                                       direction->step[0],
+                                                   along->rows + (size_t)(5 + k) * pitch);
                 continue;
             }
             spsi_cell_along_slant(along, first + k, y, slanted);
             beams.in[k] = slanted;
-            slanted += spsi_cell_row_floats(level);
+            slanted += pitch;
         }
-        spsi_cell_row(level, (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch, &beams, before, moments,
-                      along->pass->solver->terms);
+        spsi_cell_row_swept(along->pass, along->index, y, along->z, &beams, before, moments);
     }
 }
 
@@ -14973,12 +15276,14 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int first, cons
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = first == 9 ? level->size[1] - 1 - n : n;
         for (int i = 0; i < 3; ++i) {
+            const float *left = rows + (size_t)(2 * i + n % 2) * row + SPSI_LANES;
             beams.direction[i] = &pass->solver->directions[first + i];
-            beams.in[i] = rows + (size_t)(2 * i + n % 2) * row + SPSI_LANES - beams.direction[i]->step[0];
+            beams.in[i] =
+                spsi_cell_row_enters(pass, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams.direction[i],
+                                     left - beams.direction[i]->step[0], rows + (size_t)(6 + i) * row);
             beams.out[i] = rows + (size_t)(2 * i + 1 - n % 2) * row + SPSI_LANES;
         }
-        spsi_cell_row(level, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, &beams, before, level->moments[0],
-                      pass->solver->terms);
+        spsi_cell_row_swept(pass, 2, y, z, &beams, before, level->moments[0]);
     }
 }
 
@@ -14988,7 +15293,7 @@ static void spsi_cells_plane_task(void *data, int z, int worker) {
     const spsi_cell_level *level = pass->level;
     const size_t row = spsi_cell_row_floats(level);
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
-    float *rows = pass->solver->scratch + 6 * row * (size_t)z;
+    float *rows = pass->solver->scratch + SPSI_CELL_ROWS * row * (size_t)z;
     spsi_cell_beams beams;
     (void)worker;
     spsi_cells_across(pass, z, 9, both, rows);
@@ -15003,19 +15308,37 @@ static void spsi_cells_plane_task(void *data, int z, int worker) {
             beams.out[i] = own + row;
             memset(own, 0, row * sizeof *own);
             spsi_cell_row_sent(level, at, beams.direction[i], pass->solver->terms, own + 2 * row);
-            spsi_cell_row_follow(level, at, beams.direction[i], own + 2 * row, 1, own);
+            spsi_cell_row_follow(pass, at, beams.direction[i], own + 2 * row, 1, own);
         }
-        spsi_cell_row(level, at, &beams, one, level->moments[0], pass->solver->terms);
+        spsi_cell_row_swept(pass, 2, y, z, &beams, one, level->moments[0]);
     }
+}
+
+static void spsi_cells_carry(spsi_cell_pass *pass) {
+    spsi_parallel(pass->solver->context, 2, spsi_cells_along_task, pass);
+    spsi_parallel(pass->solver->context, pass->level->size[2], spsi_cells_plane_task, pass);
 }
 
 /* Carries what cells send through all of the grid: its moments. */
 static void spsi_cells_sweep(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass;
-    pass.solver = solver;
-    pass.level = level;
-    spsi_parallel(solver->context, 2, spsi_cells_along_task, &pass);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_plane_task, &pass);
+    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    spsi_cells_carry(&pass);
+}
+
+/* The same, and what leaves the grid. */
+static void spsi_cells_sweep_out(const spsi_cell_solver *solver) {
+    spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[0]);
+    pass.leaving = solver->leaving;
+    if (pass.leaving)
+        memset(pass.leaving, 0, 3 * SPSI_CELL_LEAVING * (size_t)pass.level->size[2] * sizeof *pass.leaving);
+    spsi_cells_carry(&pass);
+}
+
+/* Carries what polygons send, per cell that it enters, through a level that sends nothing. */
+static void spsi_cells_sweep_walls(const spsi_cell_solver *solver, const spsi_cell_level *level, const float *walls) {
+    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    pass.walls = walls;
+    spsi_cells_carry(&pass);
 }
 
 /* --- the equations --- */
@@ -15209,17 +15532,13 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
 }
 
 static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass;
-    pass.solver = solver;
-    pass.level = level;
+    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     spsi_cells_sweep(solver, level);
     spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
 }
 
 static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass;
-    pass.solver = solver;
-    pass.level = level;
+    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
 }
 
@@ -15250,10 +15569,10 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n, int started)
 /* Sets up all levels from the finest one's depth and albedo. */
 static void spsi_cells_levels(const spsi_cell_solver *solver) {
     for (int n = 0; n < solver->level_count; ++n) {
-        spsi_cell_pass pass;
+        spsi_cell_pass pass = spsi_cell_pass_of(solver, &solver->levels[n]);
         spsi_cell_step step;
-        pass.solver = step.solver = solver;
-        pass.level = step.coarse = &solver->levels[n];
+        step.solver = solver;
+        step.coarse = pass.level;
         step.fine = n > 0 ? &solver->levels[n - 1] : NULL;
         if (n > 0) spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_coarsen_task, &step);
         spsi_parallel(solver->context, pass.level->size[2], spsi_cells_ways_task, &pass);
@@ -15261,14 +15580,16 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
 }
 
 /* Solves for the moments of the finest level, whose depth, keep and given are set. Before anything is sent, all that is
-   given is missing: coarse levels begin. */
-static sps_result spsi_cells_solve(const spsi_cell_solver *solver, const spsi_part_of_call *part) {
+   given is missing: coarse levels begin. `started`: 1: cells send what they did before more was given. */
+static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
     const spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
-    spsi_cells_levels(solver);
-    spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
-    memset(finest->sent, 0, bytes);
-    spsi_cells_cycle(solver, 0, 1);
+    if (!started) {
+        spsi_cells_levels(solver);
+        spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
+        memset(finest->sent, 0, bytes);
+        spsi_cells_cycle(solver, 0, 1);
+    }
     for (int i = 0; i < SPSI_CELL_CYCLES; ++i) {
         if (spsi_progress(solver->context, spsi_part_done(part, (double)i / SPSI_CELL_CYCLES)))
             return solver->context->result;
@@ -15278,7 +15599,7 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, const spsi_pa
         spsi_cells_miss(solver, finest);
         spsi_cells_cycle(solver, 0, 1);
     }
-    spsi_cells_sweep(solver, finest);
+    spsi_cells_sweep_out(solver);
     return SPS_OK;
 }
 
@@ -15329,7 +15650,22 @@ static void spsi_cells_look_task(void *data, int row, int worker) {
     }
 }
 
-/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond; 0 without any. */
+/* The mean of what is seen of the cells that share an edge or a corner with an empty one; 0 without any. */
+static float spsi_cells_beside(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
+    float sum = 0;
+    int count = 0;
+    for (int i = 0; i < 27; ++i) {
+        const int x = at[0] + i % 3 - 1, y = at[1] + i / 3 % 3 - 1, z = at[2] + i / 9 - 1;
+        const size_t next = (size_t)(z * grid->size[1] + y) * (size_t)grid->pitch + (size_t)x;
+        if (x < 0 || x >= grid->size[0] || y < 0 || y >= grid->size[1] || z < 0 || z >= grid->size[2]) continue;
+        if (!(grid->depth[next] > 0)) continue;
+        sum += seen[next];
+        ++count;
+    }
+    return count > 0 ? sum / (float)count : 0;
+}
+
+/* The mean of what is seen of cells beside an empty one, each continued by the next one beyond. */
 static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen, const int at[3]) {
     const size_t stride[3] = {1, (size_t)grid->pitch, (size_t)(grid->pitch * grid->size[1])};
     const size_t here = (size_t)at[0] + stride[1] * (size_t)at[1] + stride[2] * (size_t)at[2];
@@ -15343,7 +15679,7 @@ static float spsi_cells_continued(const spsi_cell_grid *grid, const float *seen,
         sum += room > 1 && grid->depth[beyond] > 0 ? spsi_higher(2 * seen[next] - seen[beyond], 0) : seen[next];
         ++count;
     }
-    return count > 0 ? sum / (float)count : 0;
+    return count > 0 ? sum / (float)count : spsi_cells_beside(grid, seen, at);
 }
 
 /* Continues what is seen into a row's empty cells: light changes its slope where gas ends, and gas within half a cell
@@ -15362,6 +15698,143 @@ static void spsi_cells_continue_task(void *data, int row, int worker) {
             seen[cell] = spsi_cells_continued(grid, seen, at);
         }
     }
+}
+
+/* --- what lights polygons --- */
+
+/* Patches are numbered by side (x, y, z, the lower one first), then by the higher axis along it, then by the lower. */
+#define SPSI_CELL_SHEET (6 * SPSI_CELL_SIDE)
+
+/* Floats of a grid's patches: for each of them a place, relative to the grid's corner, an area, and what leaves it. */
+static size_t spsi_cell_patch_floats(const spsi_cell_grid *grid) {
+    return (size_t)((4 + grid->channels) * SPSI_CELL_SHEET);
+}
+
+/* Sets where patches are. */
+static void spsi_cell_patches_place(const spsi_cell_grid *grid) {
+    float *at[4];
+    for (int k = 0; k < 4; ++k) at[k] = grid->patches + k * SPSI_CELL_SHEET;
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) {
+        const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
+        const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2};
+        const int patch[2] = {n % SPSI_CELL_PATCHES, n / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
+        double area = 1;
+        at[axis][n] = upper ? (float)(grid->edge * grid->size[axis]) : 0;
+        for (int i = 0; i < 2; ++i) {
+            const int first = spsi_cell_patch_first(patch[i], grid->size[along[i]]);
+            const int end = spsi_cell_patch_first(patch[i] + 1, grid->size[along[i]]);
+            at[along[i]][n] = (float)(0.5 * grid->edge * (first + end));
+            area *= grid->edge * (end - first);
+        }
+        at[3][n] = (float)area;
+    }
+}
+
+/* Sets what leaves patches, per area: the sum over planes and parts of a sweep. */
+static void spsi_cell_patches_fill(const spsi_cell_solver *solver, const spsi_cell_grid *grid, int channel) {
+    const float *area = grid->patches + 3 * SPSI_CELL_SHEET;
+    float *patch = grid->patches + (4 + channel) * SPSI_CELL_SHEET;
+    memset(patch, 0, SPSI_CELL_SHEET * sizeof *patch);
+    for (int i = 0; i < 3 * grid->size[2]; ++i) {
+        const float *from = solver->leaving + (size_t)i * SPSI_CELL_LEAVING;
+        const int z = i / 3, plane = spsi_cell_patch(z, grid->size[2]) * SPSI_CELL_PATCHES, part = i % 3;
+        for (int n = 0; n < 4 * SPSI_CELL_PATCHES; ++n)
+            patch[n / SPSI_CELL_PATCHES * SPSI_CELL_SIDE + plane + n % SPSI_CELL_PATCHES] += from[n];
+        for (int n = 0; n < SPSI_CELL_SIDE && part < 2; ++n) /* falling light leaves by the lower side */
+            patch[(4 + part) * SPSI_CELL_SIDE + n] += from[4 * SPSI_CELL_PATCHES + n];
+    }
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n)
+        if (area[n] > 0) patch[n] *= (float)(4 * SPSI_PI * grid->edge * grid->edge) / area[n];
+}
+
+/* Adds a cell's moments to the irradiance of a surface, from whose normal light comes: of light of degree 0, 1, 2 the
+   half of the sphere before a surface has the shares pi, 2 pi / 3 and pi / 4. */
+static double spsi_cell_irradiance(const spsi_cell_grid *grid, const float *flux, const float harmonic[]) {
+    static const double degree[3] = {SPSI_PI, 2 * SPSI_PI / 3, SPSI_PI / 4};
+    double sum = 0;
+    for (int t = 0; t < grid->flux_terms; ++t)
+        sum += degree[spsi_term_degree(t)] * (double)(harmonic[t] * flux[(size_t)t * grid->count]);
+    return sum;
+}
+
+/* Irradiance of a surface within the grid, half a cell off its polygon: interpolated between the cells that lie before
+   it. */
+static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int channel, const double point[3],
+                                           const double normal[3]) {
+    const float *flux = grid->flux + (size_t)(channel * grid->flux_terms) * grid->count;
+    const double from[3] = {-normal[0], -normal[1], -normal[2]};
+    float harmonic[SPSI_CELL_TERMS];
+    double share[3], place[3], sum = 0, all = 0;
+    int low[3];
+    spsi_harmonics(from, harmonic);
+    for (int k = 0; k < 3; ++k) {
+        const double at = (point[k] - grid->corner[k]) / grid->edge - 0.5;
+        low[k] = (int)fmax(0, fmin(floor(at + 0.5 * normal[k]), grid->size[k] - 2));
+        share[k] = grid->size[k] > 1 ? fmax(0, fmin(at + 0.5 * normal[k] - low[k], 1)) : 0;
+        place[k] = at - low[k];
+    }
+    for (int i = 0; i < 8; ++i) {
+        const int x = i & 1, y = i >> 1 & 1, z = i >> 2;
+        const double weight =
+            (x ? share[0] : 1 - share[0]) * (y ? share[1] : 1 - share[1]) * (z ? share[2] : 1 - share[2]);
+        const double ahead = (x - place[0]) * normal[0] + (y - place[1]) * normal[1] + (z - place[2]) * normal[2];
+        const size_t at =
+            (size_t)((low[2] + z) * grid->size[1] + low[1] + y) * (size_t)grid->pitch + (size_t)(low[0] + x);
+        if (!(weight > 0) || ahead < 0) continue;
+        sum += weight * spsi_cell_irradiance(grid, flux + at, harmonic);
+        all += weight;
+    }
+    return all > 0 ? sum / all : 0;
+}
+
+/* The same of a surface outside. A patch before it counts as a disc, whose share of all that the surface sees is
+   cosine cosine' area / (pi distance^2 + area). */
+static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, const double point[3],
+                                            const double normal[3]) {
+    const float *patch = grid->patches, *sent = patch + (4 + channel) * SPSI_CELL_SHEET;
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), least = spsi_set(1e-30f), pi = spsi_set((float)SPSI_PI);
+    spsi_v all = zero, way[3];
+    float lanes[SPSI_LANES];
+    double sum = 0;
+    for (int n = 0; n < SPSI_CELL_SHEET; n += SPSI_LANES) {
+        const int axis = n / SPSI_CELL_SIDE / 2, upper = n / SPSI_CELL_SIDE % 2;
+        const double before = point[axis] - grid->corner[axis] - (upper ? grid->edge * grid->size[axis] : 0);
+        const spsi_v area = spsi_load(patch + 3 * SPSI_CELL_SHEET + n);
+        spsi_v square = least, facing = zero, share;
+        if (!(upper ? before > 0 : before < 0)) continue;
+        for (int k = 0; k < 3; ++k) {
+            way[k] =
+                spsi_sub(spsi_load(patch + k * SPSI_CELL_SHEET + n), spsi_set((float)(point[k] - grid->corner[k])));
+            square = spsi_fma(way[k], way[k], square);
+            facing = spsi_fma(way[k], spsi_set((float)normal[k]), facing);
+        }
+        share = spsi_mul(spsi_max(facing, zero), spsi_set((float)fabs(before)));
+        share = spsi_min(spsi_div(share, square), one);
+        share = spsi_mul(share, spsi_div(area, spsi_fma(pi, square, area)));
+        all = spsi_fma(share, spsi_load(sent + n), all);
+    }
+    spsi_store(lanes, all);
+    for (int i = 0; i < SPSI_LANES; ++i) sum += (double)lanes[i];
+    return sum;
+}
+
+/* Irradiance of a surface by what cells send, where there are polygons. Within a patch's width of the grid it changes
+   from one to the other. `normal` is a unit vector. */
+static double spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, const double point[3],
+                                    const double normal[3]) {
+    double square = 0, longest = 0, outside;
+    for (int k = 0; k < 3; ++k) {
+        const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
+        const double off = fmax(fmax(-at, at - extent), 0);
+        square += off * off;
+        longest = fmax(longest, extent);
+    }
+    outside = fmin(sqrt(square) * SPSI_CELL_PATCHES / longest, 1);
+    if (!(outside > 0)) return spsi_cells_irradiance_within(grid, channel, point, normal);
+    if (outside < 1)
+        return (1 - outside) * spsi_cells_irradiance_within(grid, channel, point, normal) +
+               outside * spsi_cells_irradiance_outside(grid, channel, point, normal);
+    return spsi_cells_irradiance_outside(grid, channel, point, normal);
 }
 
 /* Looks up what is seen of a material in one channel, at a vector of places in cells; linear between their centres. */
@@ -16399,6 +16872,25 @@ static int spsi_surface_lit(const spsi_frame *frame, const spsi_shadow *shadow, 
     return lit[0] > 0 || lit[1] > 0 || lit[2] > 0;
 }
 
+/* The scale of extinction on a light's way to a surface: what a phase function's peak scatters goes straight on. */
+static double spsi_surface_scale(const spsi_frame *frame, int c) {
+    const spsi_cell_grid *cells = frame->content->cells;
+    return cells ? (double)cells->scale[spsi_least(c, cells->channels - 1)] : 1;
+}
+
+/* Adds what a surface reflects of the light that cells send; of ambient light they lack some. */
+static void spsi_add_flux(const spsi_frame *frame, const spsi_surface *surface, const double color[3],
+                          float radiance[3]) {
+    const spsi_cell_grid *cells = frame->content->cells;
+    double normal[3], irradiance = 0;
+    memcpy(normal, surface->normal, sizeof normal);
+    if (!spsi_normalise(normal)) return;
+    for (int c = 0; c < 3; ++c) {
+        if (c < cells->channels) irradiance = spsi_cells_irradiance(cells, c, surface->point, normal);
+        radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * irradiance / SPSI_PI), 0);
+    }
+}
+
 static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *place, float radiance[3]) {
     const spsi_frame *frame = shader->frame;
     spsi_appearance look;
@@ -16407,16 +16899,17 @@ static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *p
     spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(frame, shader->visible->set, place), &look);
     for (int c = 0; c < 3; ++c)
         radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient.radiance[c] + look.emission[c] : 0;
+    if (shader->sweep->first && frame->content->cells) spsi_add_flux(frame, &surface, look.color, radiance);
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
-        double arrives[3], lit[3] = {1, 1, 1}, through = 1;
+        double arrives[3], lit[3] = {1, 1, 1}, depth = 0;
         if (shadow ? !spsi_surface_lit(frame, shadow, place->index, lit) : !shader->sweep->first || lamp->shadows)
             continue;
         if (!spsi_surface_irradiance(frame, lamp, &surface, arrives)) continue;
-        if (shadow) through = exp(-spsi_shadow_depth(shadow, shader->first_slab, surface.point));
+        if (shadow) depth = spsi_shadow_depth(shadow, shader->first_slab, surface.point);
         for (int c = 0; c < 3; ++c) {
-            arrives[c] = arrives[c] / SPSI_PI * lit[c] * through;
+            arrives[c] = arrives[c] / SPSI_PI * lit[c] * exp(-depth * spsi_surface_scale(frame, c));
             radiance[c] += (float)fmin(look.color[c] * arrives[c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
         }
     }
@@ -16492,6 +16985,19 @@ static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
     return spsi_mul(spsi_add(sum, spsi_load(ahead->filter[2])), spsi_set(1.0f / 3));
 }
 
+/* Adds what peaks of phase functions scatter straight on to the eye of light from surfaces behind gas of optical depth
+   t: exp(-k t) - exp(-t) of it. */
+static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
+    const int backwards = shader->again.gas != NULL;
+    const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
+    const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas));
+    spsi_v *into = backwards ? sum->again : sum->radiance;
+    for (int c = 0; c < shader->frame->channels; ++c) {
+        const spsi_v scale = spsi_set(-(float)spsi_surface_scale(shader->frame, c)); /* -1: without a peak */
+        into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(spsi_exp(spsi_mul(gas, scale)), once), into[c]);
+    }
+}
+
 /* Composites what surfaces send towards the eye, of which `share` is the part of what is behind that they cover, at
    depth d. */
 static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float sent[3][SPSI_LANES], spsi_v open,
@@ -16500,6 +17006,7 @@ static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float
     const spsi_v way = spsi_select(spsi_less(spsi_set(0), share), spsi_mul(t, p->length), spsi_set(0));
     for (int c = 0; c < shader->frame->channels; ++c)
         sum->radiance[c] = spsi_fma(spsi_load(sent[c]), open, sum->radiance[c]);
+    if (shader->frame->content->cells) spsi_add_straight(shader, sent, sum);
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
@@ -16882,7 +17389,19 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
    for each moment: t is the optical depth on the way of light, k the scale of the cell's extinction, d the direction.
    Ambient light need not be carried: cells are solved for what they lack of it. With A from everywhere, a cell that
    keeps w' of what it receives sends A less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white
-   sky, exactly. Cost: a footprint per voxel and one more per light, and eight lookups per cell and light. */
+   sky, exactly. Cost: a footprint per voxel and one more per light, and eight lookups per cell and light.
+   Opaque polygons reflect E color / pi, where E is what lights and cells send there: a ray for each link that they
+   close, and one from there to each light. What polygons send to each other is left out, as it is elsewhere. */
+
+/* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
+typedef struct spsi_cell_walls {
+    uint32_t *closed;      /* per cell: bits of closed links; NULL: there are no polygons */
+    uint32_t *outside;     /* the same for light at a slant from outside */
+    unsigned char *walled; /* per row: whether any of its cells has closed links */
+    float *color, *lit;    /* per channel: reflectance; radiance by the lights */
+    float *place, *normal; /* per axis: relative to the grid's corner */
+    float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
+} spsi_cell_walls;
 
 /* A grid that is being filled and lit. */
 typedef struct spsi_cell_job {
@@ -16900,6 +17419,9 @@ typedef struct spsi_cell_job {
     float *scattered; /* per material and channel: what is scattered of a unit of light along an edge */
     float *emitted;   /* per channel: radiance added along an edge */
     float *incoming;  /* per channel and term: moments of the lights' radiance */
+    spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    spsi_cell_walls walls;
+    const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
     spsi_shadow *shadows;
     spsi_shader shader;
     spsi_sweep sweep;
@@ -16930,8 +17452,9 @@ static int spsi_cells_place(const spsi_frame *frame, spsi_cell_grid *grid) {
 static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->pitch = spsi_cell_pitch(grid->size[0]);
     grid->count = (size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]);
-    grid->orders = frame->matter.orders;
+    grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
+    grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
     grid->channels = frame->channels;
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
@@ -17091,6 +17614,21 @@ static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *p
         spsi_parallel(context, job->target.columns * job->target.rows, spsi_cells_fill_task, job);
     }
     return SPS_OK;
+}
+
+/* Sets the mean scale of extinction. */
+static void spsi_cells_mean_scale(const spsi_cell_job *job) {
+    const spsi_cell_grid *grid = job->grid;
+    for (int c = 0; c < grid->channels; ++c) {
+        double straight = 0, all = 0;
+        for (size_t at = 0; at < grid->count; ++at) {
+            all += (double)grid->depth[at];
+            for (int m = 0; m < job->frame->matter.material_count; ++m)
+                straight +=
+                    (double)(grid->peak[m] * job->scattered[(size_t)(m * grid->channels + c) * grid->count + at]);
+        }
+        grid->scale[c] = all > 0 ? (float)fmax(1 - straight / all, 0) : 1;
+    }
 }
 
 /* --- light --- */
@@ -17284,12 +17822,283 @@ static void spsi_cells_light_task(void *data, int row, int worker) {
         }
 }
 
-/* Lights all cells. */
+/* --- polygons about the cells --- */
+
+/* Where links between cells begin and end: next to their centres, off the planes in which polygons often lie. */
+static void spsi_cell_centre(const spsi_cell_grid *grid, int scale, int x, int y, int z, double centre[3]) {
+    static const double off[3] = {0.5 + 0.0113, 0.5 + 0.0171, 0.5 + 0.0139};
+    const int at[3] = {x, y, z};
+    for (int k = 0; k < 3; ++k) centre[k] = grid->corner[k] + scale * grid->edge * (at[k] + off[k]);
+}
+
+/* A cell of a level, and the polygons that its links end on. */
+typedef struct spsi_cell_view {
+    const spsi_faces *faces;
+    const spsi_cell_grid *grid;
+    const int *size; /* of the level */
+    int scale;       /* edge of its cells, in those of the grid */
+    int at[3];
+    double centre[3];
+} spsi_cell_view;
+
+static void spsi_cell_view_build(const spsi_faces *faces, const spsi_cell_grid *grid, const int size[3], int scale,
+                                 int x, int y, int z, spsi_cell_view *view) {
+    view->faces = faces;
+    view->grid = grid;
+    view->size = size;
+    view->scale = scale;
+    view->at[0] = x;
+    view->at[1] = y;
+    view->at[2] = z;
+    spsi_cell_centre(grid, scale, x, y, z, view->centre);
+}
+
+/* Whether a link within the grid is closed. */
+static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *ray, spsi_hit *hit) {
+    const int step[3] = {link % 3 - 1, link / 3 % 3 - 1, link / 9 - 1};
+    memcpy(ray->origin, view->centre, sizeof ray->origin);
+    for (int k = 0; k < 3; ++k) {
+        const int next = view->at[k] - step[k];
+        ray->direction[k] = -step[k] * view->scale * view->grid->edge;
+        if (next < 0 || next >= view->size[k]) return 0;
+    }
+    ray->low = 0;
+    ray->high = 1;
+    return link != 13 && spsi_ray_to_wall(view->faces, ray, hit);
+}
+
+/* Whether light in a direction that enters the grid in this cell comes from a polygon, at any distance. Each cell takes
+   another ray among those for which the direction stands, so that a floor is half of what cells see along it. */
+static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
+                                  spsi_ray *ray, spsi_hit *hit) {
+    const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
+    const double turn = 2 * SPSI_PI * fmod(count * 0.7548776662466927, 1);
+    const double off = 2 * sqrt((double)direction->weight * fmod(count * 0.5698402909980532, 1));
+    double unit[3], across[2][3];
+    int enters = 0;
+    for (int k = 0; k < 3; ++k) {
+        const int next = view->at[k] - direction->step[k];
+        enters |= next < 0 || next >= view->size[k];
+        unit[k] = -direction->step[k] * (k == direction->axis ? 3 : 1);
+    }
+    if (!enters) return 0;
+    spsi_normalise(unit);
+    spsi_basis(unit, across[0], across[1]);
+    memcpy(ray->origin, view->centre, sizeof ray->origin);
+    for (int k = 0; k < 3; ++k)
+        ray->direction[k] = view->grid->edge * (unit[k] + off * (cos(turn) * across[0][k] + sin(turn) * across[1][k]));
+    ray->low = 0;
+    ray->high = HUGE_VAL;
+    return spsi_ray_to_wall(view->faces, ray, hit);
+}
+
+/* Whether any link within the grid may be closed. */
+static int spsi_cell_view_near(const spsi_cell_view *view) {
+    const double edge = view->scale * view->grid->edge, half[3] = {edge, edge, edge};
+    return spsi_faces_near(view->faces, view->centre, half);
+}
+
+/* Whether the same is true for any cell of a row. */
+static int spsi_cell_row_near(const spsi_cell_view *first) {
+    const double edge = first->scale * first->grid->edge;
+    const double half[3] = {0.5 * edge * (first->size[0] + 1), edge, edge};
+    double centre[3];
+    memcpy(centre, first->centre, sizeof centre);
+    centre[0] += 0.5 * edge * (first->size[0] - 1);
+    return spsi_faces_near(first->faces, centre, half);
+}
+
+/* Whether a cell lies at the end of the grid. */
+static int spsi_cell_view_last(const spsi_cell_view *view) {
+    int last = 0;
+    for (int k = 0; k < 3; ++k) last |= view->at[k] == 0 || view->at[k] == view->size[k] - 1;
+    return last;
+}
+
+#define SPSI_CELL_HITS (26 + SPSI_CELL_DIRECTIONS) /* most of a cell: by links, and from outside */
+
+/* The polygons on which a cell's links end: the nearer they are, the more they count. */
+typedef struct spsi_cell_hits {
+    int count;
+    spsi_surface surface[SPSI_CELL_HITS];
+    int face[SPSI_CELL_HITS];
+    double color[SPSI_CELL_HITS][3], lit[SPSI_CELL_HITS][3], weight[SPSI_CELL_HITS];
+} spsi_cell_hits;
+
+static void spsi_cell_hits_add(const spsi_cell_view *view, const spsi_ray *ray, const spsi_hit *hit,
+                               spsi_cell_hits *hits) {
+    const spsi_face *face = &view->faces->list[hit->face];
+    spsi_surface *surface = &hits->surface[hits->count];
+    double plane[3];
+    spsi_along(ray->origin, ray->direction, ray->high, surface->point);
+    surface->pixel = view->grid->edge;
+    spsi_face_plane(face, plane);
+    spsi_surface_face(face, hit, plane, ray->direction, surface);
+    if (!spsi_normalise(surface->normal)) return;
+    spsi_face_color(face, hit, hits->color[hits->count]);
+    hits->face[hits->count] = hit->face;
+    hits->weight[hits->count++] = 1 / (1 + ray->high * ray->high);
+}
+
+/* Lights up to SPSI_PACKET of them, from number `first` on, by one lamp. */
+static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow, int first,
+                                 spsi_cell_hits *hits) {
+    const spsi_lamp *point = &lamp->points[first / SPSI_PACKET % lamp->point_count];
+    const int end = spsi_least(hits->count, first + SPSI_PACKET);
+    double irradiance[SPSI_PACKET][3], toward[3];
+    spsi_packet packet;
+    int faces = 0;
+    spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
+    for (int i = first; i < end; ++i) {
+        if (!spsi_surface_point_irradiance(job->frame, point, &hits->surface[i], irradiance[i - first])) continue;
+        spsi_toward_lamp(point, hits->surface[i].start, toward);
+        spsi_packet_add(&job->faces->tree, i - first, hits->face[i], hits->surface[i].start, toward, &packet);
+        faces |= 1 << (i - first);
+    }
+    if (!faces) return;
+    if (shadow) spsi_packet_trace(job->faces, &packet);
+    for (int i = first; i < end; ++i) {
+        double through[3] = {1, 1, 1}, depth = 0;
+        if (!((faces & packet.open) >> (i - first) & 1)) continue;
+        if (shadow) depth = spsi_shadow_depth(shadow, 0, hits->surface[i].point);
+        if (packet.filtered >> (i - first) & 1) spsi_packet_through(&packet, i - first, through);
+        for (int c = 0; c < job->grid->channels; ++c)
+            hits->lit[i][c] += fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *
+                               through[c] * exp(-depth * (double)job->grid->scale[c]);
+    }
+}
+
+/* Sets what a cell knows of its polygons. */
+static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *hits, size_t at) {
+    const spsi_cell_walls *walls = &job->walls;
+    const size_t count = job->grid->count;
+    double all = 0;
+    for (int i = 0; i < hits->count; ++i) all += hits->weight[i];
+    for (int i = 0; i < hits->count; ++i) {
+        const double share = hits->weight[i] / all;
+        for (size_t c = 0; c < (size_t)job->grid->channels; ++c) {
+            walls->color[c * count + at] += (float)(share * hits->color[i][c]);
+            walls->lit[c * count + at] += (float)(share * hits->color[i][c] * hits->lit[i][c] / SPSI_PI);
+        }
+        for (size_t k = 0; k < 3; ++k) {
+            walls->place[k * count + at] += (float)(share * (hits->surface[i].point[k] - job->grid->corner[k]));
+            walls->normal[k * count + at] += (float)(share * hits->surface[i].normal[k]);
+        }
+    }
+}
+
+/* Finds the polygons about a cell. */
+static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
+                                 spsi_cell_hits *hits) {
+    spsi_ray ray;
+    spsi_hit hit;
+    hits->count = 0;
+    for (int link = 0; link < 27 && near_by; ++link) {
+        if (!spsi_cell_view_link(view, link, &ray, &hit)) continue;
+        job->walls.closed[at] |= 1u << link;
+        spsi_cell_hits_add(view, &ray, &hit, hits);
+    }
+    for (int i = 0; i < SPSI_CELL_DIRECTIONS && spsi_cell_view_last(view); ++i) {
+        const spsi_cell_direction *direction = &job->directions[i];
+        const int *step = direction->step;
+        if (!spsi_cell_view_outside(view, direction, i, &ray, &hit)) continue;
+        if (direction->axis < 0)
+            job->walls.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
+        else
+            job->walls.outside[at] |= 1u << (i - SPSI_CELL_STRAIGHT);
+        spsi_cell_hits_add(view, &ray, &hit, hits);
+    }
+}
+
+/* Finds and lights the polygons about a row of cells. */
+static void spsi_cells_walls_task(void *data, int row, int worker) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
+    const spsi_cell_grid *grid = job->grid;
+    const int y = row % grid->size[1], z = row / grid->size[1];
+    spsi_cell_view view;
+    int near_row;
+    (void)worker;
+    spsi_cell_view_build(job->faces, grid, grid->size, 1, 0, y, z, &view);
+    near_row = spsi_cell_row_near(&view);
+    for (int x = 0; x < grid->size[0]; ++x) {
+        const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
+        spsi_cell_hits hits;
+        int shadow = 0;
+        spsi_cell_view_build(job->faces, grid, grid->size, 1, x, y, z, &view);
+        spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view), at, &hits);
+        if (hits.count == 0) continue;
+        memset(hits.lit, 0, sizeof hits.lit);
+        for (int i = 0; i < job->frame->lamps.count; ++i) {
+            const spsi_lamp *lamp = &job->frame->lamps.list[i];
+            const spsi_shadow *own = lamp->shadows ? &job->shadows[shadow++] : NULL;
+            for (int first = 0; first < hits.count; first += SPSI_PACKET)
+                spsi_cell_hits_light(job, lamp, own, first, &hits);
+        }
+        spsi_cell_walls_set(job, &hits, at);
+        job->walls.walled[row] = 1;
+    }
+}
+
+/* Floats of all walls. */
+static size_t spsi_cell_walls_floats(const spsi_cell_grid *grid) {
+    return (size_t)(9 + 2 * grid->channels) * grid->count + (size_t)(grid->size[1] * grid->size[2] / 4 + 1);
+}
+
+static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
+    const size_t floats = spsi_cell_walls_floats(job->grid), count = job->grid->count;
+    const size_t channels = (size_t)job->grid->channels;
+    spsi_cell_walls *walls = &job->walls;
+    float *memory;
+    if (job->faces->count == 0) return SPS_OK;
+    memory = (float *)spsi_reserve(job->context, SPSI_BUFFER_CELL_WALLS, floats, sizeof(float));
+    if (!memory) return job->context->result;
+    memset(memory, 0, floats * sizeof *memory);
+    walls->closed = (uint32_t *)(void *)memory;
+    walls->outside = walls->closed + count;
+    walls->color = memory + 2 * count;
+    walls->lit = walls->color + channels * count;
+    walls->place = walls->lit + channels * count;
+    walls->normal = walls->place + 3 * count;
+    walls->sent = walls->normal + 3 * count;
+    walls->walled = (unsigned char *)(walls->sent + count);
+    return SPS_OK;
+}
+
+/* Sets the radiance that polygons send to cells in one channel, less ambient light: what is in the cells so far lights
+   them, too. Returns how much it has changed, as a share of all that they send. */
+static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
+    const spsi_cell_walls *walls = &job->walls;
+    const spsi_cell_grid *grid = job->grid;
+    const double ambient = (double)job->frame->ambient.radiance[c];
+    const size_t count = grid->count, own = (size_t)c * count;
+    double changed = 0, all = 0;
+    for (size_t at = 0; at < count; ++at) {
+        double point[3], normal[3], color, sent;
+        if (!walls->closed[at] && !walls->outside[at]) continue;
+        color = (double)walls->color[own + at];
+        for (size_t k = 0; k < 3; ++k) {
+            point[k] = grid->corner[k] + (double)walls->place[k * count + at];
+            normal[k] = (double)walls->normal[k * count + at];
+        }
+        sent = color * ambient + (double)walls->lit[own + at] - ambient;
+        if (spsi_normalise(normal)) sent += color / SPSI_PI * spsi_cells_irradiance(grid, c, point, normal);
+        changed += fabs(sent - (double)walls->sent[at]);
+        all += fabs(sent);
+        walls->sent[at] = (float)sent;
+    }
+    return all > 0 ? changed / all : 0;
+}
+
+/* --- all lights --- */
+
+/* Lights all cells, and the polygons about them. */
 static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
     const int count = job->frame->lamps.shadow_count;
     sps_tmap *maps;
-    if (job->frame->lamps.count == 0) return SPS_OK;
+    spsi_cell_directions(job->directions);
+    if (spsi_cell_walls_begin(job)) return context->result;
+    if (job->frame->lamps.count == 0 && !job->walls.closed) return SPS_OK;
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
@@ -17300,8 +18109,11 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->rays, &job->slabs);
     spsi_cells_shader(job);
-    if (!spsi_cells_shadows(job, part, maps))
+    if (!spsi_cells_shadows(job, part, maps)) {
         spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
+        if (job->walls.closed)
+            spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_walls_task, job);
+    }
     for (int i = 0; i < count; ++i)
         if (!maps[i].waits) spsi_tmap_release(&maps[i]);
     return context->result;
@@ -17339,8 +18151,9 @@ static void spsi_cells_equations(const spsi_cell_job *job, int c, size_t row) {
         }
         for (int t = 0; t < grid->terms; ++t) {
             const float light = job->incoming[(size_t)(c * grid->terms + t) * grid->count + at];
+            const float wall = job->wall_light ? job->wall_light[(size_t)t * grid->count + at] : 0;
             level->given[(size_t)t * grid->count + at] =
-                whole > 0 ? keep[spsi_term_degree(t)] * light / (4 * whole) : 0;
+                whole > 0 ? keep[spsi_term_degree(t)] * (light / (4 * whole) + wall) : 0;
         }
         if (depth > 0) level->given[at] += emitted / depth - (1 - keep[0]) * job->frame->ambient.radiance[c];
     }
@@ -17378,6 +18191,14 @@ static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
     return level->moments[1] + terms * level->count;
 }
 
+/* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
+static size_t spsi_cell_wall_floats(const spsi_cell_solver *solver) {
+    size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
+    for (int n = 1; n < solver->level_count; ++n)
+        floats += solver->levels[n].count + (size_t)(solver->levels[n].size[1] * solver->levels[n].size[2] / 4 + 1);
+    return floats + 3 * SPSI_CELL_LEAVING * (size_t)solver->levels[0].size[2];
+}
+
 /* Sizes of a solver's levels, each half as long as the one before, down to four cells. Returns the floats of all. */
 static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver *solver) {
     size_t floats = 0;
@@ -17396,7 +18217,8 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
         floats += spsi_cell_level_floats(level, grid->orders);
         if (longest <= 4) break;
     }
-    return floats + spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
+    floats += spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
+    return grid->flux_terms > 0 ? floats + spsi_cell_wall_floats(solver) : floats;
 }
 
 static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid, spsi_cell_solver *solver) {
@@ -17416,26 +18238,132 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
     return SPS_OK;
 }
 
+/* --- solving beside polygons --- */
+
+#define SPSI_CELL_RETURNS 6    /* times that polygons reflect light back, at most */
+#define SPSI_CELL_CHANGE  2e-3 /* of what polygons send: what may be missing */
+
+/* A coarse level whose links are being closed. */
+typedef struct spsi_cell_closing {
+    const spsi_cell_job *job;
+    const spsi_cell_level *level;
+    int scale;
+} spsi_cell_closing;
+
+static void spsi_cells_close_task(void *data, int row, int worker) {
+    const spsi_cell_closing *closing = (const spsi_cell_closing *)data;
+    const spsi_cell_level *level = closing->level;
+    const spsi_faces *faces = closing->job->faces;
+    const int y = row % level->size[1], z = row / level->size[1];
+    spsi_cell_view view;
+    (void)worker;
+    spsi_cell_view_build(faces, closing->job->grid, level->size, closing->scale, 0, y, z, &view);
+    if (!spsi_cell_row_near(&view)) return;
+    for (int x = 0; x < level->size[0]; ++x) {
+        uint32_t *closed = &level->closed[(size_t)row * (size_t)level->pitch + (size_t)x];
+        spsi_cell_view_build(faces, closing->job->grid, level->size, closing->scale, x, y, z, &view);
+        if (!spsi_cell_view_near(&view)) continue;
+        for (int link = 0; link < 27; ++link) {
+            spsi_ray ray;
+            spsi_hit hit;
+            if (spsi_cell_view_link(&view, link, &ray, &hit)) *closed |= 1u << link;
+        }
+        if (*closed) level->walled[row] = 1;
+    }
+}
+
+/* Closes links on all levels, and sets up `plain`, the finest one as it is when cells send nothing. */
+static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
+    spsi_cell_solver *solver = job->solver;
+    const size_t floats = (size_t)solver->terms * solver->levels[0].count;
+    float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
+    memset(memory, 0, spsi_cell_wall_floats(solver) * sizeof *memory);
+    solver->levels[0].closed = job->walls.closed;
+    solver->levels[0].outside = job->walls.outside;
+    solver->levels[0].walled = job->walls.walled;
+    *plain = solver->levels[0];
+    plain->sent = memory;
+    plain->moments[0] = memory + floats;
+    plain->moments[1] = memory + 2 * floats;
+    memory += 3 * floats;
+    for (int n = 1; n < solver->level_count; ++n) {
+        spsi_cell_level *level = &solver->levels[n];
+        spsi_cell_closing closing;
+        level->closed = (uint32_t *)(void *)memory;
+        level->walled = (unsigned char *)(memory + level->count);
+        memory += level->count + (size_t)(level->size[1] * level->size[2] / 4 + 1);
+        closing.job = job;
+        closing.level = level;
+        closing.scale = 1 << n;
+        spsi_parallel(job->context, level->size[1] * level->size[2], spsi_cells_close_task, &closing);
+    }
+    solver->leaving = memory;
+}
+
+/* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
+   hardly changed. */
+static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
+    const spsi_cell_grid *grid = job->grid;
+    const size_t floats = (size_t)grid->flux_terms * grid->count;
+    const int first = job->wall_light == NULL;
+    spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
+              floats * sizeof(float));
+    spsi_cell_patches_fill(job->solver, grid, channel);
+    if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
+    spsi_cells_sweep_walls(job->solver, plain, job->walls.sent);
+    job->wall_light = plain->moments[0];
+    return 1;
+}
+
+/* Solves for one channel; beside polygons, again with what they reflect. */
+static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel *own, const spsi_cell_level *plain,
+                                           const spsi_part_of_call *part) {
+    spsi_cell_solver *solver = job->solver;
+    const spsi_cell_grid *grid = job->grid;
+    const size_t moments = (size_t)grid->terms * grid->count;
+    const float *found = solver->levels[0].moments[0];
+    float *light = grid->moments + (size_t)own->channel * moments;
+    spsi_part_of_call each = *part;
+    for (int n = 0; n < solver->level_count; ++n)
+        memset(solver->levels[n].depth, 0, spsi_cell_level_floats(&solver->levels[n], grid->orders) * sizeof(float));
+    job->wall_light = NULL;
+    if (plain) {
+        memset(job->walls.sent, 0, grid->count * sizeof(float));
+        memset(solver->leaving, 0, 3 * SPSI_CELL_LEAVING * (size_t)grid->size[2] * sizeof(float));
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        spsi_cells_levels(solver);
+        spsi_cells_reflect(job, own->channel, plain);
+    }
+    for (int n = 0; n < SPSI_CELL_RETURNS; ++n) {
+        each.share *= 0.5;
+        spsi_parallel(job->context, grid->size[1] * grid->size[2], spsi_cells_equations_task, own);
+        if (spsi_cells_solve(solver, n > 0, &each)) return job->context->result;
+        each.progress += each.share;
+        if (!plain || !spsi_cells_reflect(job, own->channel, plain)) break;
+    }
+    spsi_copy(job->context, light, found, moments * sizeof(float));
+    for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
+    return SPS_OK;
+}
+
 /* Solves for one channel after the other. */
 static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
     const spsi_cell_grid *grid = job->grid;
-    const size_t moments = (size_t)grid->terms * grid->count;
     spsi_part_of_call each = *part;
+    spsi_cell_level plain;
     spsi_cell_channel own;
     spsi_cell_solver solver;
     if (spsi_cell_solver_build(context, grid, &solver)) return context->result;
     job->solver = &solver;
+    if (job->walls.closed) {
+        spsi_cells_close(job, &plain);
+        spsi_cell_patches_place(grid);
+    }
     own.job = job;
     each.share /= grid->channels;
-    for (own.channel = 0; own.channel < grid->channels; ++own.channel, each.progress += each.share) {
-        for (int n = 0; n < solver.level_count; ++n)
-            memset(solver.levels[n].depth, 0, spsi_cell_level_floats(&solver.levels[n], grid->orders) * sizeof(float));
-        spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_equations_task, &own);
-        if (spsi_cells_solve(&solver, &each)) return context->result;
-        spsi_copy(context, grid->moments + (size_t)own.channel * moments, solver.levels[0].moments[0],
-                  moments * sizeof(float));
-    }
+    for (own.channel = 0; own.channel < grid->channels; ++own.channel, each.progress += each.share)
+        if (spsi_cells_solve_channel(job, &own, job->walls.closed ? &plain : NULL, &each)) return context->result;
     return SPS_OK;
 }
 
@@ -17450,6 +18378,12 @@ static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lam
     return held + filling;
 }
 
+/* Floats of what polygons receive, and of the scales of extinction. */
+static size_t spsi_cells_flux_floats(const spsi_cell_grid *grid) {
+    const size_t flux = (size_t)(grid->channels * grid->flux_terms) * grid->count;
+    return (flux > 0 ? flux + spsi_cell_patch_floats(grid) : 0) + 3;
+}
+
 /* Upper bound of the bytes for all cells: those of a cube. */
 static size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
@@ -17461,6 +18395,7 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
     floats += (size_t)(1 + grid.channels * (grid.terms + frame->matter.material_count)) * grid.count;
+    floats += spsi_cells_flux_floats(&grid) + (grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0);
     for (int i = 0; i < frame->lamps.count; ++i)
         if (frame->lamps.list[i].shadows && !spsi_has_shadow_table(&frame->lamps.list[i]))
             bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
@@ -17517,7 +18452,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     if (!job || !memory) return context->result;
     memset(job, 0, sizeof *job);
     memset(memory, 0, floats * sizeof *memory);
-    memset(grid->depth, 0, grid->count * sizeof *grid->depth);
+    memset(grid->depth, 0, (grid->count + spsi_cells_flux_floats(grid)) * sizeof *grid->depth);
     job->context = context;
     job->frame = frame;
     job->faces = faces;
@@ -17529,6 +18464,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     job->incoming = job->emitted + channels * grid->count;
     third.share /= 3;
     if (spsi_cells_fill(job, &third)) return context->result;
+    spsi_cells_mean_scale(job);
     third.progress += third.share;
     if (spsi_cells_light(job, &third)) return context->result;
     third.progress += third.share;
@@ -17542,7 +18478,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     spsi_cell_grid *grid = (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, 1, sizeof *grid);
     spsi_cell_look look;
     uint64_t key;
-    size_t moments, seen;
+    size_t moments, seen, flux;
     frame->content->cells = NULL;
     if (!grid) return context->result;
     if (!spsi_holds_gas(context, frame) || !spsi_cells_place(frame, grid)) return SPS_OK;
@@ -17550,10 +18486,15 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     key = spsi_cells_fingerprint(context, frame, grid);
     moments = (size_t)(grid->channels * grid->terms) * grid->count;
     seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    grid->moments = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, moments + grid->count, sizeof(float));
+    flux = (size_t)(grid->channels * grid->flux_terms) * grid->count;
+    grid->moments = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS,
+                                          moments + grid->count + spsi_cells_flux_floats(grid), sizeof(float));
     grid->seen = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
     if (!grid->moments || !grid->seen) return context->result;
     grid->depth = grid->moments + moments;
+    grid->scale = grid->depth + grid->count;
+    grid->flux = grid->scale + 3;
+    grid->patches = grid->flux + flux;
     if (!key || key != context->cells_held) {
         context->cells_held = 0;
         if (spsi_cells_make(context, frame, faces, part, grid)) return context->result;
@@ -18180,7 +19121,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (spsi_textures(context, frame, &picture.faces, &picture.visible)) return context->result;
     context->stats.seconds_textures = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);
-    if (frame->lamps.shadow_count > 0 && spsi_faces_tree(context, &picture.faces)) return context->result;
+    if (spsi_needs_tree(frame) && spsi_faces_tree(context, &picture.faces)) return context->result;
     context->stats.seconds_tree = spsi_clock(context) - gathered;
     picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
@@ -18478,6 +19419,7 @@ static void spsi_plan_penumbra_pass(const spsi_frame *frame, int gases, sps_plan
 static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int held, sps_plan_report *report) {
     const int polygons = frame->meshes.triangle_count > 0, shadows = polygons ? frame->lamps.shadow_count : 0;
     const int hard = shadows - (polygons ? report->pass[SPS_PASS_PENUMBRAE].runs : 0);
+    const int tree = polygons && spsi_needs_tree(frame);
     const char *nothing = polygons ? "no light casts shadows" : "no triangles";
     spsi_plan_pass(report, SPS_PASS_EYE_POLYGONS, polygons, "there are triangles", "no triangles");
     spsi_plan_pass(report, SPS_PASS_LAYERS, spsi_has_layers(frame),
@@ -18490,8 +19432,9 @@ static void spsi_plan_polygon_passes(const spsi_frame *frame, int gases, int hel
                    shadows == 0 ? nothing
                    : hard == 0  ? "all lights that cast shadows cast penumbrae on gas"
                                 : "no volume or particle that scatters light");
-    spsi_plan_pass(report, SPS_PASS_TRIANGLE_TREE, shadows > 0 && !held, "polygons cast shadows on polygons",
-                   shadows == 0 ? nothing : "the tree is held from an earlier call");
+    spsi_plan_pass(report, SPS_PASS_TRIANGLE_TREE, tree && !held,
+                   shadows > 0 ? "polygons cast shadows on polygons" : "light goes from cell to cell beside polygons",
+                   tree ? "the tree is held from an earlier call" : nothing);
     spsi_plan_pass(report, SPS_PASS_SHADOW_RAYS, shadows, "polygons cast shadows on polygons", nothing);
 }
 
@@ -18555,10 +19498,11 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
             SPSI_BLOCK_BYTES;
         report->pass[SPS_PASS_LAYERS].bytes = spsi_layers_bytes(context, frame);
         report->pass[SPS_PASS_TEXTURES].bytes = spsi_textures_bytes(frame);
+        if (spsi_needs_tree(frame))
+            report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->meshes.triangle_count);
         if (frame->lamps.shadow_count > 0) {
             if (frame->matter.scatters)
                 report->pass[SPS_PASS_LIGHT_POLYGONS].bytes = lights * spsi_depth_map_floats_most(size) * sizeof(float);
-            report->pass[SPS_PASS_TRIANGLE_TREE].bytes = spsi_tree_bytes(frame->meshes.triangle_count);
             report->pass[SPS_PASS_SHADOW_RAYS].bytes =
                 spsi_sight_bytes(context, spsi_ray_count(&frame->content->eye), shares);
         }
@@ -18749,45 +19693,6 @@ static double spsi_field(const spsi_dense *grid, const double point[3], double g
     for (int i = 0; i < 3 && gradient; ++i)
         for (int k = 0; k < 3; ++k) gradient[k] += g[i] * grid->inverse[i][k];
     return sum;
-}
-
-/* --- intersections of rays --- */
-
-typedef struct spsi_ray {
-    double origin[3], direction[3];
-    double low, high; /* segment of interest, in lengths of `direction` from the origin */
-} spsi_ray;
-
-static int spsi_ray_meets_box(const spsi_ray *ray, const double low[3], const double high[3], double range[2]) {
-    range[0] = ray->low;
-    range[1] = ray->high;
-    for (int i = 0; i < 3; ++i) {
-        const double d = ray->direction[i], from = ray->origin[i];
-        double a, b;
-        if (!(fabs(d) > 0)) {
-            if (from < low[i] || from > high[i]) return 0;
-            continue;
-        }
-        a = (low[i] - from) / d;
-        b = (high[i] - from) / d;
-        range[0] = fmax(range[0], fmin(a, b));
-        range[1] = fmin(range[1], fmax(a, b));
-    }
-    return range[0] <= range[1];
-}
-
-/* Boxes are floats, rounded outwards; they need a margin for the sums in double precision that place them about the
-   centre, and for those by which faces are tested, so that none is missed that is hit by round-off. */
-static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const spsi_tree_node *node) {
-    double low[3], high[3], range[2], room = 0;
-    for (int i = 0; i < 3; ++i)
-        room += fabs(tree->centre[i]) + fabs(ray->origin[i]) + fabs((double)node->low[i]) + fabs((double)node->high[i]);
-    room *= 1e-12;
-    for (int i = 0; i < 3; ++i) {
-        low[i] = tree->centre[i] + (double)node->low[i] - room;
-        high[i] = tree->centre[i] + (double)node->high[i] + room;
-    }
-    return spsi_ray_meets_box(ray, low, high, range);
 }
 
 /* Optical depth of a ball along a segment of a ray: that of the whole chord times the difference of a function of s at
@@ -19760,56 +20665,6 @@ static void spsi_path_through_particles(const spsi_marcher *marcher, spsi_ray *r
             spsi_particles_pick(marcher, ray, ray->high, 1e-6 * (range[1] - range[0]), random);
 }
 
-/* --- faces --- */
-
-/* Whether a ray meets a face within its range, more than `rounding` ahead of its origin; t and weights if so. */
-static int spsi_path_meets(const spsi_face *face, const spsi_ray *ray, double rounding, double *t, float weights[2]) {
-    const double *d = ray->direction;
-    double a[3], b[3], c[3], n[3], room, ab, bc, ac, facing, ahead;
-    for (int i = 0; i < 3; ++i) {
-        a[i] = face->position[0][i] - ray->origin[i];
-        b[i] = face->position[1][i] - ray->origin[i];
-        c[i] = face->position[2][i] - ray->origin[i];
-    }
-    spsi_face_plane(face, n);
-    room = rounding * (fabs(n[0]) + fabs(n[1]) + fabs(n[2]));
-    ab = spsi_edge_side(a, b, d), bc = spsi_edge_side(b, c, d), ac = spsi_edge_side(a, c, d);
-    facing = spsi_dot(n, d);
-    ahead = facing < 0 ? -spsi_dot(n, a) : spsi_dot(n, a);
-    if (!spsi_edges_hold(a, b, c, d, ab, bc, ac) || !(fabs(facing) > 0) || !(ahead > room)) return 0;
-    *t = ahead / fabs(facing);
-    if (!(*t > ray->low && *t < ray->high) || !(fabs(ab + bc - ac) > 0)) return 0;
-    weights[0] = (float)(-ac / (ab + bc - ac));
-    weights[1] = (float)(ab / (ab + bc - ac));
-    return 1;
-}
-
-/* Finds the nearest face on a path, and shortens the ray to it. */
-static void spsi_path_to_face(const spsi_marcher *marcher, spsi_path *path, spsi_hit *hit) {
-    const spsi_faces *faces = marcher->faces;
-    int stack[SPSI_TREE_STACK], top = 0;
-    hit->face = -1;
-    if (faces->tree.count > 0) stack[top++] = 0;
-    while (top > 0) {
-        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
-        if (!spsi_ray_meets_node(&faces->tree, &path->ray, node)) continue;
-        for (int i = 0; i < node->count; ++i) {
-            const int number = faces->tree.order[node->first + i];
-            const spsi_face *face = &faces->list[number];
-            const double rounding = path->face >= 0 ? (double)face->rounding + 16 * DBL_EPSILON * faces->extent : 0;
-            double t;
-            float weights[2];
-            if (number == path->face || !spsi_path_meets(face, &path->ray, rounding, &t, weights)) continue;
-            path->ray.high = t;
-            hit->face = number;
-            memcpy(hit->weights, weights, sizeof weights);
-        }
-        if (node->count > 0) continue;
-        stack[top++] = node->first;
-        stack[top++] = node->first + 1;
-    }
-}
-
 /* --- events --- */
 
 /* Estimate of the transmittance of all gas between a point and a light. */
@@ -19988,7 +20843,7 @@ static void spsi_path_follow(const spsi_marcher *marcher, spsi_sample *sample, s
     do {
         spsi_hit hit;
         int part = -1;
-        spsi_path_to_face(marcher, path, &hit);
+        spsi_ray_to_face(marcher->faces, path->face, &path->ray, &hit);
         spsi_path_through_volumes(marcher, &path->ray, &path->random, &part);
         spsi_path_through_particles(marcher, &path->ray, &path->random, &part);
         if (path->scattered > 0) spsi_path_emission(marcher, path);

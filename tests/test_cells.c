@@ -275,7 +275,7 @@ static int run_solver(double *off) {
         for (int t = 0; t < exact.terms; ++t)
             level->given[(size_t)t * level->count + at] = (float)exact.given[i * exact.terms + t];
     }
-    if (!CHECK(spsi_cells_solve(&solver, &whole) == SPS_OK)) return 0;
+    if (!CHECK(spsi_cells_solve(&solver, 0, &whole) == SPS_OK)) return 0;
     for (int i = 0; i < exact.count * exact.terms; ++i)
         exact.sent[i] = (double)level->sent[(size_t)(i % exact.terms) * level->count + padded(&exact, i / exact.terms)];
     sweep(&exact);

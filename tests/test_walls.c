@@ -1,0 +1,434 @@
+/* Polygons about cells: the links that they close, what they reflect, and the light that cells send to them, each
+   against geometry or an integral; whole pictures against random paths; a white sky above white floors. */
+
+#include "check.h"
+
+enum { SIDE = 16, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS };
+static float image_a[COUNT], image_b[COUNT], errors[3 * PIXELS];
+static sps_context *context;
+static check_triangles faces;
+static const float one = 1;
+static const sps_lobe forward = {0.85f, 1};
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+static double mean_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < COUNT; ++i) sum += i % 4 < 3 ? (double)image[i] : 0;
+    return sum / (3 * PIXELS);
+}
+
+static void add_quad(double x, double y, double z, double ux, double uy, double uz, double vx, double vy, double vz) {
+    const double origin[3] = {x, y, z}, u[3] = {ux, uy, uz}, v[3] = {vx, vy, vz};
+    check_add_quad(&faces, origin, u, v);
+}
+
+/* A puff of gas about the origin, seen from above one side. Polygons come next. */
+static void start(check_scene *s, const sps_lobe *lobe) {
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 0, 1.2, 5);
+    check_perspective(&s->view.camera, 0.7);
+    check_add_puff(s, 6);
+    s->volume[0].lobes = lobe, s->volume[0].lobe_count = lobe != NULL;
+    check_color(s->volume[0].albedo, 1, 1, 1);
+    s->view.scattering = SPS_SCATTERING_FULL;
+    s->view.scatter_size = 16;
+    faces.count = 0;
+}
+
+/* Gas of one density fills the same box. */
+static void start_even(check_scene *s) {
+    start(s, NULL);
+    s->volume[0].eval_fn = NULL;
+    s->volume[0].read_fn = check_read_constant;
+    s->volume[0].user = (void *)(size_t)&one;
+    s->volume[0].extinction = 1;
+}
+
+static const spsi_cell_grid *grid_of(const sps_context *by) {
+    return (const spsi_cell_grid *)by->buffers[SPSI_BUFFER_CELL_GRID].data;
+}
+
+static const spsi_cell_job *job_of(const sps_context *by) {
+    return (const spsi_cell_job *)by->buffers[SPSI_BUFFER_CELL_JOB].data;
+}
+
+static size_t cell_at(const spsi_cell_grid *grid, const int at[3]) {
+    return (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
+}
+
+/* --- which links are closed --- */
+
+typedef struct plane {
+    double normal[3], offset;
+} plane;
+
+/* Whether a plane lies between two centres, neither of which may be in it. */
+static int is_between(const plane *wall, const double a[3], const double b[3]) {
+    return (spsi_dot(wall->normal, a) > wall->offset) != (spsi_dot(wall->normal, b) > wall->offset);
+}
+
+/* Adds a quadrangle in a plane, wide enough to cut all of the gas. */
+static void add_plane(const plane *wall) {
+    double u[3], v[3], origin[3];
+    spsi_basis(wall->normal, u, v);
+    for (int k = 0; k < 3; ++k) origin[k] = wall->offset * wall->normal[k] - 5 * u[k] - 5 * v[k];
+    add_quad(origin[0], origin[1], origin[2], 10 * u[0], 10 * u[1], 10 * u[2], 10 * v[0], 10 * v[1], 10 * v[2]);
+}
+
+/* Links between cells are closed just where the plane of a polygon is between their centres, from both sides. */
+static void check_links(const plane *wall) {
+    const spsi_cell_grid *grid = grid_of(context);
+    int wrong = 0, closed = 0, at[3];
+    for (at[2] = 0; at[2] < grid->size[2]; ++at[2])
+        for (at[1] = 0; at[1] < grid->size[1]; ++at[1])
+            for (at[0] = 0; at[0] < grid->size[0]; ++at[0])
+                for (int link = 0; link < 27; ++link) {
+                    const int from[3] = {at[0] - (link % 3 - 1), at[1] - (link / 3 % 3 - 1), at[2] - (link / 9 - 1)};
+                    const int is = job_of(context)->walls.closed[cell_at(grid, at)] >> link & 1;
+                    double here[3], there[3];
+                    int inside = link != 13;
+                    for (int k = 0; k < 3; ++k) inside &= from[k] >= 0 && from[k] < grid->size[k];
+                    if (!inside) continue;
+                    spsi_cell_centre(grid, 1, at[0], at[1], at[2], here);
+                    spsi_cell_centre(grid, 1, from[0], from[1], from[2], there);
+                    wrong += is != is_between(wall, here, there);
+                    closed += is;
+                }
+    if (figures()) printf("closed: %d, wrong: %d\n", closed, wrong);
+    CHECK(wrong == 0);
+    CHECK(closed > 100);
+}
+
+static void test_links(void) {
+    static const plane walls[] = {{{0, 1, 0}, -0.6}, {{1, 0, 0}, 0.02}, {{0, 0, 1}, 0}, {{0.48, 0.6, 0.64}, 0.1}};
+    for (int n = 0; n < 4; ++n) {
+        check_scene s;
+        start_even(&s);
+        check_add_directional(&s, 0.1, -1, 0.2, 1);
+        add_plane(&walls[n]);
+        check_add_mesh(&s, &faces, 0.5);
+        check_render(context, &s, image_a);
+        check_links(&walls[n]);
+        check_translucent(&s.mesh[0], 0.5);
+        s.mesh[0].revision = (uint64_t)n + 1;
+        check_render(context, &s, image_a);
+        CHECK(memcmp(job_of(context)->walls.closed, image_a, 0) == 0);
+        for (size_t i = 0; i < grid_of(context)->count; ++i)
+            if (job_of(context)->walls.closed[i]) CHECK(!"panes close links");
+    }
+}
+
+/* No light passes an opaque plane, at whatever angle, and gas behind it stays dark. */
+static void test_dark_side(void) {
+    static const plane walls[] = {{{1, 0, 0}, 0.02}, {{0.48, 0.6, 0.64}, 0.1}};
+    for (int n = 0; n < 2; ++n) {
+        double lit = 0, dark = 0;
+        const spsi_cell_grid *grid;
+        int at[3];
+        check_scene s;
+        start_even(&s);
+        check_add_directional(&s, -walls[n].normal[0], -walls[n].normal[1], -walls[n].normal[2], 1);
+        add_plane(&walls[n]);
+        check_add_mesh(&s, &faces, 0.5);
+        check_render(context, &s, image_a);
+        grid = grid_of(context);
+        for (at[2] = 0; at[2] < grid->size[2]; ++at[2])
+            for (at[1] = 0; at[1] < grid->size[1]; ++at[1])
+                for (at[0] = 0; at[0] < grid->size[0]; ++at[0]) {
+                    double centre[3], side;
+                    spsi_cell_centre(grid, 1, at[0], at[1], at[2], centre);
+                    side = spsi_dot(walls[n].normal, centre) - walls[n].offset;
+                    if (side > 0) lit = fmax(lit, (double)grid->moments[cell_at(grid, at)]);
+                    if (side < -1.8 * grid->edge) dark = fmax(dark, (double)grid->moments[cell_at(grid, at)]);
+                }
+        if (figures()) printf("before a wall up to %.3g, behind it %.3g\n", lit, dark);
+        CHECK(lit > 0.05);
+        CHECK(dark <= (n ? 0.02 : SPSI_CELL_BALANCE) * lit); /* at a slant, cells that it cuts have lit samples */
+    }
+}
+
+/* --- what cells send to polygons --- */
+
+/* Irradiance by the sides of a box of uniform exitance, by 200 x 200 points each. */
+static double box_irradiance(const spsi_cell_grid *grid, const double point[3], const double normal[3]) {
+    enum { POINTS = 200 };
+    double sum = 0;
+    for (int side = 0; side < 6; ++side) {
+        const int axis = side / 2, u = (axis + 1) % 3, v = (axis + 2) % 3;
+        const double area = grid->edge * grid->size[u] * grid->edge * grid->size[v] / (POINTS * POINTS);
+        for (int i = 0; i < POINTS * POINTS; ++i) {
+            double from[3], way[3], facing, leaving, square;
+            from[axis] = grid->corner[axis] + side % 2 * grid->edge * grid->size[axis];
+            from[u] = grid->corner[u] + (i % POINTS + 0.5) / POINTS * grid->edge * grid->size[u];
+            from[v] = grid->corner[v] + (i / POINTS + 0.5) / POINTS * grid->edge * grid->size[v];
+            for (int k = 0; k < 3; ++k) way[k] = from[k] - point[k];
+            facing = spsi_dot(way, normal), square = spsi_dot(way, way);
+            leaving = side % 2 ? -way[axis] : way[axis];
+            if (facing > 0 && leaving > 0) sum += facing * leaving / (square * square) * area / SPSI_PI;
+        }
+    }
+    return sum;
+}
+
+/* A grid whose sides send the same everywhere, at a few places and angles. Discs stand for patches: half a box off they
+   are within 6 % of the integral, a patch's width off within 12 %. */
+static void test_outside(void) {
+    static const double places[][3] = {{0, -3, 0}, {0.3, -1.4, 0.2}, {1.5, -1.3, 0.5}, {3, 2, -2.5}, {-1.55, 0.2, 0}};
+    static const double normals[][3] = {{0, 1, 0}, {-0.6, 0.8, 0}, {0.48, 0.6, 0.64}, {-0.8, 0, 0.6}};
+    static spsi_cell_grid grid;
+    static float patches[5 * SPSI_CELL_SHEET];
+    double worst[2] = {0, 0};
+    memset(&grid, 0, sizeof grid);
+    grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5; /* of 5 cells, some patches have none */
+    grid.edge = 0.15, grid.channels = 1, grid.patches = patches;
+    for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
+    spsi_cell_patches_place(&grid);
+    for (int i = 0; i < SPSI_CELL_SHEET; ++i) patches[4 * SPSI_CELL_SHEET + i] = 1;
+    for (int n = 0; n < 5 * 4; ++n) {
+        const double *place = places[n / 4], *normal = normals[n % 4];
+        const double exact = box_irradiance(&grid, place, normal),
+                     found = spsi_cells_irradiance(&grid, 0, place, normal);
+        double off = fabs(found - exact);
+        if (figures()) printf("place %d, normal %d: %.5f, exact %.5f\n", n / 4, n % 4, found, exact);
+        CHECK(off <= (n / 4 == 4 ? 0.12 : 0.06) * exact + 0.002);
+        worst[n / 4 % 3 != 0] = fmax(worst[n / 4 % 3 != 0], off / fmax(exact, 0.01));
+    }
+    if (figures()) printf("worst %.3f, close by %.3f\n", worst[0], worst[1]);
+}
+
+/* Moments of light that comes evenly from half of all directions give a surface before it pi times its radiance, one
+   that looks away nothing, and one aside half of that. */
+static void test_within(void) {
+    static const double normals[][3] = {{0, 1, 0}, {0, -1, 0}, {1, 0, 0}, {0, 0.6, 0.8}};
+    static const double shares[] = {1, 0, 0.5, 0.8};
+    static spsi_cell_grid grid;
+    static float flux[9 * 2 * 2 * 2 * SPSI_LANES];
+    memset(&grid, 0, sizeof grid), memset(flux, 0, sizeof flux);
+    grid.size[0] = grid.size[1] = grid.size[2] = 2;
+    grid.pitch = spsi_cell_pitch(2), grid.count = (size_t)grid.pitch * 4;
+    grid.edge = 1, grid.channels = 1, grid.flux_terms = 9, grid.flux = flux;
+    for (size_t i = 0; i < grid.count; ++i) { /* light that falls: the mean of y over the lower half is -1 / 2 */
+        flux[i] = 0.5f;
+        flux[grid.count + i] = (float)(-0.25 * sqrt(3.0));
+    }
+    for (int n = 0; n < 4; ++n) {
+        const double point[3] = {1, 1, 1};
+        CHECK_NEAR(spsi_cells_irradiance(&grid, 0, point, normals[n]), SPSI_PI * shares[n], 1e-5);
+    }
+}
+
+/* Cells behind a polygon, which may be dark, do not count for what it receives. */
+static void test_before(void) {
+    static spsi_cell_grid grid;
+    static float flux[4 * 4 * 4 * 4 * SPSI_LANES];
+    memset(&grid, 0, sizeof grid), memset(flux, 0, sizeof flux);
+    grid.size[0] = grid.size[1] = grid.size[2] = 4;
+    grid.pitch = spsi_cell_pitch(4), grid.count = (size_t)grid.pitch * 16;
+    grid.edge = 1, grid.channels = 1, grid.flux_terms = 4, grid.flux = flux;
+    for (int z = 0; z < 4; ++z)
+        for (int x = 0; x < 4; ++x)
+            for (int y = 2; y < 4; ++y) flux[(z * 4 + y) * grid.pitch + x] = 1;
+    for (double y = 1.55; y < 2.5; y += 0.1) {
+        const double up[3] = {0, 1, 0}, point[3] = {2.2, y, 1.7};
+        CHECK_NEAR(spsi_cells_irradiance(&grid, 0, point, up), SPSI_PI, 1e-5);
+    }
+}
+
+/* What leaves the grid by its sides is all that is sent in it, less what is absorbed: for a floor far below and gas
+   that absorbs nothing, the light that goes in. */
+static void test_leaving(void) {
+    static const int sides[] = {16, 9, 5};
+    for (int n = 0; n < 3; ++n) {
+        const spsi_cell_grid *grid;
+        double out = 0, in = 0;
+        check_scene s;
+        start(&s, NULL);
+        s.view.scatter_size = sides[n];
+        check_add_directional(&s, 0.2, -1, 0.3, 1);
+        add_quad(-1, -900, -1, 2, 0, 0, 0, 0, 2);
+        check_add_mesh(&s, &faces, 0.5);
+        check_render(context, &s, image_a);
+        grid = grid_of(context);
+        for (int i = 0; i < SPSI_CELL_SHEET; ++i)
+            out += (double)(grid->patches[3 * SPSI_CELL_SHEET + i] * grid->patches[4 * SPSI_CELL_SHEET + i]);
+        for (size_t i = 0; i < grid->count; ++i) /* E / 4 pi, weighted by optical depth; four samples of half an edge */
+            in += (double)job_of(context)->incoming[i] / 4 * 4 * SPSI_PI * grid->edge * grid->edge;
+        if (figures()) printf("%d cells: out %.4f of %.4f\n", sides[n], out, in);
+        CHECK_NEAR(out, in, 2e-3 * in); /* SPSI_CELL_BALANCE, twice over for conservative gas */
+    }
+}
+
+/* --- whole pictures --- */
+
+/* White floors and gas that absorbs nothing vanish before a white sky. */
+static void test_white_floor(void) {
+    for (int n = 0; n < 4; ++n) {
+        double off = 0;
+        check_scene s;
+        start(&s, n % 2 ? &forward : NULL);
+        if (n / 2) add_quad(-9, -0.4, -9, 18, 0, 0, 0, 0, 18);
+        add_quad(-1, -2, -1, 2, 0.7, 0, 0, 0, 2);
+        check_add_mesh(&s, &faces, 1);
+        s.view.quality = SPS_QUALITY_ULTRA; /* rays end where 5e-5 of light would pass */
+        check_color(s.scene.ambient, 2, 2, 2);
+        check_color(s.scene.background, 2, 2, 2);
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i)
+            if (i % 4 < 3) off = fmax(off, fabs((double)image_a[i] - 2));
+        if (figures()) printf("white floor: off by %.2g\n", off);
+        CHECK(off < 2 * 6e-5);
+    }
+}
+
+static void compare_with_paths(const check_scene *s, const char *name, int samples, double share) {
+    sps_reference_settings settings;
+    sps_image image;
+    double square = 0, mean, exact;
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    settings.step = 0.5, settings.samples = check_long() ? 8 * samples : samples, settings.seed = 1;
+    settings.error = errors, image.rgba = image_b;
+    check_render(context, s, image_a);
+    if (!CHECK_OK(context, sps_reference(context, &s->scene, &s->view, &settings, &image))) return;
+    for (int i = 0; i < 3 * PIXELS; ++i) square += pow((double)errors[i] / (3 * PIXELS), 2);
+    mean = mean_of(image_a), exact = mean_of(image_b);
+    square = sqrt(3 * square); /* colors share their paths */
+    if (figures())
+        printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, mean, exact, square, 100 * (mean / exact - 1));
+    if (!CHECK(fabs(mean - exact) <= 5 * square + share * exact))
+        printf("    %s: %g, paths %g +- %g\n", name, mean, exact, square);
+}
+
+enum { ON_FLOOR, ABOVE_FLOOR, WALL, SKY, SLANT, COLORS, ROOM, PLACES };
+static const char *const places[] = {"on a floor",       "above a floor", "a wall amid gas", "floor under a sky",
+                                     "floor at a slant", "colored floor", "lamp in a room"};
+
+static void add_place(check_scene *s, int place) {
+    if (place == ON_FLOOR || place == SKY || place == COLORS) add_quad(-4, -0.6, -4, 8, 0, 0, 0, 0, 8);
+    if (place == ABOVE_FLOOR) add_quad(-6, -2, -6, 12, 0, 0, 0, 0, 12);
+    if (place == WALL) add_quad(0.02, -3, -3, 0, 6, 0, 0, 0, 6);
+    if (place == SLANT) add_quad(-4, -1.6, -4, 8, 1.6, 0, 0, 0, 8);
+    if (place == ROOM) {
+        for (int i = 0; i < 2; ++i)
+            add_quad(-1, 2 * i - 1, -1, 2, 0, 0, 0, 0, 2), add_quad(2 * i - 1, -1, -1, 0, 2, 0, 0, 0, 2);
+        add_quad(-1, -1, -1, 2, 0, 0, 0, 2, 0);
+        check_add_point(s, 0.3, 0.5, 0.2, 1);
+        check_set3(s->view.camera.position, 0, 0, 3.2);
+    } else if (place == SKY) {
+        check_color(s->scene.ambient, 0.5, 0.6, 0.7);
+    } else {
+        check_add_directional(s, place == WALL ? 1 : 0.3, place == WALL ? -0.1 : -1, -0.2, 1);
+    }
+    check_add_mesh(s, &faces, 0.8);
+    if (place == COLORS) check_color(s->mesh[0].color, 0.9, 0.5, 0.2);
+}
+
+/* Gas by polygons, in their light, in front of them and behind. Scattered once, light is 16 to 74 % short. */
+static void test_paths(void) {
+    for (int n = 0; n < 2 * PLACES; ++n) {
+        const int place = n / 2;
+        char name[64];
+        check_scene s;
+        if (!check_long() && n % 2 != place % 2) continue;
+        if (place == ROOM)
+            start_even(&s), s.volume[0].lobes = &forward, s.volume[0].lobe_count = n % 2;
+        else
+            start(&s, n % 2 ? &forward : NULL);
+        add_place(&s, place);
+        snprintf(name, sizeof name, "%s, g %g", places[place], n % 2 ? 0.85 : 0);
+        compare_with_paths(&s, name, 30, place == ROOM ? 0.08 : 0.03); /* the light of a lamp within gas: 7 % */
+    }
+}
+
+/* The same at other scales and places of the scene. */
+static void test_scaled(void) {
+    static const double scales[] = {1e-4, 1e5};
+    double first;
+    check_scene s;
+    start_even(&s);
+    add_place(&s, ABOVE_FLOOR);
+    check_render(context, &s, image_b);
+    first = mean_of(image_b);
+    for (int n = 0; n < 2; ++n) {
+        double off = 0;
+        for (size_t i = 0; i < faces.count; ++i)
+            for (int k = 0; k < 9; ++k) faces.list[i].position[k / 3][k % 3] *= (float)scales[n];
+        for (int i = 0; i < 3; ++i) {
+            s.view.camera.position[i] *= scales[n];
+            s.volume[0].placement.origin[i] *= scales[n];
+            for (int k = 0; k < 3; ++k) s.volume[0].placement.axis[i][k] *= scales[n];
+        }
+        s.volume[0].extinction /= (float)scales[n];
+        s.mesh[0].revision = (uint64_t)n + 1;
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i) off += fabs((double)image_a[i] - (double)image_b[i]) / COUNT;
+        if (figures()) printf("scale %g: off by %.2g of %.2g\n", scales[n], off, first);
+        CHECK(off < 2e-3 * first);
+        start_even(&s);
+        add_place(&s, ABOVE_FLOOR);
+    }
+}
+
+/* --- workers, memory --- */
+
+static void test_workers(void) {
+    static const int counts[] = {1, 3};
+    check_scene s;
+    start(&s, &forward);
+    add_place(&s, COLORS);
+    check_color(s.scene.ambient, 0.1, 0.2, 0.3);
+    check_render(context, &s, image_b);
+    for (int i = 0; i < 2; ++i) {
+        check_hooks hooks;
+        sps_context *by;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.worker_count = counts[i], hooks.order = (uint64_t)i;
+        by = check_context(&hooks);
+        check_render(by, &s, image_a);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        sps_destroy(by);
+        CHECK(hooks.live == 0);
+    }
+}
+
+/* What cells and polygons about them take is planned; a tree is planned where only the sky lights them, too. */
+static void test_plan(void) {
+    for (int n = 0; n < 2; ++n) {
+        static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,  SPSI_BUFFER_CELLS,
+                                  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN, SPSI_BUFFER_CELL_MOMENTS,
+                                  SPSI_BUFFER_CELL_WALLS};
+        sps_context *by = check_context(NULL);
+        sps_plan_report report;
+        size_t bytes = 0;
+        check_scene s;
+        start(&s, NULL);
+        add_place(&s, SKY);
+        if (n) s.scene.mesh_count = 0;
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(report.pass[SPS_PASS_TRIANGLE_TREE].runs == !n);
+        CHECK((report.pass[SPS_PASS_TRIANGLE_TREE].bytes > 0) == !n);
+        check_render(by, &s, image_a);
+        for (int i = 0; i < 7; ++i) bytes += by->buffers[own[i]].size;
+        if (figures()) printf("plan: %zu of %zu bytes\n", bytes, report.pass[SPS_PASS_CELLS].bytes);
+        CHECK(bytes <= report.pass[SPS_PASS_CELLS].bytes && bytes > report.pass[SPS_PASS_CELLS].bytes / 10 * 8);
+        sps_destroy(by);
+    }
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_links);
+    RUN(test_dark_side);
+    RUN(test_outside);
+    RUN(test_within);
+    RUN(test_before);
+    RUN(test_leaving);
+    RUN(test_white_floor);
+    RUN(test_paths);
+    RUN(test_scaled);
+    RUN(test_workers);
+    RUN(test_plan);
+    sps_destroy(context);
+    check_free_triangles(&faces);
+    return check_report();
+}

@@ -14855,7 +14855,7 @@ typedef struct spsi_cell_level {
     float *given, *sent, *moments[2];  /* each an array per term; moments[1] is scratch after a sweep */
     uint32_t *closed;                  /* per cell: bit i closes the link of step i, >>lighting; NULL: all are open */
     uint32_t *outside;                 /* per cell: the same from outside the grid, by direction at a slant; or NULL */
-    unsigned char *walled;             /* per row: whether any of its cells has a closed link */
+    unsigned char *walled;             /* per row: 1: cells have closed links; 2: only from outside, which is dark */
 } spsi_cell_level;
 
 /* Entries of a row of cells. Lookups read two columns. */
@@ -15010,16 +15010,18 @@ static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const sp
     return pass;
 }
 
-/* Closed links of a row of cells; NULL: all are open. */
-static const uint32_t *spsi_cell_row_closed(const spsi_cell_level *level, size_t row) {
-    return level->closed && level->walled[row / (size_t)level->pitch] ? level->closed + row : NULL;
+/* Closed links of a row of cells; NULL: all are open. Those from outside matter only for what polygons send. */
+static const uint32_t *spsi_cell_row_closed(const spsi_cell_pass *pass, size_t row) {
+    const spsi_cell_level *level = pass->level;
+    const int walled = level->closed ? level->walled[row / (size_t)level->pitch] : 0;
+    return walled == 1 || (walled && pass->walls) ? level->closed + row : NULL;
 }
 
 /* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
    closed. */
 static const float *spsi_cell_row_enters(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
                                          const float *in, float *own) {
-    const uint32_t *closed = spsi_cell_row_closed(pass->level, row);
+    const uint32_t *closed = spsi_cell_row_closed(pass, row);
     const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
     if (!closed) return in;
     for (int x = 0; x < pass->level->pitch; ++x) {
@@ -15079,7 +15081,7 @@ static void spsi_cell_row_follow(const spsi_cell_pass *pass, size_t row, const s
     const int back = direction->step[0] < 0;
     const float *through = level->through[direction->length] + row;
     float radiance = 0;
-    if (spsi_cell_row_closed(level, row)) {
+    if (spsi_cell_row_closed(pass, row)) {
         spsi_cell_row_follow_closed(pass, row, direction, sent, share, in);
         return;
     }
@@ -15182,15 +15184,15 @@ static void spsi_cell_along_slant_closed(const spsi_cell_along *along, const sps
                                          const float *near_row, const float *far_row, const float *beside, float *in) {
     static const float shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
     const spsi_cell_pass *pass = along->pass;
-    const uint32_t *closed = spsi_cell_row_closed(pass->level, row), *outside = pass->level->outside;
+    const uint32_t *closed = spsi_cell_row_closed(pass, row), *outside = pass->level->outside;
     const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
     const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
     const int steps[4][3] = {
         {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
     if (!closed) return;
     for (int n = 0; n < pass->level->size[0]; ++n) {
-        const float from[4] = {near_row[n], near_row[n - x], axis == 0 ? beside[n - x] : far_row[n], far_row[n - x]};
-        const float wall = pass->walls ? pass->walls[row + (size_t)n] : 0;
+        const float *sides = axis == 0 ? beside - x : far_row, wall = pass->walls ? pass->walls[row + (size_t)n] : 0;
+        const float from[4] = {near_row[n], near_row[n - x], sides[n], far_row[n - x]};
         if (!closed[n] && !(outside && outside[row + (size_t)n])) continue;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
@@ -15533,7 +15535,10 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
 
 static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
-    spsi_cells_sweep(solver, level);
+    if (level == &solver->levels[0])
+        spsi_cells_sweep_out(solver);
+    else
+        spsi_cells_sweep(solver, level);
     spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
 }
 
@@ -15579,7 +15584,8 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
     }
 }
 
-/* Solves for the moments of the finest level, whose depth, keep and given are set. Before anything is sent, all that is
+/* Solves for what cells of the finest level send, whose depth, keep and given are set. Moments are those before it was
+   mended last. Before anything is sent, all that is
    given is missing: coarse levels begin. `started`: 1: cells send what they did before more was given. */
 static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
     const spsi_cell_level *finest = &solver->levels[0];
@@ -15599,7 +15605,6 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, 
         spsi_cells_miss(solver, finest);
         spsi_cells_cycle(solver, 0, 1);
     }
-    spsi_cells_sweep_out(solver);
     return SPS_OK;
 }
 
@@ -17397,7 +17402,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 typedef struct spsi_cell_walls {
     uint32_t *closed;      /* per cell: bits of closed links; NULL: there are no polygons */
     uint32_t *outside;     /* the same for light at a slant from outside */
-    unsigned char *walled; /* per row: whether any of its cells has closed links */
+    unsigned char *walled; /* per row, as in a level */
     float *color, *lit;    /* per channel: reflectance; radiance by the lights */
     float *place, *normal; /* per axis: relative to the grid's corner */
     float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
@@ -17872,8 +17877,9 @@ static int spsi_cell_view_link(const spsi_cell_view *view, int link, spsi_ray *r
 static int spsi_cell_view_outside(const spsi_cell_view *view, const spsi_cell_direction *direction, int number,
                                   spsi_ray *ray, spsi_hit *hit) {
     const double count = number + 1 + 50.0 * view->at[0] + 50.0 * 509 * view->at[1] + 50.0 * 509 * 521 * view->at[2];
-    const double turn = 2 * SPSI_PI * fmod(count * 0.7548776662466927, 1);
-    const double off = 2 * sqrt((double)direction->weight * fmod(count * 0.5698402909980532, 1));
+    const double turn = 2 * SPSI_PI * (count * 0.7548776662466927 - floor(count * 0.7548776662466927));
+    const double radius = count * 0.5698402909980532 - floor(count * 0.5698402909980532);
+    const double off = 2 * sqrt((double)direction->weight * radius);
     double unit[3], across[2][3];
     int enters = 0;
     for (int k = 0; k < 3; ++k) {
@@ -17919,7 +17925,7 @@ static int spsi_cell_view_last(const spsi_cell_view *view) {
 
 /* The polygons on which a cell's links end: the nearer they are, the more they count. */
 typedef struct spsi_cell_hits {
-    int count;
+    int count, within; /* within: of those by links between cells */
     spsi_surface surface[SPSI_CELL_HITS];
     int face[SPSI_CELL_HITS];
     double color[SPSI_CELL_HITS][3], lit[SPSI_CELL_HITS][3], weight[SPSI_CELL_HITS];
@@ -17998,6 +18004,7 @@ static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view 
         job->walls.closed[at] |= 1u << link;
         spsi_cell_hits_add(view, &ray, &hit, hits);
     }
+    hits->within = job->walls.closed[at] != 0;
     for (int i = 0; i < SPSI_CELL_DIRECTIONS && spsi_cell_view_last(view); ++i) {
         const spsi_cell_direction *direction = &job->directions[i];
         const int *step = direction->step;
@@ -18035,7 +18042,7 @@ static void spsi_cells_walls_task(void *data, int row, int worker) {
                 spsi_cell_hits_light(job, lamp, own, first, &hits);
         }
         spsi_cell_walls_set(job, &hits, at);
-        job->walls.walled[row] = 1;
+        job->walls.walled[row] = job->walls.walled[row] == 1 || hits.within ? 1 : 2;
     }
 }
 
@@ -18241,7 +18248,7 @@ static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_g
 /* --- solving beside polygons --- */
 
 #define SPSI_CELL_RETURNS 6    /* times that polygons reflect light back, at most */
-#define SPSI_CELL_CHANGE  2e-3 /* of what polygons send: what may be missing */
+#define SPSI_CELL_CHANGE  5e-3 /* of what polygons send: what may be missing */
 
 /* A coarse level whose links are being closed. */
 typedef struct spsi_cell_closing {
@@ -18300,15 +18307,20 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     solver->leaving = memory;
 }
 
-/* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
-   hardly changed. */
-static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
+/* Keeps what the last sweep found, by which polygons are lit. */
+static void spsi_cells_take_flux(const spsi_cell_job *job, int channel) {
     const spsi_cell_grid *grid = job->grid;
     const size_t floats = (size_t)grid->flux_terms * grid->count;
-    const int first = job->wall_light == NULL;
     spsi_copy(job->context, grid->flux + (size_t)channel * floats, job->solver->levels[0].moments[0],
               floats * sizeof(float));
     spsi_cell_patches_fill(job->solver, grid, channel);
+}
+
+/* Finds what polygons send, given what cells send so far, and what of that reaches each cell. Returns 0 if it has
+   hardly changed. */
+static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_level *plain) {
+    const int first = job->wall_light == NULL;
+    spsi_cells_take_flux(job, channel);
     if (spsi_cell_walls_send(job, channel) < SPSI_CELL_CHANGE && !first) return 0;
     spsi_cells_sweep_walls(job->solver, plain, job->walls.sent);
     job->wall_light = plain->moments[0];
@@ -18341,6 +18353,8 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, own->channel, plain)) break;
     }
+    spsi_cells_sweep_out(solver);
+    if (plain) spsi_cells_take_flux(job, own->channel);
     spsi_copy(job->context, light, found, moments * sizeof(float));
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
     return SPS_OK;

@@ -15236,13 +15236,13 @@ static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int c
         float *slanted = along->rows;
         for (int k = 0; k < count; ++k) {
             const spsi_cell_direction *direction = along->directions[first + k];
+            const float *left;
             beams.direction[k] = direction;
             beams.out[k] = spsi_cell_along_row(along, first + k, 0, y);
             if (direction->axis < 0) {
-                beams.in[k] = spsi_cell_row_enters(along->pass, row, direction,
-                                                   spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) -
-                                                       direction->step[0],
-                                                   along->rows + (size_t)(5 + k) * pitch);
+                left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
+                beams.in[k] =
+                    spsi_cell_row_enters(along->pass, row, direction, left, along->rows + (size_t)(5 + k) * pitch);
                 continue;
             }
             spsi_cell_along_slant(along, first + k, y, slanted);
@@ -15277,12 +15277,12 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int first, cons
     beams.count = 3;
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = first == 9 ? level->size[1] - 1 - n : n;
+        const size_t at = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
         for (int i = 0; i < 3; ++i) {
             const float *left = rows + (size_t)(2 * i + n % 2) * row + SPSI_LANES;
             beams.direction[i] = &pass->solver->directions[first + i];
-            beams.in[i] =
-                spsi_cell_row_enters(pass, (size_t)(z * level->size[1] + y) * (size_t)level->pitch, beams.direction[i],
-                                     left - beams.direction[i]->step[0], rows + (size_t)(6 + i) * row);
+            left -= beams.direction[i]->step[0];
+            beams.in[i] = spsi_cell_row_enters(pass, at, beams.direction[i], left, rows + (size_t)(6 + i) * row);
             beams.out[i] = rows + (size_t)(2 * i + 1 - n % 2) * row + SPSI_LANES;
         }
         spsi_cell_row_swept(pass, 2, y, z, &beams, before, level->moments[0]);

@@ -727,11 +727,13 @@ typedef enum sps_scattering {
        comes back, what leaves by the sides, what goes from gas to gas, and emission and ambient light that is
        scattered. What keeps to the straight way is added as by FORWARD. See sps_view.scatter_size. The light in the
        cells does not depend on the camera: it is held for the next call, and used there if nothing that it was made
-       from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Polygons
-       shade the lights' way to the cells, but neither stop nor return what goes from cell to cell, and receive nothing
-       of it. A light with an extent lights the cells from its centre. Cost: filling the cells and a table per light,
-       and some ten sweeps over them per channel of color; then a lookup of them per gas and channel beside those of
-       shadows. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+       from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Opaque polygons
+       stop what goes from cell to cell and send it back in all directions, as they do with what lights and ambient
+       light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps off. All that
+       by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let it pass as if
+       they were not there. A light with an extent lights the cells from its centre. Cost: filling the cells and a table
+       per light, and some ten sweeps over them per channel of color, twice as many and rays through the polygons where
+       there are any; then a lookup of them per gas and channel beside those of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_FULL
 } sps_scattering;
 

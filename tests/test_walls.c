@@ -105,6 +105,7 @@ static void test_links(void) {
     for (int n = 0; n < 4; ++n) {
         check_scene s;
         start_even(&s);
+        if (n == 2) s.view.scatter_size = 15; /* cells' centres are in the plane */
         check_add_directional(&s, 0.1, -1, 0.2, 1);
         add_plane(&walls[n]);
         check_add_mesh(&s, &faces, 0.5);
@@ -256,6 +257,26 @@ static void test_leaving(void) {
             in += (double)job_of(context)->incoming[i] / 4 * 4 * SPSI_PI * grid->edge * grid->edge;
         if (figures()) printf("%d cells: out %.4f of %.4f\n", sides[n], out, in);
         CHECK_NEAR(out, in, 2e-3 * in); /* SPSI_CELL_BALANCE, twice over for conservative gas */
+    }
+}
+
+/* Dense gas sends most light back to the side that it comes from. */
+static void test_sides(void) {
+    for (int n = 0; n < 6; ++n) {
+        double sides[2] = {0, 0}, way[3] = {0, 0, 0};
+        const float *patches;
+        check_scene s;
+        start(&s, NULL);
+        way[n / 2] = n % 2 ? -1 : 1;
+        check_add_directional(&s, way[0], way[1], way[2], 1);
+        add_quad(500, -900, 700, 2, 0, 0, 0, 0, 2);
+        check_add_mesh(&s, &faces, 0.5);
+        check_render(context, &s, image_a);
+        patches = grid_of(context)->patches + 4 * SPSI_CELL_SHEET;
+        for (int i = 0; i < 2 * SPSI_CELL_SIDE; ++i)
+            sides[i / SPSI_CELL_SIDE] += (double)patches[n / 2 * 2 * SPSI_CELL_SIDE + i];
+        if (figures()) printf("light along axis %d: %.2f and %.2f\n", n / 2, sides[0], sides[1]);
+        CHECK(sides[n % 2] > 2 * sides[1 - n % 2]);
     }
 }
 
@@ -423,6 +444,7 @@ int main(void) {
     RUN(test_within);
     RUN(test_before);
     RUN(test_leaving);
+    RUN(test_sides);
     RUN(test_white_floor);
     RUN(test_paths);
     RUN(test_scaled);

@@ -220,9 +220,12 @@ static void test_outside(void) {
         worst[n / 4 % 3 != 0] = fmax(worst[n / 4 % 3 != 0], off / fmax(exact, 0.01));
     }
     if (figures()) printf("worst %.3f, close by %.3f\n", worst[0], worst[1]);
-    { /* next to a patch it is all that a surface sees; the change to light within takes a patch's width */
-        const double point[3] = {-1.21, 0.06, 0.01}, before[3] = {-1.35, 0.2, 0}, normal[3] = {1, 0, 0};
-        CHECK_NEAR(spsi_cells_irradiance_outside(&grid, 0, point, normal), 1, 0.3);
+    { /* next to its centre a patch is all that a surface sees; the change to light within takes a patch's width */
+        const size_t middle = SPSI_CELL_SIDE / 2 + 4;
+        const double point[3] = {grid.corner[0] - 0.01, grid.corner[1] + (double)patches[SPSI_CELL_SHEET + middle],
+                                 grid.corner[2] + (double)patches[2 * SPSI_CELL_SHEET + middle]};
+        const double before[3] = {-1.35, 0.2, 0}, normal[3] = {1, 0, 0};
+        CHECK_NEAR(spsi_cells_irradiance_outside(&grid, 0, point, normal), 1, 0.05);
         CHECK_NEAR(spsi_cells_irradiance(&grid, 0, before, normal),
                    0.5 * spsi_cells_irradiance_outside(&grid, 0, before, normal), 1e-6);
     }
@@ -312,8 +315,9 @@ static void test_sides(void) {
 
 /* --- what polygons send --- */
 
-/* A wide floor below thin gas, which a sun above lights, sends everywhere half of what even light would be, less what
-   is in the plane of its horizon; none where a plate keeps the sun off. */
+/* A wide floor below thin gas, which a sun above lights, sends everywhere half of what even light would be: within the
+   share of directions in the plane of its horizon, a seventh, half of which see it on the mean of many cells. None
+   where a plate keeps the sun off. */
 static void test_floor_sends(void) {
     static const int sides[] = {16, 24};
     for (int n = 0; n < 4; ++n) {
@@ -337,7 +341,7 @@ static void test_floor_sends(void) {
             least = fmin(least, found / sent), most = fmax(most, found / sent);
         }
         if (figures()) printf("below %s: %.4f to %.4f of what it sends\n", n / 2 ? "a plate" : "the sun", least, most);
-        CHECK(n / 2 ? most < 1e-3 : least > 0.47 && most < 0.53);
+        CHECK(n / 2 ? most < 1e-3 : least > 0.5 - 0.5 / 7 - 0.005 && most < 0.5 + 0.5 / 7);
     }
 }
 
@@ -368,7 +372,7 @@ static void test_floor_receives(void) {
     }
     if (figures()) printf("a floor is brighter by up to %.4f, off by %.2g\n", more, off);
     CHECK(more > 0.003);
-    CHECK(off < 1e-5);
+    CHECK(off < 5e-5); /* the distance of points, rounded to floats, where light falls off by its square */
 }
 
 /* --- whole pictures --- */

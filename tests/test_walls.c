@@ -144,6 +144,48 @@ static void test_links(void) {
     }
 }
 
+/* Rays to what is outside the grid: on the mean of many cells along the direction that they stand for, and spread over
+   its share of the sphere. */
+static void test_rays(void) {
+    enum { CELLS = 20 };
+    static const int size[3] = {CELLS, CELLS, CELLS};
+    static spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
+    static spsi_cell_grid grid;
+    static spsi_faces none;
+    grid.edge = 0.25;
+    spsi_cell_directions(directions);
+    for (int i = 0; i < SPSI_CELL_DIRECTIONS; ++i) {
+        const float *harmonic = directions[i].harmonic;
+        const double back = -sqrt(1.0 / 3);
+        const double way[3] = {back * (double)harmonic[3], back * (double)harmonic[1], back * (double)harmonic[2]};
+        double mean[3] = {0, 0, 0}, square = 0;
+        int count = 0, wrong = 0;
+        for (int cell = 0; cell < CELLS * CELLS * CELLS; ++cell) {
+            spsi_cell_view view;
+            spsi_ray ray;
+            spsi_hit hit;
+            double off[3];
+            int leaves = 0;
+            spsi_cell_view_build(&none, &grid, size, 1, cell % CELLS, cell / CELLS % CELLS, cell / CELLS / CELLS,
+                                 &view);
+            for (int k = 0; k < 3; ++k) {
+                const int next = view.at[k] - directions[i].step[k];
+                leaves |= next < 0 || next >= CELLS;
+            }
+            ray.high = 0;
+            wrong += spsi_cell_view_outside(&view, &directions[i], i, &ray, &hit) || (ray.high > 0) != leaves;
+            if (!leaves) continue;
+            for (int k = 0; k < 3; ++k) ray.direction[k] /= grid.edge, mean[k] += ray.direction[k];
+            spsi_along(ray.direction, way, -1, off);
+            square += spsi_dot(off, off);
+            ++count;
+        }
+        CHECK(count >= CELLS * CELLS && wrong == 0);
+        for (int k = 0; k < 3; ++k) CHECK_NEAR(mean[k] / count, way[k], 0.02);
+        CHECK_NEAR(square / count, 2 * (double)directions[i].weight, 0.1 * (double)directions[i].weight);
+    }
+}
+
 /* No light passes an opaque plane, at whatever angle, and gas behind it stays dark. */
 static void test_dark_side(void) {
     static const plane walls[] = {{{1, 0, 0}, 0.02}, {{0.48, 0.6, 0.64}, 0.1}};
@@ -272,8 +314,8 @@ static void test_before(void) {
 /* What leaves the grid by its sides is all that is sent in it, less what is absorbed: for a floor far below and gas
    that absorbs nothing, the light that goes in. */
 static void test_leaving(void) {
-    static const int sides[] = {16, 9, 5};
-    for (int n = 0; n < 3; ++n) {
+    static const int sides[] = {16, 9, 5, 3};
+    for (int n = 0; n < 4; ++n) {
         const spsi_cell_grid *grid;
         double out = 0, in = 0;
         check_scene s;
@@ -483,6 +525,39 @@ static void test_workers(void) {
     }
 }
 
+/* Any allocation may fail: an error, no image, and the next call shows what it should. */
+static void test_failures(void) {
+    enum { SMALL = 8 };
+    const size_t bytes = 4 * SMALL * SMALL * sizeof(float);
+    check_hooks hooks;
+    sps_result result;
+    long n = 2; /* the first allocation is the context */
+    check_scene s;
+    start(&s, NULL);
+    add_place(&s, SKY);
+    s.view.width = s.view.height = SMALL;
+    s.view.quality = SPS_QUALITY_DRAFT;
+    s.view.scatter_size = 6;
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 8;
+    check_render(context, &s, image_b);
+    memset(&hooks, 0, sizeof hooks);
+    do {
+        sps_image image;
+        sps_context *by = check_context(&hooks);
+        memset(&image, 0, sizeof image);
+        image.rgba = image_a, image_a[0] = 7;
+        hooks.fail_at = hooks.allocations + n++ - 1;
+        result = sps_render(by, &s.scene, &s.view, &image);
+        hooks.fail_at = 0;
+        if (result != SPS_OK) CHECK(result == SPS_ERROR_MEMORY && image_a[0] == 7);
+        check_render(by, &s, image_a);
+        CHECK(memcmp(image_a, image_b, bytes) == 0);
+        sps_destroy(by);
+        CHECK(hooks.live == 0);
+    } while (result != SPS_OK && n < 1000);
+    CHECK(n > 20);
+}
+
 /* What cells and polygons about them take is planned; a tree is planned where only the sky lights them, too. */
 static void test_plan(void) {
     for (int n = 0; n < 2; ++n) {
@@ -510,6 +585,7 @@ static void test_plan(void) {
 int main(void) {
     context = check_context(NULL);
     RUN(test_links);
+    RUN(test_rays);
     RUN(test_dark_side);
     RUN(test_outside);
     RUN(test_within);
@@ -522,6 +598,7 @@ int main(void) {
     RUN(test_paths);
     RUN(test_scaled);
     RUN(test_workers);
+    RUN(test_failures);
     RUN(test_plan);
     sps_destroy(context);
     check_free_triangles(&faces);

@@ -727,14 +727,18 @@ typedef enum sps_scattering {
        comes back, what leaves by the sides, what goes from gas to gas, and emission and ambient light that is
        scattered. What keeps to the straight way is added as by FORWARD. See sps_view.scatter_size. The light in the
        cells does not depend on the camera: it is held for the next call, and used there if nothing that it was made
-       from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Opaque polygons
-       stop what goes from cell to cell and send it back in all directions, as they do with what lights and ambient
-       light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps off. All that
-       by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let it pass as if
-       they were not there. A light with an extent lights the cells from its centre. Cost: filling the cells and a table
-       per light, and some ten sweeps over them per channel of color, twice as many and rays through the polygons where
-       there are any; then a lookup of them per gas and channel beside those of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
-    SPS_SCATTERING_FULL
+       from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Opaque
+       polygons stop what goes from cell to cell and send it back in all directions, as they do with what lights and
+       ambient light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps off.
+       All that by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let it
+       pass as if they were not there. A light with an extent lights the cells from its centre. Cost: filling the cells
+       and a table per light, and some ten sweeps over them per channel of color, twice as many and rays through the
+       polygons where there are any; then a lookup of them per gas and channel beside those of shadows, and one per
+       surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+    SPS_SCATTERING_FULL,
+    /* FULL if the gas calls for it, OFF if not: once gas is read, the densest way through it gives a bound on what
+       scatters again, see sps_view.scatter_tolerance. Costs a look at each voxel. */
+    SPS_SCATTERING_AUTO
 } sps_scattering;
 
 typedef struct sps_view {
@@ -769,6 +773,11 @@ typedef struct sps_view {
     /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
        is proportional to the optical depth of a cell where gas is dense. */
     int scatter_size;
+    /* SPS_SCATTERING_AUTO: light scatters once if what scatters again carries at most this share of its energy, 0..1.
+       0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)), with the largest albedo a, 1 if there is ambient light,
+       and an upper bound t of the optical depth on any straight way through the gas, mostly 2 to 4 times the largest.
+     */
+    float scatter_tolerance;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
@@ -790,7 +799,7 @@ typedef struct sps_reference_settings {
        that is less. The error is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
-       ambient light is shadowed by nothing; SPS_SCATTERING_FULL, which has none, is SPS_ERROR_UNSUPPORTED. Otherwise,
+       ambient light is shadowed by nothing; FULL and AUTO, which have none, are SPS_ERROR_UNSUPPORTED. Otherwise,
        whatever that says, light scatters any number of times, in gas and between gas and polygons, though not from
        polygon to polygon, and ambient light comes from infinity, through the gas and past the polygons. What the eye
        sees of light that has scattered once is marched; the rest is an unbiased estimate, whose error falls with the
@@ -847,6 +856,9 @@ typedef struct sps_plan_report {
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
+    /* SPS_SCATTERING_AUTO: as in sps_stats_report, if all gas is held from the last call; otherwise -1, and cells are
+       planned. */
+    double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
     /* Upper bound of all that the context will hold, with image.depth, but without layers (of pixels, and of texels of
@@ -885,7 +897,8 @@ typedef struct sps_stats_report {
     /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
        kept from the last call. */
     uint64_t table_patches_made, table_patches_held;
-    uint64_t cells; /* in which light was followed; 0: that was held from the last call, or not asked for */
+    uint64_t cells;       /* in which light was followed; 0: that was held from the last call, or not asked for */
+    double scatter_bound; /* SPS_SCATTERING_AUTO: of what scatters again, per unit of what scatters once; at most 1e6 */
     /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
     uint64_t soft_texels;
     uint64_t pixels_shaded;  /* pixels times slabs that held something */
@@ -1664,6 +1677,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
     SPSI_BUFFER_TILES,             /* state of each tile */
     SPSI_BUFFER_AGAIN,             /* gas and light of a sweep from back to front, >>shading */
+    SPSI_BUFFER_DENSE_GRID,        /* bounds of extinction, >>gather */
     SPSI_BUFFER_FORWARD,           /* what gases scatter forward, >>scattering */
     SPSI_BUFFER_CELL_GRID,         /* the grid of cells, >>cells */
     SPSI_BUFFER_CELL_JOB,          /* data for filling and lighting it, >>lighting */
@@ -4745,12 +4759,15 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
                                (double)view->lookup_threshold, "it must be 0..1");
-    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FULL)
+    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_AUTO)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scattering",
                                (double)(int)view->scattering, "it must be an sps_scattering");
     if (view->scatter_size < 0 || view->scatter_size > SPSI_CELL_SIDE_MOST)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_size", view->scatter_size,
                                "it must be 0..256");
+    if (!(view->scatter_tolerance >= 0 && view->scatter_tolerance <= 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scatter_tolerance",
+                               (double)view->scatter_tolerance, "it must be 0..1");
     if (!(view->near_distance >= 0 && view->near_distance <= DBL_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "near_distance", view->near_distance,
                                "it must be 0 or positive");
@@ -4774,6 +4791,7 @@ static void spsi_resolve_quality(spsi_frame *frame) {
     frame->accuracy.depth_map_texels = depth_map_texels[frame->view.quality];
     frame->accuracy.light_points = light_points[frame->view.quality];
     if (frame->view.scatter_size == 0) frame->view.scatter_size = cells[frame->view.quality];
+    if (!(frame->view.scatter_tolerance > 0)) frame->view.scatter_tolerance = 0.01f;
 }
 
 /* The rays of a checked camera; their width and height are already set. */
@@ -5673,19 +5691,28 @@ static sps_result spsi_brick_prints(sps_context *context) {
     return SPS_OK;
 }
 
+/* The world bounds of a brick's voxels and their kernels. */
+static void spsi_brick_bounds(const spsi_frame *frame, const spsi_brick *brick, spsi_bounds *bounds) {
+    *bounds = spsi_nowhere;
+    for (int corner = 0; corner < 8; ++corner) {
+        double at[3], point[3];
+        for (int k = 0; k < 3; ++k)
+            at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + SPSI_REACH : brick->low[k] - SPSI_REACH);
+        spsi_voxel_position(&frame->lattices[brick->lattice], at, point);
+        spsi_bounds_add(bounds, point);
+    }
+}
+
 /* The world bounds of the relevant voxels and their kernels; empty if there are none. */
-static void spsi_tighten_bounds(const sps_context *context, const spsi_frame *frame) {
+static void spsi_bricks_bounds(const sps_context *context, const spsi_frame *frame, spsi_bounds *bounds) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    frame->content->bounds = spsi_nowhere;
-    for (int i = 0; i < context->brick_count; ++i)
-        for (int corner = 0; corner < 8; ++corner) {
-            double at[3], point[3];
-            for (int k = 0; k < 3; ++k)
-                at[k] = bricks[i].base[k] + 0.5 +
-                        (corner >> k & 1 ? bricks[i].high[k] + SPSI_REACH : bricks[i].low[k] - SPSI_REACH);
-            spsi_voxel_position(&frame->lattices[bricks[i].lattice], at, point);
-            spsi_bounds_add(&frame->content->bounds, point);
-        }
+    *bounds = spsi_nowhere;
+    for (int i = 0; i < context->brick_count; ++i) {
+        spsi_bounds box;
+        spsi_brick_bounds(frame, &bricks[i], &box);
+        spsi_bounds_add(bounds, box.low);
+        spsi_bounds_add(bounds, box.high);
+    }
 }
 
 /* Tells the caller of values that were replaced. */
@@ -5713,7 +5740,7 @@ static sps_result spsi_gather(sps_context *context, const spsi_frame *frame) {
     }
     context->stats.bricks = (uint64_t)context->brick_count;
     context->stats.voxels_relevant = context->voxel_count;
-    spsi_tighten_bounds(context, frame);
+    spsi_bricks_bounds(context, frame, &frame->content->bounds);
     return SPS_OK;
 }
 
@@ -5787,6 +5814,15 @@ static sps_result spsi_gather_set(sps_context *context, const spsi_frame *frame,
     return SPS_OK;
 }
 
+static void spsi_particle_bounds(const sps_particle *particle, spsi_bounds *bounds) {
+    for (int k = 0; k < 3; ++k) {
+        const double at = (double)particle->position[k];
+        const double reach = fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
+        bounds->low[k] = at - reach;
+        bounds->high[k] = at + reach;
+    }
+}
+
 /* Bounds, mean radius and spread of the particles. The latter two are means, so that a stray particle among many hardly
    changes them. */
 static void spsi_measure_particles(const spsi_frame *frame) {
@@ -5795,17 +5831,15 @@ static void spsi_measure_particles(const spsi_frame *frame) {
     for (int i = 0; i < 3; ++i) origin[i] = (double)frame->content->particles[0].position[i];
     for (int n = 0; n < frame->content->particle_count; ++n) {
         const sps_particle *particle = &frame->content->particles[n];
-        double low[3], high[3];
+        spsi_bounds box;
+        spsi_particle_bounds(particle, &box);
         for (int i = 0; i < 3; ++i) {
-            const double at = (double)particle->position[i], apart = at - origin[i];
-            const double reach = fmax((double)particle->radius, 1e-12 * fabs(at)); /* so that low and high differ */
-            low[i] = at - reach;
-            high[i] = at + reach;
+            const double apart = (double)particle->position[i] - origin[i];
             sum[i] += apart;
             squares += apart * apart;
         }
-        spsi_bounds_add(&frame->content->bounds, low);
-        spsi_bounds_add(&frame->content->bounds, high);
+        spsi_bounds_add(&frame->content->bounds, box.low);
+        spsi_bounds_add(&frame->content->bounds, box.high);
         logs += log((double)particle->radius);
     }
     frame->content->particle_radius = exp(logs / frame->content->particle_count);
@@ -5846,6 +5880,166 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
             low = middle + 1;
     }
     return &frame->particles.sets[low];
+}
+
+/* --- how much light can scatter again --- */
+
+/* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
+   of the axes, so that its optical depth is at most sqrt 3 times the integral, along that axis, of the largest bound in
+   each plane across it. */
+typedef struct spsi_dense_grid {
+    spsi_bounds bounds;
+    double edge[3];   /* of its cells */
+    float *all, *own; /* of all gas; of one volume */
+} spsi_dense_grid;
+
+#define SPSI_DENSE_SIDE  32
+#define SPSI_DENSE_CELLS (SPSI_DENSE_SIDE * SPSI_DENSE_SIDE * SPSI_DENSE_SIDE)
+
+/* The cells that a box touches. */
+static void spsi_dense_range(const spsi_dense_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
+    for (int k = 0; k < 3; ++k) {
+        const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
+        const double b = (box->high[k] - grid->bounds.low[k]) / grid->edge[k];
+        low[k] = (int)fmax(0, fmin(floor(a - 1e-6), SPSI_DENSE_SIDE - 1));
+        high[k] = (int)fmax(0, fmin(floor(b + 1e-6), SPSI_DENSE_SIDE - 1));
+    }
+}
+
+/* Raises the bound of one volume in all cells that a box touches. */
+static void spsi_dense_raise(const spsi_dense_grid *grid, const spsi_bounds *box, float extinction) {
+    int low[3], high[3];
+    spsi_dense_range(grid, box, low, high);
+    for (int z = low[2]; z <= high[2]; ++z)
+        for (int y = low[1]; y <= high[1]; ++y)
+            for (int x = low[0]; x <= high[0]; ++x) {
+                float *cell = &grid->own[(z * SPSI_DENSE_SIDE + y) * SPSI_DENSE_SIDE + x];
+                *cell = spsi_higher(*cell, extinction);
+            }
+}
+
+/* The largest extinction of any value up to the largest in a brick, whose kernels stay below it. */
+static float spsi_brick_extinction(const sps_context *context, const spsi_material *material, const spsi_brick *brick) {
+    const spsi_segment *segment = spsi_segment_at(context, brick->segment);
+    float most = 0, extinction = 0;
+    for (int i = 0; i < brick->count; ++i) most = spsi_higher(most, segment->value[brick->first + i]);
+    if (!material->table) return most * material->extinction;
+    for (int i = 0; i <= SPSI_TABLE_SIZE && (float)(i - 1) <= most * material->table_scale; ++i)
+        extinction = spsi_higher(extinction, material->table->entry[i][3]);
+    return extinction;
+}
+
+/* Adds a particle to the cells that it touches, each as dense as where it comes nearest to the centre, but not deeper
+   than the whole particle. */
+static void spsi_dense_add_particle(const spsi_dense_grid *grid, const sps_particle *particle,
+                                    const spsi_particle_set *set) {
+    const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
+    const double depth = (double)particle->optical_depth * (set->is_extinction ? shape * radius : 1);
+    const double most = depth / fmin(grid->edge[0], fmin(grid->edge[1], grid->edge[2]));
+    int low[3], high[3], at[3];
+    spsi_bounds box;
+    spsi_particle_bounds(particle, &box);
+    spsi_dense_range(grid, &box, low, high);
+    for (at[2] = low[2]; at[2] <= high[2]; ++at[2])
+        for (at[1] = low[1]; at[1] <= high[1]; ++at[1])
+            for (at[0] = low[0]; at[0] <= high[0]; ++at[0]) {
+                double square = 0, density;
+                for (int k = 0; k < 3; ++k) {
+                    const double from = grid->bounds.low[k] + grid->edge[k] * at[k];
+                    const double centre = (double)particle->position[k];
+                    const double off = fmax(fmax(from - centre, centre - from - grid->edge[k]), 0);
+                    square += off * off / (radius * radius);
+                }
+                density = (square < 1 && set->soft ? 1 - square : 1) * depth / (shape * radius);
+                if (square > 1 + 1e-6) continue;
+                grid->all[(at[2] * SPSI_DENSE_SIDE + at[1]) * SPSI_DENSE_SIDE + at[0]] +=
+                    (float)fmin(fmin(density, most), (double)FLT_MAX / 4);
+            }
+}
+
+/* Upper bound of the optical depth on a straight way through the grid. */
+static double spsi_dense_depth(const spsi_dense_grid *grid) {
+    double most = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        float planes[SPSI_DENSE_SIDE] = {0};
+        double sum = 0;
+        for (int i = 0; i < SPSI_DENSE_CELLS; ++i) {
+            const int at[3] = {i % SPSI_DENSE_SIDE, i / SPSI_DENSE_SIDE % SPSI_DENSE_SIDE,
+                               i / (SPSI_DENSE_SIDE * SPSI_DENSE_SIDE)};
+            planes[at[axis]] = spsi_higher(planes[at[axis]], grid->all[i]);
+        }
+        for (int i = 0; i < SPSI_DENSE_SIDE; ++i) sum += grid->edge[axis] * (double)planes[i];
+        most = fmax(most, sqrt(3.0) * sum);
+    }
+    return most;
+}
+
+/* Adds the bricks of all volumes. */
+static void spsi_dense_add_volumes(const sps_context *context, const spsi_frame *frame, const spsi_dense_grid *grid) {
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    for (int i = 0; i < context->brick_count;) {
+        const int medium = bricks[i].lattice;
+        const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
+        memset(grid->own, 0, SPSI_DENSE_CELLS * sizeof *grid->own);
+        for (; i < context->brick_count && bricks[i].lattice == medium; ++i) {
+            spsi_bounds box;
+            spsi_brick_bounds(frame, &bricks[i], &box);
+            spsi_dense_raise(grid, &box, spsi_brick_extinction(context, material, &bricks[i]));
+        }
+        for (int cell = 0; cell < SPSI_DENSE_CELLS; ++cell) grid->all[cell] += grid->own[cell];
+    }
+}
+
+/* Upper bound of the optical depth on any straight way through what was read; -1 on failure. */
+static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
+    spsi_dense_grid grid;
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_DENSE_GRID, 2 * SPSI_DENSE_CELLS, sizeof(float));
+    if (!memory) return -1;
+    memset(memory, 0, 2 * SPSI_DENSE_CELLS * sizeof(float));
+    grid.all = memory;
+    grid.own = memory + SPSI_DENSE_CELLS;
+    spsi_bricks_bounds(context, frame, &grid.bounds);
+    for (int i = 0; i < frame->content->particle_count; ++i) {
+        spsi_bounds box;
+        spsi_particle_bounds(&frame->content->particles[i], &box);
+        spsi_bounds_add(&grid.bounds, box.low);
+        spsi_bounds_add(&grid.bounds, box.high);
+    }
+    if (spsi_bounds_empty(&grid.bounds)) return 0;
+    for (int k = 0; k < 3; ++k)
+        grid.edge[k] = fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_DENSE_SIDE, DBL_MIN);
+    spsi_dense_add_volumes(context, frame, &grid);
+    for (int i = 0; i < frame->content->particle_count; ++i)
+        spsi_dense_add_particle(&grid, &frame->content->particles[i], spsi_set_of(frame, i));
+    return spsi_dense_depth(&grid);
+}
+
+/* The largest albedo of all gas; 1 if ambient light is there to be shadowed. */
+static double spsi_largest_albedo(const spsi_frame *frame) {
+    float most = frame->ambient.exists ? 1 : 0;
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        const spsi_material *material = &frame->matter.materials[m];
+        for (int c = 0; c < 3; ++c) {
+            most = spsi_higher(most, material->albedo[c]);
+            for (int i = 0; i <= SPSI_TABLE_SIZE && material->table; ++i)
+                most = spsi_higher(most, material->table->entry[i][c]);
+        }
+    }
+    return fmin((double)most, 1);
+}
+
+/* Decides what SPS_SCATTERING_AUTO is. What scatters a second time is at most x of what scatters once, and so on: x is
+   the largest share that meets gas again, 1 - exp(-t), times the largest albedo. Sets the bound, x / (1 - x). */
+static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
+    double depth, x;
+    *bound = 0;
+    if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
+    depth = frame->matter.scatters ? spsi_densest_way(context, frame) : 0;
+    if (depth < 0) return context->result;
+    x = -spsi_largest_albedo(frame) * expm1(-depth);
+    *bound = x < 1 ? fmin(x / (1 - x), 1e6) : 1e6;
+    frame->view.scattering = *bound > (double)frame->view.scatter_tolerance ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+    return SPS_OK;
 }
 
 /* ================================================================================================ >>trees
@@ -7997,9 +8191,10 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
     return frame->medium_count > 0 ? 4096 : frame->accuracy.depth_map_texels;
 }
 
-/* Whether light is followed from cell to cell, >>cells. */
+/* Whether light is followed from cell to cell, >>cells; or may be, until SPS_SCATTERING_AUTO is decided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
-    return frame->view.scattering == SPS_SCATTERING_FULL && frame->matter.scatters;
+    return (frame->view.scattering == SPS_SCATTERING_FULL || frame->view.scattering == SPS_SCATTERING_AUTO) &&
+           frame->matter.scatters;
 }
 
 /* Whether rays are traced through the polygons. */
@@ -19125,6 +19320,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     spsi_run *run;
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
+    if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
     if (spsi_gather_images(context, frame) || spsi_gather_faces(context, frame, &picture.faces)) return context->result;
@@ -19481,9 +19677,14 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    : !frame->matter.scatters                    ? "nothing scatters: albedo 0 or no extinction"
                    : frame->lamps.shadow_count == 0             ? "no light casts shadows"
                                                                 : "gases scatter evenly: cells have all of it");
-    spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame), "view.scattering asks for it",
-                   frame->view.scattering != SPS_SCATTERING_FULL ? "view.scattering does not ask for it"
-                                                                 : "nothing scatters: albedo 0 or no extinction");
+    spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame),
+                   frame->view.scattering == SPS_SCATTERING_AUTO
+                       ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
+                   : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
+                                               : "view.scattering asks for it",
+                   !frame->matter.scatters     ? "nothing scatters: albedo 0 or no extinction"
+                   : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
+                                               : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
                    "there is ambient light", frame->ambient.exists ? "nothing to light" : "ambient is black");
@@ -19567,8 +19768,11 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
     uint64_t bricks;
-    spsi_plan_choices(context, frame);
     if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
+    if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
+    if (!frame->matter.scatters || (reading.held && frame->particles.set_count == 0))
+        if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
+    spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;
     if (spsi_plan_sweeps(context, frame, bricks, report)) return context->result;
     spsi_plan_tmaps(frame, bricks, report);
@@ -20996,7 +21200,8 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     marcher->settings = settings;
     if (spsi_scatters_fully(frame) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
-                              "is SPS_SCATTERING_FULL, which sps_reference measures by paths: settings.samples is 0");
+                              "is SPS_SCATTERING_FULL or SPS_SCATTERING_AUTO, which sps_reference measures by random "
+                              "paths: settings.samples is 0");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     for (int y = 0; y < region[3]; ++y) {

@@ -247,6 +247,7 @@ static void make_view(const arguments *all, sps_view *view) {
     view->no_shadows = all->no_shadows;
     view->scattering = (sps_scattering)all->scattering;
     view->scatter_size = all->scatter_size;
+    view->scatter_tolerance = (float)all->scatter_tolerance;
 }
 
 /* ================================================================================================= reports */
@@ -341,9 +342,9 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
 }
 
 /* clang-format off */
-#define STATS_SECONDS(X)                                                                                               \
+#define STATS_REALS(X)                                                                                               \
     X(seconds_gather) X(seconds_polygons) X(seconds_textures) X(seconds_tree) X(seconds_shadow_rays) X(seconds_bin)    \
-    X(seconds_light) X(seconds_cells) X(seconds_eye) X(seconds_total)
+    X(seconds_light) X(seconds_cells) X(seconds_eye) X(seconds_total) X(scatter_bound)
 #define STATS_COUNTS(X)                                                                                                \
     X(range_calls) X(read_calls) X(eval_calls) X(triangle_calls) X(particle_calls) X(projector_calls)                  \
     X(background_calls) X(shade_calls) X(blocks_skipped)                                                               \
@@ -363,7 +364,7 @@ static int write_stats(const char *path, const sps_context *context, ex_error *e
     fputs("{\n", output.file);
 #define WRITE_SECONDS(field) fprintf(output.file, "  \"%s\": %.9g,\n", #field, stats.field);
 #define WRITE_COUNT(field)   fprintf(output.file, "  \"%s\": %" PRIu64 ",\n", #field, (uint64_t)stats.field);
-    STATS_SECONDS(WRITE_SECONDS)
+    STATS_REALS(WRITE_SECONDS)
     STATS_COUNTS(WRITE_COUNT)
 #undef WRITE_SECONDS
 #undef WRITE_COUNT

@@ -104,7 +104,7 @@ typedef struct arguments {
     int width, height, region[4], coverage, shadow_size, quality, no_shadows, reference, samples, scattering, scatter_size, threads, plan,
         help;
     int shadow, map_size, table_size, map_window;
-    double map_epsilon;
+    double map_epsilon, scatter_tolerance;
     sps_tmap_settings map; /* of all lights that cast shadows by maps; options set its fields */
     const char *out, *pfm, *alpha_pfm, *stats;
 } arguments;
@@ -122,7 +122,7 @@ typedef struct option_rule {
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
-static const char *const scattering_names[] = {"off", "forward", "full", NULL};
+static const char *const scattering_names[] = {"off", "forward", "full", "auto", NULL};
 /* sps_tmap_technique, after sheets; and what is not one. */
 static const char *const shadow_names[] = {"sheets",  "deep",    "compressed", "depth",    "opacity", "deep-opacity",
                                            "fourier", "cosine",  "moment",     "adaptive", "beer",    "table",
@@ -453,8 +453,9 @@ static const option_rule options[] = {
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--samples", "N", "paths per pixel of --reference, for light that scatters more than once; default 0", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
-    {"--scattering", "off|forward|full", "light in gas: once, forward any number of times, or in every direction; default off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
+    {"--scattering", "off|forward|full|auto", "light in gas: once, forward any number of times, in every direction, or full where gas calls for it; default off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scatter-size", "N", "cells along the gas's longest side, for --scattering full; default by --quality", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
+    {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},
     {"--pfm", "FILE.pfm", "linear radiance, three channels", set_text, OF_SCENE(pfm), NO_NUMBERS},

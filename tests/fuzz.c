@@ -369,7 +369,9 @@ static void random_view(scenery *x) {
     view->shadow_size = one_in(10) ? 0 : 1 + below(100);
     view->no_shadows = one_in(8);
     view->scattering = one_in(3) ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
-    if (view->scattering != SPS_SCATTERING_OFF && view->width % 2) view->scattering = SPS_SCATTERING_FULL;
+    if (view->scattering != SPS_SCATTERING_OFF && view->width % 2)
+        view->scattering = view->height % 4 ? SPS_SCATTERING_FULL : SPS_SCATTERING_AUTO;
+    view->scatter_tolerance = view->height % 8 ? 0 : 0.5f;
     view->scatter_size = view->width % 13; /* drawn from nothing: scenes stay as they were */
     if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
 }
@@ -469,7 +471,7 @@ static sps_result render(sps_context *context, const scenery *x, int reference) 
     image.depth = distance;
     clear_image();
     settings.step = 2, settings.samples = x->s.view.width % 3; /* paths */
-    if (x->s.view.scattering == SPS_SCATTERING_FULL && settings.samples == 0) settings.samples = 1;
+    if (x->s.view.scattering >= SPS_SCATTERING_FULL && settings.samples == 0) settings.samples = 1;
     if (reference) return sps_reference(context, &x->s.scene, &x->s.view, &settings, &image);
     return sps_render(context, &x->s.scene, &x->s.view, &image);
 }

@@ -1,0 +1,255 @@
+/* SPS_SCATTERING_AUTO: its bound holds for the optical depth of all kinds of gas, and for what scatters again; what it
+   decides is the picture of one of the other two, bit for bit; the plan says so. */
+
+#include "check.h"
+
+enum { SIDE = 12, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS };
+static float image_a[COUNT], image_b[COUNT];
+static sps_context *context;
+static const float one = 1;
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+enum { PUFF, TURNED, SHEARED, SWARM, HARD_SWARM, EXTINCTIONS, DUST, CLASSIFIED, TWO, KINDS };
+static const char *const kinds[] = {"puff",        "turned box", "sheared box", "soft balls",    "balls",
+                                    "extinctions", "dust",       "classified",  "puff and balls"};
+static const sps_transfer_point points[] = {{0, {0.3f, 0.3f, 0.3f}, 0},
+                                            {0.2f, {0.3f, 0.3f, 0.3f}, 4},
+                                            {0.5f, {0.8f, 0.3f, 0.3f}, 1},
+                                            {1, {0.3f, 0.3f, 0.3f}, 2}};
+static const sps_transfer tissue = {points, 4, NULL, NULL, 0};
+
+static void add_box(check_scene *s, int kind) {
+    sps_placement placement;
+    sps_volume *volume;
+    memset(&placement, 0, sizeof placement);
+    check_set3(placement.origin, -0.5, -1, -0.4);
+    check_set3(placement.axis[0], 1, kind == TURNED ? 0.8 : 0, kind == TURNED ? 0.5 : 0);
+    check_set3(placement.axis[1], kind == TURNED ? -0.8 : 0.9, 1, 0);
+    check_set3(placement.axis[2], kind == TURNED ? -0.5 : 0.3, 0, 1);
+    volume = check_add_volume(s, 12, 10, 14, placement);
+    volume->read_fn = check_read_constant;
+    volume->user = (void *)(size_t)&one;
+    volume->extinction = 1.5f;
+}
+
+static void start(check_scene *s, int kind, double strength) {
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 0, 0, 5);
+    check_perspective(&s->view.camera, 0.5);
+    if (kind == PUFF || kind == CLASSIFIED || kind == TWO) check_add_puff(s, 2 * strength)->revision = 1;
+    if (kind == CLASSIFIED) s->volume[0].transfer = &tissue, s->volume[0].extinction = (float)strength;
+    if (kind == TURNED || kind == SHEARED) add_box(s, kind), s->volume[0].extinction *= (float)strength;
+    if (kind == SWARM || kind == HARD_SWARM || kind == EXTINCTIONS || kind == TWO || kind == DUST) {
+        sps_particles *swarm = check_add_swarm(s, 0.2 * strength);
+        swarm->soft = kind != HARD_SWARM, swarm->is_extinction = kind == EXTINCTIONS;
+        check_color(swarm->albedo, 0.5, 0.5, 0.5);
+        if (kind == DUST)
+            for (int i = 0; i < (int)swarm->count; ++i) ((sps_particle *)swarm->user)[i].radius = 0.004f;
+    }
+    for (int i = 0; i < s->scene.volume_count; ++i) check_color(s->volume[i].albedo, 0.5, 0.5, 0.5);
+    check_add_directional(s, 0.5, -0.8, -0.4, 2);
+    s->view.scattering = SPS_SCATTERING_AUTO;
+    s->view.scatter_size = 8;
+}
+
+/* The optical depth that a bound stands for. */
+static double depth_of(double bound, double albedo) { return -log1p(-bound / (1 + bound) / albedo); }
+
+static double bound_of(const check_scene *s) {
+    sps_stats_report stats;
+    check_render(context, s, image_a);
+    sps_get_stats(context, &stats);
+    return stats.scatter_bound;
+}
+
+/* The largest optical depth of pixels, from many sides. */
+static double deepest(const check_scene *s) {
+    double most = 0;
+    check_scene seen = *s;
+    seen.scene.volumes = seen.volume, seen.scene.lights = seen.light;
+    seen.view.scattering = SPS_SCATTERING_OFF, seen.view.quality = SPS_QUALITY_HIGH;
+    for (int n = 0; n < (check_long() ? 30 : 4); ++n) {
+        check_set3(seen.view.camera.position, 5 * sin(0.7 * n), 5 * cos(1.1 * n) * (n % 3 - 1), 5 * cos(0.7 * n));
+        check_render(context, &seen, image_b);
+        for (int i = 3; i < COUNT; i += 4) most = fmax(most, -log1p(-fmin((double)image_b[i], 1 - 1e-7)));
+    }
+    return most;
+}
+
+/* No way is deeper than the bound, which is not more than a few times as deep: the root of 3, and bricks of 12 voxels
+   where 25 are all there are. Between pixels dust is missed. */
+static void test_depths(void) {
+    for (int kind = 0; kind < KINDS; ++kind) {
+        double depth, bound;
+        check_scene s;
+        start(&s, kind, 0.7);
+        depth = deepest(&s);
+        bound = depth_of(bound_of(&s), kind == CLASSIFIED ? (double)0.8f : 0.5);
+        if (figures()) printf("%s: depth %.3f, bound %.3f\n", kinds[kind], depth, bound);
+        if (!CHECK(bound >= 0.99 * depth) || !CHECK(kind == DUST || (depth > 0.05 && bound < 7 * depth)))
+            printf("    %s\n", kinds[kind]);
+    }
+}
+
+static void add_cube(check_scene *s, float extinction) {
+    sps_volume *volume = check_add_volume(s, 40, 40, 40, check_box(-1, -1, -1, 1, 1, 1));
+    volume->read_fn = check_read_constant;
+    volume->user = (void *)(size_t)&one;
+    volume->extinction = extinction;
+    check_color(volume->albedo, 0.5, 0.5, 0.5);
+}
+
+/* The deepest way through a cube is its diagonal, which the bound exceeds by as much as kernels reach beyond: two
+   voxels on either side of 40. Two cubes are twice as deep. A classified one counts as the most that values up to its
+   own have. */
+static void test_cube(void) {
+    double single;
+    check_scene s;
+    start(&s, KINDS, 0);
+    add_cube(&s, 1);
+    single = depth_of(bound_of(&s), 0.5);
+    if (figures()) printf("cube: %.4f of %.4f\n", single, 2 * sqrt(3.0));
+    CHECK(single >= 2 * sqrt(3.0) && single <= 2 * sqrt(3.0) * 44 / 40 * 1.0001);
+    add_cube(&s, 0.5f);
+    CHECK_NEAR(depth_of(bound_of(&s), 0.5), 1.5 * single, 1e-3 * single);
+    start(&s, KINDS, 0);
+    add_cube(&s, 1);
+    s.volume[0].transfer = &tissue;
+    CHECK_NEAR(depth_of(bound_of(&s), (double)0.8f), 4 * single, 4e-3 * single);
+}
+
+/* Particles are as deep as they say, whether they say it as a depth or as a density; many in one place add up. */
+static void test_particles(void) {
+    for (int soft = 0; soft < 2; ++soft) {
+        static const double along[] = {2, 4.0 / 3};
+        sps_particle particle[2] = {{{0, 0, 0}, 0.5f, 0.3f}, {{0, 0, 0}, 0.5f, 0.3f}};
+        sps_particles *set;
+        double single;
+        check_scene s;
+        start(&s, SWARM, 1);
+        set = (sps_particles *)(size_t)s.scene.particles;
+        set->count = 1, set->user = particle, set->soft = soft;
+        single = depth_of(bound_of(&s), 0.5);
+        if (figures()) printf("particle: %.4f of 0.3\n", single);
+        CHECK(single >= 0.3 && single <= 0.3 * sqrt(3.0) * (soft ? 1.1 : 1.0001));
+        particle[0].optical_depth = (float)(0.3 / along[soft] / 0.5), set->is_extinction = 1;
+        CHECK_NEAR(depth_of(bound_of(&s), 0.5), single, 1e-5);
+        particle[1] = particle[0], set->count = 2;
+        CHECK_NEAR(depth_of(bound_of(&s), 0.5), 2 * single, 1e-5);
+    }
+}
+
+/* Less scatters again than the bound says. */
+static void test_share(void) {
+    static const double strengths[] = {0.02, 0.1, 0.3};
+    for (int n = 0; n < 3; ++n) {
+        double sums[2] = {0, 0}, bound;
+        check_scene s;
+        start(&s, PUFF, strengths[n]);
+        bound = bound_of(&s);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_a);
+        s.view.scattering = SPS_SCATTERING_FULL;
+        check_render(context, &s, image_b);
+        for (int i = 0; i < COUNT; ++i)
+            if (i % 4 < 3) sums[0] += (double)image_a[i], sums[1] += (double)image_b[i];
+        if (figures()) printf("strength %g: %.4f more, bound %.4f\n", strengths[n], sums[1] / sums[0] - 1, bound);
+        CHECK(sums[1] / sums[0] - 1 < bound && sums[1] > sums[0]);
+        CHECK(sums[1] / sums[0] - 1 > bound / 12);
+    }
+}
+
+/* Either picture, bit for bit; below a tolerance of 1 %, unless another is set. */
+static void test_decisions(void) {
+    for (int n = 0; n < 6; ++n) {
+        static const double strengths[] = {0.002, 0.3, 0.3, 0.3, 0.002, 0.002};
+        const int full = n == 1 || n == 3 || n == 4;
+        double bound;
+        check_scene s;
+        start(&s, n < 4 ? PUFF : SWARM, strengths[n]);
+        if (n == 2 || n == 3) s.view.scatter_tolerance = (float)bound_of(&s) * (n == 2 ? 1.01f : 0.99f);
+        if (n == 4) check_color(s.scene.ambient, 1, 1, 1), s.view.scatter_tolerance = 1e-4f;
+        bound = bound_of(&s);
+        s.view.scattering = full ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
+        check_render(context, &s, image_b);
+        if (figures()) printf("decision %d: bound %.5f\n", n, bound);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        CHECK((bound > (n == 0 || n == 1 || n == 5 ? 0.01 : (double)s.view.scatter_tolerance)) == full);
+    }
+}
+
+/* With ambient light all that meets gas counts, whatever its albedo; without anything that scatters nothing does. */
+static void test_ambient(void) {
+    double dark, lit;
+    check_scene s;
+    start(&s, PUFF, 0.3);
+    check_color(s.volume[0].albedo, 0.01, 0, 0);
+    dark = bound_of(&s);
+    check_color(s.scene.ambient, 0.1, 0.1, 0.1);
+    lit = bound_of(&s);
+    CHECK_NEAR(depth_of(lit, 1), depth_of(dark, (double)0.01f), 1e-5);
+    check_color(s.volume[0].albedo, 0, 0, 0);
+    CHECK(bound_of(&s) == 0);
+    s.scene.volume_count = 0;
+    CHECK(bound_of(&s) == 0);
+}
+
+/* The plan knows as much as is held: from a second call on, of volumes. */
+static void test_plan(void) {
+    for (int n = 0; n < 4; ++n) {
+        sps_context *by = check_context(NULL);
+        sps_plan_report report;
+        sps_stats_report stats;
+        check_scene s;
+        start(&s, n == 2 ? SWARM : PUFF, n == 1 ? 0.001 : 0.3);
+        if (n == 3) check_color(s.volume[0].albedo, 0, 0, 0);
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(report.scatter_bound == (n == 3 ? 0 : -1) && report.pass[SPS_PASS_CELLS].runs == (n != 3));
+        CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, n == 3 ? "nothing scatters" : "not read yet") != NULL);
+        check_render(by, &s, image_a);
+        sps_get_stats(by, &stats);
+        CHECK(stats.bytes_peak <= report.bytes);
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(n == 2 ? report.scatter_bound == -1 : report.scatter_bound == stats.scatter_bound);
+        CHECK(report.pass[SPS_PASS_CELLS].runs == (n == 0 || n == 2));
+        if (n == 0) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
+        if (n == 1) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "within") != NULL);
+        CHECK((stats.cells > 0) == (n == 0 || n == 2));
+        sps_destroy(by);
+    }
+}
+
+static void test_refused(void) {
+    static const float bad[] = {-0.1f, 1.1f, NAN};
+    sps_reference_settings settings;
+    sps_image image;
+    check_scene s;
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    start(&s, PUFF, 0.1);
+    image.rgba = image_a;
+    for (int i = 0; i < 3; ++i) {
+        s.view.scatter_tolerance = bad[i];
+        CHECK(sps_render(context, &s.scene, &s.view, &image) == SPS_ERROR_ARGUMENT);
+        CHECK(strstr(sps_error(context), "scatter_tolerance") != NULL);
+    }
+    s.view.scatter_tolerance = 0;
+    settings.step = 1;
+    CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
+    settings.samples = 1;
+    CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_depths);
+    RUN(test_cube);
+    RUN(test_particles);
+    RUN(test_share);
+    RUN(test_decisions);
+    RUN(test_ambient);
+    RUN(test_plan);
+    RUN(test_refused);
+    sps_destroy(context);
+    return check_report();
+}

@@ -453,7 +453,7 @@ static const option_rule options[] = {
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--samples", "N", "paths per pixel of --reference, for light that scatters more than once; default 0", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
-    {"--scattering", "off|forward|full|auto", "light in gas: once, forward any number of times, in every direction, or full where gas calls for it; default off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
+    {"--scattering", "off|forward|full|auto", "light in gas: once, forward, in every direction, or that if gas calls for it; default off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scatter-size", "N", "cells along the gas's longest side, for --scattering full; default by --quality", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
     {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},

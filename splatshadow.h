@@ -5884,6 +5884,12 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 /* --- how much light can scatter again --- */
 
+/* Whether gas lights polygons, or shadows ambient light on them, without scattering anything. */
+static int spsi_lights_polygons(const spsi_frame *frame) {
+    const int gas = frame->medium_count + frame->particles.set_count;
+    return frame->meshes.triangle_count > 0 && gas > 0 && (frame->matter.emits || frame->ambient.exists);
+}
+
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
    of the axes, so that its optical depth is at most sqrt 3 times the integral, along that axis, of the largest bound in
    each plane across it. */
@@ -6034,9 +6040,10 @@ static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame
     double depth, x;
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
-    depth = frame->matter.scatters ? spsi_densest_way(context, frame) : 0;
+    depth = frame->matter.scatters || spsi_lights_polygons(frame) ? spsi_densest_way(context, frame) : 0;
     if (depth < 0) return context->result;
     x = -spsi_largest_albedo(frame) * expm1(-depth);
+    if (spsi_lights_polygons(frame) && frame->matter.emits) x = 1;
     *bound = x < 1 ? fmin(x / (1 - x), 1e6) : 1e6;
     frame->view.scattering = *bound > (double)frame->view.scatter_tolerance ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
     return SPS_OK;
@@ -8194,7 +8201,7 @@ static int spsi_light_texels_most(const spsi_frame *frame) {
 /* Whether light is followed from cell to cell, >>cells; or may be, until SPS_SCATTERING_AUTO is decided. */
 static int spsi_scatters_fully(const spsi_frame *frame) {
     return (frame->view.scattering == SPS_SCATTERING_FULL || frame->view.scattering == SPS_SCATTERING_AUTO) &&
-           frame->matter.scatters;
+           (frame->matter.scatters || spsi_lights_polygons(frame));
 }
 
 /* Whether rays are traced through the polygons. */
@@ -19770,7 +19777,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     uint64_t bricks;
     if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
-    if (!frame->matter.scatters || (reading.held && frame->particles.set_count == 0))
+    if (!spsi_scatters_fully(frame) || (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;

@@ -195,8 +195,11 @@ static void test_decisions(void) {
     }
 }
 
-/* With ambient light all that meets gas counts, whatever its albedo; without anything that scatters nothing does. */
+/* With ambient light all that meets gas counts, whatever its albedo; without anything that scatters nothing does,
+   unless there are polygons that gas keeps light from, or shines on. */
 static void test_ambient(void) {
+    const double origin[3] = {-2, -1.5, -2}, u[3] = {4, 0, 0}, v[3] = {0, 0, 4};
+    static check_triangles floor_faces;
     double dark, lit;
     check_scene s;
     start(&s, PUFF, 0.3);
@@ -207,8 +210,16 @@ static void test_ambient(void) {
     CHECK_NEAR(depth_of(lit, 1), depth_of(dark, (double)0.01f), 1e-5);
     check_color(s.volume[0].albedo, 0, 0, 0);
     CHECK(bound_of(&s) == 0);
+    check_add_quad(&floor_faces, origin, u, v);
+    check_add_mesh(&s, &floor_faces, 0.5);
+    CHECK_NEAR(depth_of(bound_of(&s), 1), depth_of(lit, 1), 1e-5); /* gas shadows the sky on the floor */
+    check_color(s.scene.ambient, 0, 0, 0);
+    CHECK(bound_of(&s) == 0);
+    check_color(s.volume[0].emission, 0.1, 0, 0);
+    CHECK(bound_of(&s) == 1e6); /* gas lights the floor */
     s.scene.volume_count = 0;
     CHECK(bound_of(&s) == 0);
+    check_free_triangles(&floor_faces);
 }
 
 /* The plan knows as much as is held: from a second call on, of volumes. */

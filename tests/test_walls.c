@@ -57,13 +57,15 @@ static size_t cell_at(const spsi_cell_grid *grid, const int at[3]) {
     return (size_t)(at[2] * grid->size[1] + at[1]) * (size_t)grid->pitch + (size_t)at[0];
 }
 
-enum { ON_FLOOR, ABOVE_FLOOR, WALL, SKY, SLANT, COLORS, ROOM, PLACES };
-static const char *const places[] = {"on a floor",       "above a floor", "a wall amid gas", "floor under a sky",
-                                     "floor at a slant", "colored floor", "lamp in a room"};
+enum { ON_FLOOR, ABOVE_FLOOR, WALL, SKY, SLANT, COLORS, ROOM, GLOW, SMOKE, PLACES };
+static const char *const places[] = {"on a floor",        "above a floor",      "a wall amid gas",
+                                     "floor under a sky", "floor at a slant",   "colored floor",
+                                     "lamp in a room",    "glow above a floor", "smoke under a sky"};
 
 static void add_place(check_scene *s, int place) {
-    if (place == ON_FLOOR || place == SKY || place == COLORS) add_quad(-4, -0.6, -4, 8, 0, 0, 0, 0, 8);
-    if (place == ABOVE_FLOOR) add_quad(-6, -2, -6, 12, 0, 0, 0, 0, 12);
+    if (place == ON_FLOOR || place == SKY || place == COLORS || place == SMOKE)
+        add_quad(-4, -0.6, -4, 8, 0, 0, 0, 0, 8);
+    if (place == ABOVE_FLOOR || place == GLOW) add_quad(-6, -2, -6, 12, 0, 0, 0, 0, 12);
     if (place == WALL) add_quad(0.02, -3, -3, 0, 6, 0, 0, 0, 6);
     if (place == SLANT) add_quad(-4, -1.6, -4, 8, 1.6, 0, 0, 0, 8);
     if (place == ROOM) {
@@ -72,8 +74,12 @@ static void add_place(check_scene *s, int place) {
         add_quad(-1, -1, -1, 2, 0, 0, 0, 2, 0);
         check_add_point(s, 0.3, 0.5, 0.2, 1);
         check_set3(s->view.camera.position, 0, 0, 3.2);
-    } else if (place == SKY) {
+    } else if (place == SKY || place == SMOKE) {
         check_color(s->scene.ambient, 0.5, 0.6, 0.7);
+        if (place == SMOKE) check_color(s->volume[0].albedo, 0, 0, 0);
+    } else if (place == GLOW) { /* it scatters nothing */
+        check_color(s->volume[0].albedo, 0, 0, 0);
+        check_color(s->volume[0].emission, 3, 2, 1);
     } else {
         check_add_directional(s, place == WALL ? 1 : 0.3, place == WALL ? -0.1 : -1, -0.2, 1);
     }
@@ -468,6 +474,8 @@ static void test_paths(void) {
             start_even(&s), s.volume[0].lobes = &forward, s.volume[0].lobe_count = n % 2;
         else
             start(&s, n % 2 ? &forward : NULL);
+        if (place == WALL || place == GLOW || place == SMOKE) /* thin: pixels are wider than voxels, and blur its rim */
+            s.volume[0].extinction = 1;
         add_place(&s, place);
         snprintf(name, sizeof name, "%s, g %g", places[place], n % 2 ? 0.85 : 0);
         compare_with_paths(&s, name, 30, place == ROOM ? 0.08 : 0.03); /* the light of a lamp within gas: 7 % */

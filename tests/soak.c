@@ -2,8 +2,8 @@
    ones for the same SEED on every machine; without COUNT, 8 chosen ones, or 200 where SPLATSHADOW_LONG is set. A scene
    fails if its error, relative to the reference's mean, is neither below 3 % at medium quality nor falls to half of
    that at high quality, unless it is one of the known ones below. Every other one with polygons is compared again, with
-   samples of their edges. Prints the worst ten, each with the line that renders
-   it again; with SOAK_ALL in the environment, every one. */
+   samples of their edges; every fifth one with light from cell to cell, with random paths. Prints the worst ten, each
+   with the line that renders it again; with SOAK_ALL in the environment, every one. */
 
 #include "random_scene.h"
 
@@ -39,7 +39,13 @@ static const struct {
     {1, 966, LAMP},
 };
 
-enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */
+enum {
+    WORST = 10,
+    CUT = 4,
+    CELLS_SIDE = 24,
+    QUICK = 8
+}; /* CUT: pixels at polygons' edges
+that may be left out; CELLS_SIDE: pixels and cells where light goes from cell to cell */
 
 /* Scenes of seed 1 that run without COUNT: a varied choice, none of which takes long. */
 static const int quick[QUICK] = {0, 7, 62, 19, 29, 41, 52, 91};
@@ -154,6 +160,55 @@ static void soak_edges(sps_context *context, const random_scene *x, long number)
                100 * error.light, error.coverage);
 }
 
+/* Whether paths reflect light from surfaces of volumes, which cells do not know. */
+static int has_surfaces(const int levels[FEATURES]) {
+    return levels[VOLUME] == VOLUME_SURFACE || levels[VOLUME] == VOLUME_CURVE || levels[SECOND] == SECOND_SURFACE ||
+           levels[SECOND] == SECOND_TWO;
+}
+
+/* Makes the scene small, and takes from it what cells do not see: panes and textures, and the shadows of polygons in
+   ambient light, which only paths have. */
+static void prepare_cells(random_scene *x, const int levels[FEATURES]) {
+    sps_view *view = &x->s.view;
+    for (int i = 0; i < x->s.scene.mesh_count; ++i) {
+        x->s.mesh[i].shade_fn = NULL;
+        check_translucent(&x->s.mesh[i], 0);
+    }
+    if (levels[MESH] != MESH_NONE && levels[MESH] != MESH_GROUND) check_color(x->s.scene.ambient, 0, 0, 0);
+    view->width = view->height = CELLS_SIDE;
+    memset(view->region, 0, sizeof view->region);
+    view->coverage_samples = 0;
+    view->quality = SPS_QUALITY_HIGH;
+    view->scattering = SPS_SCATTERING_FULL, view->scatter_size = CELLS_SIDE;
+}
+
+/* Every fifth scene again, with light from cell to cell, against random paths: means of all pixels agree within four
+   standard errors and 5 %. Changes the scene. */
+static void soak_cells(sps_context *context, random_scene *x, const int levels[FEATURES], long number) {
+    static float found[4 * CELLS_SIDE * CELLS_SIDE], exact[4 * CELLS_SIDE * CELLS_SIDE];
+    static float errors[3 * CELLS_SIDE * CELLS_SIDE];
+    double sums[2] = {0, 0}, square = 0;
+    sps_reference_settings settings;
+    sps_image image;
+    sps_result result;
+    if (number % 5 != 2 || has_surfaces(levels)) return;
+    prepare_cells(x, levels);
+    memset(&image, 0, sizeof image), memset(&settings, 0, sizeof settings);
+    image.rgba = found;
+    result = sps_render(context, &x->s.scene, &x->s.view, &image);
+    if (result == SPS_ERROR_UNSUPPORTED || !CHECK_OK(context, result)) return;
+    settings.step = 0.5, settings.samples = 32, settings.seed = 1, settings.error = errors, image.rgba = exact;
+    if (!CHECK_OK(context, sps_reference(context, &x->s.scene, &x->s.view, &settings, &image))) return;
+    for (int i = 0; i < 4 * CELLS_SIDE * CELLS_SIDE; ++i)
+        if (i % 4 < 3) sums[0] += (double)found[i], sums[1] += (double)exact[i];
+    for (int i = 0; i < 3 * CELLS_SIDE * CELLS_SIDE; ++i) square += pow((double)errors[i], 2);
+    square = sqrt(3 * square); /* colors share their paths */
+    if (!CHECK(fabs(sums[0] - sums[1]) <= 4 * square + 0.05 * sums[1])) {
+        printf("    scene %ld, cells: %g, paths %g +- %g\n", number, sums[0], sums[1], square);
+        print_levels(levels);
+    }
+}
+
 static void soak_scene(sps_context *context, soak *s, long number) {
     static random_scene x;
     check_random random;
@@ -183,6 +238,7 @@ static void soak_scene(sps_context *context, soak *s, long number) {
     else
         judge(s, &o);
     if (o.report.result == SPS_OK) soak_edges(context, &x, number);
+    soak_cells(context, &x, o.levels, number);
     free_scene(&x);
 }
 

@@ -618,4 +618,31 @@ static inline double check_largest(const float *a, const float *b, size_t count)
     return largest;
 }
 
+/* Compares the mean of all pixels, rendered, with that of random paths: within five standard errors and `share` of it.
+   CHECK_FIGURES in the environment prints both. */
+static inline int check_paths(sps_context *context, const check_scene *s, const char *name, int samples, double share) {
+    const size_t pixels = (size_t)s->view.width * (size_t)s->view.height;
+    float *found = (float *)calloc(11 * pixels, sizeof *found), *exact = found + 4 * pixels,
+          *errors = exact + 4 * pixels;
+    double sums[2] = {0, 0}, square = 0, count = 3 * (double)pixels;
+    sps_reference_settings settings;
+    sps_image image;
+    int good = CHECK(found != NULL) && check_render(context, s, found);
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    settings.step = 0.5, settings.samples = check_long() ? 8 * samples : samples, settings.seed = 1;
+    settings.error = errors, image.rgba = exact;
+    good = good && CHECK_OK(context, sps_reference(context, &s->scene, &s->view, &settings, &image));
+    for (size_t i = 0; i < 4 * pixels && good; ++i)
+        if (i % 4 < 3) sums[0] += (double)found[i], sums[1] += (double)exact[i];
+    for (size_t i = 0; i < 3 * pixels && good; ++i) square += (double)errors[i] * (double)errors[i];
+    square = sqrt(3 * square); /* colors share their paths */
+    if (getenv("CHECK_FIGURES"))
+        printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, sums[0] / count, sums[1] / count, square / count,
+               100 * (sums[0] / sums[1] - 1));
+    if (good && !CHECK(fabs(sums[0] - sums[1]) <= 5 * square + share * sums[1]))
+        printf("    %s: %g, paths %g +- %g\n", name, sums[0] / count, sums[1] / count, square / count);
+    free(found);
+    return good;
+}
+
 #endif /* CHECK_H */

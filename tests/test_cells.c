@@ -6,7 +6,7 @@
 #include "check.h"
 
 enum { SIDE = 16, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS };
-static float image_a[COUNT], image_b[COUNT], image_c[COUNT], errors[3 * PIXELS];
+static float image_a[COUNT], image_b[COUNT], image_c[COUNT];
 static sps_context *context;
 static check_triangles plate;
 
@@ -874,26 +874,6 @@ static void test_scaled(void) {
 
 /* --- against random paths --- */
 
-/* Compares the mean of all pixels with that of random paths: within five standard errors and `share` of it. */
-static void compare_with_paths(const check_scene *s, const char *name, int samples, double share) {
-    sps_reference_settings settings;
-    sps_image image;
-    double square = 0, mean, exact_mean;
-    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
-    settings.step = 0.5, settings.samples = check_long() ? 8 * samples : samples, settings.seed = 1;
-    settings.error = errors, image.rgba = image_b;
-    check_render(context, s, image_a);
-    if (!CHECK_OK(context, sps_reference(context, &s->scene, &s->view, &settings, &image))) return;
-    for (int i = 0; i < 3 * PIXELS; ++i) square += pow((double)errors[i] / (3 * PIXELS), 2);
-    mean = mean_of(image_a), exact_mean = mean_of(image_b);
-    square = sqrt(3 * square); /* colors share their paths */
-    if (figures())
-        printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, mean, exact_mean, square,
-               100 * (mean / exact_mean - 1));
-    if (!CHECK(fabs(mean - exact_mean) <= 5 * square + share * exact_mean))
-        printf("    %s: %g, paths %g +- %g\n", name, mean, exact_mean, square);
-}
-
 enum { CLOUD = 32 };
 static float cloud[CLOUD * CLOUD * CLOUD];
 
@@ -920,7 +900,7 @@ static void test_clouds(void) {
         s.view.quality = SPS_QUALITY_HIGH;
         s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = check_long() ? 64 : 32;
         snprintf(name, sizeof name, "cloud, g %g, %s", n < 3 ? 0 : (double)all[n / 3]->asymmetry, names[n % 3]);
-        compare_with_paths(&s, name, 20, 0.05);
+        check_paths(context, &s, name, 20, 0.05);
     }
 }
 
@@ -934,7 +914,7 @@ static void test_paths(void) {
             start(&s, kind, light);
             s.view.scatter_size = 20;
             snprintf(name, sizeof name, "%s, %s", kinds[kind], lights[light]);
-            compare_with_paths(&s, name, light == WITHIN ? 40 : 20, 0.06);
+            check_paths(context, &s, name, light == WITHIN ? 40 : 20, 0.06);
         }
 }
 
@@ -946,7 +926,7 @@ static void test_paths_unshadowed(void) {
         s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
         if (n) check_color(s.volume[0].albedo, 0.7, 0.9, 0.95), s.volume[0].extinction = 2;
         s.view.scatter_size = 20;
-        compare_with_paths(&s, n ? "thin gas, unshadowed sun" : "forward gas, unshadowed sun", 20, 0.1);
+        check_paths(context, &s, n ? "thin gas, unshadowed sun" : "forward gas, unshadowed sun", 20, 0.1);
     }
 }
 
@@ -961,7 +941,7 @@ static void test_paths_unlit(void) {
         if (kind > 0 && kind < 4) check_color(s.scene.ambient, 0.5, 0.6, 0.7);
         if (kind == 0 || kind > 2) check_color(s.volume[0].emission, 0.5, 0.6, 1);
         s.view.scatter_size = 20;
-        compare_with_paths(&s, names[kind], 20, 0.03);
+        check_paths(context, &s, names[kind], 20, 0.03);
     }
 }
 
@@ -1107,7 +1087,7 @@ static void test_polygon_paths(void) {
         check_add_quad(&plate, origin, u, v);
         check_translucent(check_add_mesh(&s, &plate, 0), n ? 0.4 : 0);
         s.view.scatter_size = 20;
-        compare_with_paths(&s, n ? "pane" : "plate", 20, 0.06);
+        check_paths(context, &s, n ? "pane" : "plate", 20, 0.06);
     }
     check_free_triangles(&plate);
 }
@@ -1368,7 +1348,8 @@ static void test_emitter(void) {
         volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
         check_color(volume->emission, 2, 2, 2);
         s.view.scatter_size = 20;
-        compare_with_paths(&s, beside ? "emitter beside gas" : "emitter in gas", 40, 0.05);
+        check_paths(context, &s, beside ? "emitter beside gas" : "emitter in gas", 40, 0.05);
+        check_render(context, &s, image_a);
         lit = mean_of(image_a);
         s.view.scattering = SPS_SCATTERING_OFF;
         check_render(context, &s, image_a);

@@ -4,7 +4,7 @@
 #include "check.h"
 
 enum { SIDE = 16, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS };
-static float image_a[COUNT], image_b[COUNT], errors[3 * PIXELS];
+static float image_a[COUNT], image_b[COUNT];
 static sps_context *context;
 static check_triangles faces;
 static const float one = 1;
@@ -445,24 +445,6 @@ static void test_white_floor(void) {
     }
 }
 
-static void compare_with_paths(const check_scene *s, const char *name, int samples, double share) {
-    sps_reference_settings settings;
-    sps_image image;
-    double square = 0, mean, exact;
-    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
-    settings.step = 0.5, settings.samples = check_long() ? 8 * samples : samples, settings.seed = 1;
-    settings.error = errors, image.rgba = image_b;
-    check_render(context, s, image_a);
-    if (!CHECK_OK(context, sps_reference(context, &s->scene, &s->view, &settings, &image))) return;
-    for (int i = 0; i < 3 * PIXELS; ++i) square += pow((double)errors[i] / (3 * PIXELS), 2);
-    mean = mean_of(image_a), exact = mean_of(image_b);
-    square = sqrt(3 * square); /* colors share their paths */
-    if (figures())
-        printf("%s: %.5f, paths %.5f +- %.5f: %+.2f %%\n", name, mean, exact, square, 100 * (mean / exact - 1));
-    if (!CHECK(fabs(mean - exact) <= 5 * square + share * exact))
-        printf("    %s: %g, paths %g +- %g\n", name, mean, exact, square);
-}
-
 /* Gas by polygons, in their light, in front of them and behind. Scattered once, light is 16 to 74 % short. */
 static void test_paths(void) {
     for (int n = 0; n < 2 * PLACES; ++n) {
@@ -478,7 +460,7 @@ static void test_paths(void) {
             s.volume[0].extinction = 1;
         add_place(&s, place);
         snprintf(name, sizeof name, "%s, g %g", places[place], n % 2 ? 0.85 : 0);
-        compare_with_paths(&s, name, 30, place == ROOM ? 0.08 : 0.03); /* the light of a lamp within gas: 7 % */
+        check_paths(context, &s, name, 30, place == ROOM ? 0.08 : 0.03); /* the light of a lamp within gas: 7 % */
     }
 }
 

@@ -776,7 +776,7 @@ typedef struct sps_view {
     /* SPS_SCATTERING_AUTO: light scatters once if what scatters again carries at most this share of its energy, 0..1.
        0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)), with the largest albedo a, 1 if there is ambient light,
        and an upper bound t of the optical depth on any straight way through the gas, mostly 2 to 4 times the largest.
-     */
+       Beside polygons, which send light to gas and receive it, there is none: FULL. */
     float scatter_tolerance;
     uint32_t end_canary; /* leave 0 */
 } sps_view;
@@ -1677,7 +1677,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LIGHT_BALLS,       /* the particles of one chunk as a light sees them, by tile */
     SPSI_BUFFER_TILES,             /* state of each tile */
     SPSI_BUFFER_AGAIN,             /* gas and light of a sweep from back to front, >>shading */
-    SPSI_BUFFER_DENSE_GRID,        /* bounds of extinction, >>gather */
+    SPSI_BUFFER_BOUND_GRID,        /* bounds of extinction, >>gather */
     SPSI_BUFFER_FORWARD,           /* what gases scatter forward, >>scattering */
     SPSI_BUFFER_CELL_GRID,         /* the grid of cells, >>cells */
     SPSI_BUFFER_CELL_JOB,          /* data for filling and lighting it, >>lighting */
@@ -5893,33 +5893,38 @@ static int spsi_lights_polygons(const spsi_frame *frame) {
 /* A coarse grid of upper bounds of extinction. A straight way advances by at least 1 / sqrt 3 of its length along one
    of the axes, so that its optical depth is at most sqrt 3 times the integral, along that axis, of the largest bound in
    each plane across it. */
-typedef struct spsi_dense_grid {
+typedef struct spsi_bound_grid {
     spsi_bounds bounds;
+    int side;         /* cells along each axis */
     double edge[3];   /* of its cells */
     float *all, *own; /* of all gas; of one volume */
-} spsi_dense_grid;
+} spsi_bound_grid;
 
-#define SPSI_DENSE_SIDE  32
-#define SPSI_DENSE_CELLS (SPSI_DENSE_SIDE * SPSI_DENSE_SIDE * SPSI_DENSE_SIDE)
+#define SPSI_BOUND_SIDE   32
+#define SPSI_BOUND_COARSE 4   /* of its cells along the edge of a coarse one, for large particles */
+#define SPSI_BOUND_MOST   512 /* cells that a particle is spread over, unless there are few: so many coarse ones exist \
+                               */
+#define SPSI_BOUND_FEW   256
+#define SPSI_BOUND_CELLS (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 
 /* The cells that a box touches. */
-static void spsi_dense_range(const spsi_dense_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
+static void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
     for (int k = 0; k < 3; ++k) {
         const double a = (box->low[k] - grid->bounds.low[k]) / grid->edge[k];
         const double b = (box->high[k] - grid->bounds.low[k]) / grid->edge[k];
-        low[k] = (int)fmax(0, fmin(floor(a - 1e-6), SPSI_DENSE_SIDE - 1));
-        high[k] = (int)fmax(0, fmin(floor(b + 1e-6), SPSI_DENSE_SIDE - 1));
+        low[k] = (int)fmax(0, fmin(floor(a - 1e-6), grid->side - 1));
+        high[k] = (int)fmax(0, fmin(floor(b + 1e-6), grid->side - 1));
     }
 }
 
 /* Raises the bound of one volume in all cells that a box touches. */
-static void spsi_dense_raise(const spsi_dense_grid *grid, const spsi_bounds *box, float extinction) {
+static void spsi_bound_raise(const spsi_bound_grid *grid, const spsi_bounds *box, float extinction) {
     int low[3], high[3];
-    spsi_dense_range(grid, box, low, high);
+    spsi_bound_range(grid, box, low, high);
     for (int z = low[2]; z <= high[2]; ++z)
         for (int y = low[1]; y <= high[1]; ++y)
             for (int x = low[0]; x <= high[0]; ++x) {
-                float *cell = &grid->own[(z * SPSI_DENSE_SIDE + y) * SPSI_DENSE_SIDE + x];
+                float *cell = &grid->own[(z * grid->side + y) * grid->side + x];
                 *cell = spsi_higher(*cell, extinction);
             }
 }
@@ -5937,7 +5942,7 @@ static float spsi_brick_extinction(const sps_context *context, const spsi_materi
 
 /* Adds a particle to the cells that it touches, each as dense as where it comes nearest to the centre, but not deeper
    than the whole particle. */
-static void spsi_dense_add_particle(const spsi_dense_grid *grid, const sps_particle *particle,
+static void spsi_bound_add_particle(const spsi_bound_grid *grid, const sps_particle *particle,
                                     const spsi_particle_set *set) {
     const double radius = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2;
     const double depth = (double)particle->optical_depth * (set->is_extinction ? shape * radius : 1);
@@ -5945,7 +5950,7 @@ static void spsi_dense_add_particle(const spsi_dense_grid *grid, const sps_parti
     int low[3], high[3], at[3];
     spsi_bounds box;
     spsi_particle_bounds(particle, &box);
-    spsi_dense_range(grid, &box, low, high);
+    spsi_bound_range(grid, &box, low, high);
     for (at[2] = low[2]; at[2] <= high[2]; ++at[2])
         for (at[1] = low[1]; at[1] <= high[1]; ++at[1])
             for (at[0] = low[0]; at[0] <= high[0]; ++at[0]) {
@@ -5958,52 +5963,77 @@ static void spsi_dense_add_particle(const spsi_dense_grid *grid, const sps_parti
                 }
                 density = (square < 1 && set->soft ? 1 - square : 1) * depth / (shape * radius);
                 if (square > 1 + 1e-6) continue;
-                grid->all[(at[2] * SPSI_DENSE_SIDE + at[1]) * SPSI_DENSE_SIDE + at[0]] +=
+                grid->all[(at[2] * grid->side + at[1]) * grid->side + at[0]] +=
                     (float)fmin(fmin(density, most), (double)FLT_MAX / 4);
             }
 }
 
 /* Upper bound of the optical depth on a straight way through the grid. */
-static double spsi_dense_depth(const spsi_dense_grid *grid) {
+static double spsi_bound_depth(const spsi_bound_grid *grid) {
     double most = 0;
     for (int axis = 0; axis < 3; ++axis) {
-        float planes[SPSI_DENSE_SIDE] = {0};
+        float planes[SPSI_BOUND_SIDE] = {0};
         double sum = 0;
-        for (int i = 0; i < SPSI_DENSE_CELLS; ++i) {
-            const int at[3] = {i % SPSI_DENSE_SIDE, i / SPSI_DENSE_SIDE % SPSI_DENSE_SIDE,
-                               i / (SPSI_DENSE_SIDE * SPSI_DENSE_SIDE)};
+        for (int i = 0; i < grid->side * grid->side * grid->side; ++i) {
+            const int at[3] = {i % grid->side, i / grid->side % grid->side, i / (grid->side * grid->side)};
             planes[at[axis]] = spsi_higher(planes[at[axis]], grid->all[i]);
         }
-        for (int i = 0; i < SPSI_DENSE_SIDE; ++i) sum += grid->edge[axis] * (double)planes[i];
+        for (int i = 0; i < grid->side; ++i) sum += grid->edge[axis] * (double)planes[i];
         most = fmax(most, sqrt(3.0) * sum);
     }
     return most;
 }
 
 /* Adds the bricks of all volumes. */
-static void spsi_dense_add_volumes(const sps_context *context, const spsi_frame *frame, const spsi_dense_grid *grid) {
+static void spsi_bound_add_volumes(const sps_context *context, const spsi_frame *frame, const spsi_bound_grid *grid) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     for (int i = 0; i < context->brick_count;) {
         const int medium = bricks[i].lattice;
         const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
-        memset(grid->own, 0, SPSI_DENSE_CELLS * sizeof *grid->own);
+        memset(grid->own, 0, SPSI_BOUND_CELLS * sizeof *grid->own);
         for (; i < context->brick_count && bricks[i].lattice == medium; ++i) {
             spsi_bounds box;
             spsi_brick_bounds(frame, &bricks[i], &box);
-            spsi_dense_raise(grid, &box, spsi_brick_extinction(context, material, &bricks[i]));
+            spsi_bound_raise(grid, &box, spsi_brick_extinction(context, material, &bricks[i]));
         }
-        for (int cell = 0; cell < SPSI_DENSE_CELLS; ++cell) grid->all[cell] += grid->own[cell];
+        for (int cell = 0; cell < SPSI_BOUND_CELLS; ++cell) grid->all[cell] += grid->own[cell];
     }
+}
+
+/* The number of cells that a particle touches. */
+static int spsi_bound_touched(const spsi_bound_grid *grid, const sps_particle *particle) {
+    int low[3], high[3];
+    spsi_bounds box;
+    spsi_particle_bounds(particle, &box);
+    spsi_bound_range(grid, &box, low, high);
+    return (high[0] - low[0] + 1) * (high[1] - low[1] + 1) * (high[2] - low[2] + 1);
+}
+
+/* Adds all particles: where there are many, large ones to a coarse grid. Returns a bound for both grids. */
+static double spsi_bound_add_particles(const spsi_frame *frame, const spsi_bound_grid *grid) {
+    const int few = frame->content->particle_count <= SPSI_BOUND_FEW;
+    spsi_bound_grid coarse = *grid;
+    coarse.side = SPSI_BOUND_SIDE / SPSI_BOUND_COARSE;
+    coarse.all = grid->own;
+    for (int k = 0; k < 3; ++k) coarse.edge[k] *= SPSI_BOUND_COARSE;
+    memset(coarse.all, 0, SPSI_BOUND_CELLS * sizeof *coarse.all);
+    for (int i = 0; i < frame->content->particle_count; ++i) {
+        const sps_particle *particle = &frame->content->particles[i];
+        const int fits = few || spsi_bound_touched(grid, particle) <= SPSI_BOUND_MOST;
+        spsi_bound_add_particle(fits ? grid : &coarse, particle, spsi_set_of(frame, i));
+    }
+    return spsi_bound_depth(grid) + spsi_bound_depth(&coarse);
 }
 
 /* Upper bound of the optical depth on any straight way through what was read; -1 on failure. */
 static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
-    spsi_dense_grid grid;
-    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_DENSE_GRID, 2 * SPSI_DENSE_CELLS, sizeof(float));
+    spsi_bound_grid grid;
+    float *memory = (float *)spsi_reserve(context, SPSI_BUFFER_BOUND_GRID, 2 * SPSI_BOUND_CELLS, sizeof(float));
     if (!memory) return -1;
-    memset(memory, 0, 2 * SPSI_DENSE_CELLS * sizeof(float));
+    memset(memory, 0, 2 * SPSI_BOUND_CELLS * sizeof(float));
     grid.all = memory;
-    grid.own = memory + SPSI_DENSE_CELLS;
+    grid.own = memory + SPSI_BOUND_CELLS;
+    grid.side = SPSI_BOUND_SIDE;
     spsi_bricks_bounds(context, frame, &grid.bounds);
     for (int i = 0; i < frame->content->particle_count; ++i) {
         spsi_bounds box;
@@ -6013,11 +6043,9 @@ static double spsi_densest_way(sps_context *context, const spsi_frame *frame) {
     }
     if (spsi_bounds_empty(&grid.bounds)) return 0;
     for (int k = 0; k < 3; ++k)
-        grid.edge[k] = fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_DENSE_SIDE, DBL_MIN);
-    spsi_dense_add_volumes(context, frame, &grid);
-    for (int i = 0; i < frame->content->particle_count; ++i)
-        spsi_dense_add_particle(&grid, &frame->content->particles[i], spsi_set_of(frame, i));
-    return spsi_dense_depth(&grid);
+        grid.edge[k] = fmax((grid.bounds.high[k] - grid.bounds.low[k]) / SPSI_BOUND_SIDE, DBL_MIN);
+    spsi_bound_add_volumes(context, frame, &grid);
+    return spsi_bound_add_particles(frame, &grid);
 }
 
 /* The largest albedo of all gas; 1 if ambient light is there to be shadowed. */
@@ -6044,6 +6072,7 @@ static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame
     if (depth < 0) return context->result;
     x = -spsi_largest_albedo(frame) * expm1(-depth);
     if (spsi_lights_polygons(frame) && frame->matter.emits) x = 1;
+    if (frame->matter.scatters && frame->meshes.triangle_count > 0) x = 1; /* they may send gas as much as lights do */
     *bound = x < 1 ? fmin(x / (1 - x), 1e6) : 1e6;
     frame->view.scattering = *bound > (double)frame->view.scatter_tolerance ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
     return SPS_OK;
@@ -17081,8 +17110,9 @@ static int spsi_surface_lit(const spsi_frame *frame, const spsi_shadow *shadow, 
     return lit[0] > 0 || lit[1] > 0 || lit[2] > 0;
 }
 
-/* The scale of extinction on a light's way to a surface: what a phase function's peak scatters goes straight on. */
-static double spsi_surface_scale(const spsi_frame *frame, int c) {
+/* The scale of extinction for light that reaches a surface, and for what it sends to the eye: what a phase function's
+   peak scatters goes straight on. */
+static double spsi_straight_scale(const spsi_frame *frame, int c) {
     const spsi_cell_grid *cells = frame->content->cells;
     return cells ? (double)cells->scale[spsi_least(c, cells->channels - 1)] : 1;
 }
@@ -17118,7 +17148,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *p
         if (!spsi_surface_irradiance(frame, lamp, &surface, arrives)) continue;
         if (shadow) depth = spsi_shadow_depth(shadow, shader->first_slab, surface.point);
         for (int c = 0; c < 3; ++c) {
-            arrives[c] = arrives[c] / SPSI_PI * lit[c] * exp(-depth * spsi_surface_scale(frame, c));
+            arrives[c] = arrives[c] / SPSI_PI * lit[c] * exp(-depth * spsi_straight_scale(frame, c));
             radiance[c] += (float)fmin(look.color[c] * arrives[c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
         }
     }
@@ -17202,7 +17232,7 @@ static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANE
     const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas));
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const spsi_v scale = spsi_set(-(float)spsi_surface_scale(shader->frame, c)); /* -1: without a peak */
+        const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c)); /* -1: without a peak */
         into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(spsi_exp(spsi_mul(gas, scale)), once), into[c]);
     }
 }
@@ -17946,18 +17976,21 @@ static void spsi_cell_spot_build(const spsi_cell_job *job, int x, int y, int k, 
     spot->slab.leave = spsi_set(middle + half);
 }
 
-/* What a light's own shadows leave of it at a vector of samples, by channel. */
+/* What a light's own shadows leave of it at a vector of samples, by channel. Where its table ends, nothing is known of
+   how deep a sample lies, only that it is dark. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
     const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f));
-    const spsi_v before = spsi_sub(spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle), half);
+    const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle),
+                 before = spsi_sub(found, half);
+    const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->tmap->table_end), found);
     spsi_v lit[SPSI_PARTS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_shares(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
     if (shadow->pane_map_count > 0) spsi_part_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
     for (int c = 0; c < job->grid->channels; ++c) {
         const spsi_v from = spsi_mul(spot->scale[c], spsi_max(before, spsi_set(0)));
         const spsi_v mean = spsi_mean_transmittance(from, spsi_fma(spot->scale[c], spot->depth, from));
-        passes[c] = spsi_mul(spsi_mul(lit[0], filter[c]), mean);
+        passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(spsi_mul(lit[0], filter[c]), mean));
     }
 }
 
@@ -18403,7 +18436,7 @@ static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
 }
 
 /* Floats for light of polygons: moments and a source of none, links and rows of coarse levels, and what leaves. */
-static size_t spsi_cell_wall_floats(const spsi_cell_solver *solver) {
+static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
         floats += solver->levels[n].count + (size_t)(solver->levels[n].size[1] * solver->levels[n].size[2] / 4 + 1);
@@ -18429,7 +18462,7 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
         if (longest <= 4) break;
     }
     floats += spsi_cell_scratch_floats(&solver->levels[0]) + 4 * (size_t)grid->size[2] + 2;
-    return grid->flux_terms > 0 ? floats + spsi_cell_wall_floats(solver) : floats;
+    return grid->flux_terms > 0 ? floats + spsi_cell_solver_wall_floats(solver) : floats;
 }
 
 static sps_result spsi_cell_solver_build(sps_context *context, const spsi_cell_grid *grid, spsi_cell_solver *solver) {
@@ -18488,7 +18521,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
     spsi_cell_solver *solver = job->solver;
     const size_t floats = (size_t)solver->terms * solver->levels[0].count;
     float *memory = solver->scratch + spsi_cell_scratch_floats(&solver->levels[0]);
-    memset(memory, 0, spsi_cell_wall_floats(solver) * sizeof *memory);
+    memset(memory, 0, spsi_cell_solver_wall_floats(solver) * sizeof *memory);
     solver->levels[0].closed = job->walls.closed;
     solver->levels[0].outside = job->walls.outside;
     solver->levels[0].walled = job->walls.walled;
@@ -18702,6 +18735,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     if (!spsi_holds_gas(context, frame) || !spsi_cells_place(frame, grid)) return SPS_OK;
     spsi_cells_lay_out(frame, grid);
     key = spsi_cells_fingerprint(context, frame, grid);
+    if (!key || key != context->cells_held) context->cells_held = 0; /* buffers may be lost before there is new light */
     moments = (size_t)(grid->channels * grid->terms) * grid->count;
     seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
     flux = (size_t)(grid->channels * grid->flux_terms) * grid->count;
@@ -18713,8 +18747,7 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     grid->scale = grid->depth + grid->count;
     grid->flux = grid->scale + 3;
     grid->patches = grid->flux + flux;
-    if (!key || key != context->cells_held) {
-        context->cells_held = 0;
+    if (context->cells_held == 0) {
         if (spsi_cells_make(context, frame, faces, part, grid)) return context->result;
         context->cells_held = key;
         context->stats.cells = (uint64_t)grid->size[0] * (uint64_t)grid->size[1] * (uint64_t)grid->size[2];

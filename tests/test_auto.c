@@ -156,6 +156,30 @@ static void test_particles(void) {
     }
 }
 
+/* Many large particles are added to coarse cells: the bound is no less than that of a few, and not much more. */
+static void test_many_particles(void) {
+    enum { MANY = 600 };
+    static sps_particle particle[MANY];
+    check_random random = {9};
+    double depth[2];
+    sps_particles *set;
+    check_scene s;
+    start(&s, SWARM, 1);
+    set = (sps_particles *)(size_t)s.scene.particles;
+    for (int i = 0; i < MANY; ++i) {
+        for (int k = 0; k < 3; ++k) particle[i].position[k] = (float)(2 * check_next(&random) - 1);
+        particle[i].radius = 0.8f;
+        particle[i].optical_depth = 0.6f / MANY;
+    }
+    set->user = particle, set->soft = 0;
+    for (int n = 0; n < 2; ++n) {
+        set->count = n ? MANY : SPSI_BOUND_FEW;
+        depth[n] = depth_of(bound_of(&s), 0.5) / (double)set->count;
+    }
+    if (figures()) printf("a particle of many: %.3g, of few: %.3g\n", depth[1], depth[0]);
+    CHECK(depth[1] > 0.9 * depth[0] && depth[1] < 2 * depth[0]);
+}
+
 /* Less scatters again than the bound says. */
 static void test_share(void) {
     static const double strengths[] = {0.02, 0.1, 0.3};
@@ -215,6 +239,9 @@ static void test_ambient(void) {
     CHECK_NEAR(depth_of(bound_of(&s), 1), depth_of(lit, 1), 1e-5); /* gas shadows the sky on the floor */
     check_color(s.scene.ambient, 0, 0, 0);
     CHECK(bound_of(&s) == 0);
+    check_color(s.volume[0].albedo, 0.01, 0, 0);
+    CHECK(bound_of(&s) == 1e6); /* the floor sends gas as much as the light does */
+    check_color(s.volume[0].albedo, 0, 0, 0);
     check_color(s.volume[0].emission, 0.1, 0, 0);
     CHECK(bound_of(&s) == 1e6); /* gas lights the floor */
     s.scene.volume_count = 0;
@@ -272,6 +299,7 @@ int main(void) {
     RUN(test_depths);
     RUN(test_cube);
     RUN(test_particles);
+    RUN(test_many_particles);
     RUN(test_share);
     RUN(test_decisions);
     RUN(test_ambient);

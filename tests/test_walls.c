@@ -144,7 +144,6 @@ static void test_links(void) {
         check_translucent(&s.mesh[0], 0.5);
         s.mesh[0].revision = (uint64_t)n + 1;
         check_render(context, &s, image_a);
-        CHECK(memcmp(job_of(context)->walls.closed, image_a, 0) == 0);
         for (size_t i = 0; i < grid_of(context)->count; ++i)
             if (job_of(context)->walls.closed[i]) CHECK(!"panes close links");
     }

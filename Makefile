@@ -49,7 +49,7 @@ build build/gallery build/tests build/tutorial:
 
 # ---------------------------------------------------------------------------------------------------- pictures
 
-SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable lamp penumbra panes steam slide textured cloud_light
+SCENES = mushrooms dart tree pot smoke_room turbulence metaballs cloud_mesh fog puff turntable lamp penumbra panes steam slide textured cloud_light fog_room above_clouds
 PICTURES = $(foreach scene,$(SCENES),$(if $(wildcard examples/$(scene).c),build/gallery/$(scene).png))
 
 # $(call fetch,packages): installs them if possible; silent and harmless otherwise.

@@ -422,6 +422,21 @@ static void test_floor_receives(void) {
     CHECK(off < 5e-5); /* the distance of points, rounded to floats, where light falls off by its square */
 }
 
+/* Light that comes back to polygons takes more moments than light in gas alone. */
+static void test_orders(void) {
+    static const float asymmetries[] = {0, 0.25f, 0.5f, 0.6f};
+    static const int orders[2][4] = {{1, 2, 2, 4}, {2, 2, 4, 4}};
+    for (int n = 0; n < 8; ++n) {
+        const sps_lobe lobe = {asymmetries[n % 4], 1};
+        check_scene s;
+        start(&s, &lobe);
+        add_place(&s, SKY);
+        if (n < 4) s.scene.mesh_count = 0;
+        check_render(context, &s, image_a);
+        CHECK(grid_of(context)->orders == orders[n / 4][n % 4]);
+    }
+}
+
 /* --- whole pictures --- */
 
 /* White floors and gas that absorbs nothing vanish before a white sky. */
@@ -583,6 +598,7 @@ int main(void) {
     RUN(test_sides);
     RUN(test_floor_sends);
     RUN(test_floor_receives);
+    RUN(test_orders);
     RUN(test_white_floor);
     RUN(test_paths);
     RUN(test_scaled);

@@ -60,9 +60,9 @@ CONTENTS (search for the tag)
     >>public        35 the public functions          >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully in
-    gas by SPS_SCATTERING_FULL; between gas and polygons only in sps_reference. Ambient light has no shadows, except in
-    gas under SPS_SCATTERING_FULL.
+    No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully, in
+    gas and between gas and polygons, by SPS_SCATTERING_FULL; never from polygon to polygon. Ambient light has no shadows
+    but those of gas under SPS_SCATTERING_FULL.
     No refraction, no mirrors: light passes translucent polygons straight on.
     Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
     volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
@@ -108,9 +108,9 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL
-    adds 110 to 800 bytes per cell, by colors and phase functions, and a shadow table per light. sps_plan returns an
-    upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
-    much; memory_limit is never exceeded.
+    adds 130 to 840 bytes per cell, by colors and phase functions, 200 to 360 more beside polygons, and a shadow table
+    per light. sps_plan returns an upper bound beforehand, without these layers and the lists that maps are made from,
+    which may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -672,7 +672,7 @@ typedef struct sps_scene {
     int mesh_count;
     const sps_light *lights;
     int light_count;
-    float ambient[3];    /* radiance from all directions, >= 0, unshadowed except in SPS_SCATTERING_FULL's gas */
+    float ambient[3];    /* radiance from all directions, >= 0, unshadowed, but by gas under SPS_SCATTERING_FULL */
     float background[3]; /* radiance behind everything, >= 0; not part of alpha */
     /* Instead of `background`: radiance along unit directions (packed triples), one row of pixels per call. Returns
        non-zero on failure. */

@@ -61,11 +61,10 @@ CONTENTS (search for the tag)
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully, in
-    gas and between gas and polygons, by SPS_SCATTERING_FULL; never from polygon to polygon. Ambient light has no shadows
-    but those of gas under SPS_SCATTERING_FULL.
-    No refraction, no mirrors: light passes translucent polygons straight on.
-    Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a classified
-    volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
+    gas and between gas and polygons, by SPS_SCATTERING_FULL; never from polygon to polygon. Ambient light has no
+shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no mirrors: light passes translucent polygons
+straight on. Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a
+classified volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
     filtered: a pixel shows its mean.
 
 CONVENTIONS
@@ -5894,6 +5893,8 @@ static const spsi_particle_set *spsi_set_of(const spsi_frame *frame, int particl
 
 /* --- how much light can scatter again --- */
 
+#define SPSI_BOUND_NONE 1e6 /* of what scatters again, per unit of what scatters once: as much as may be */
+
 /* Whether gas lights polygons, or shadows ambient light on them, without scattering anything. */
 static int spsi_lights_polygons(const spsi_frame *frame) {
     const int gas = frame->medium_count + frame->particles.set_count;
@@ -5911,12 +5912,10 @@ typedef struct spsi_bound_grid {
 } spsi_bound_grid;
 
 #define SPSI_BOUND_SIDE   32
-#define SPSI_BOUND_COARSE 4 /* of its cells along the edge of a coarse one, for large particles */
-#define SPSI_BOUND_MOST                                                                                                \
-    512 /* cells that a particle is spread over, unless there are few: so many coarse ones exist                       \
-         */
-#define SPSI_BOUND_FEW   256
-#define SPSI_BOUND_CELLS (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
+#define SPSI_BOUND_COARSE 4   /* cells along the edge of a coarse one */
+#define SPSI_BOUND_FEW    256 /* particles that are added to cells of any number */
+#define SPSI_BOUND_MOST   512 /* cells that others may touch; larger ones go to coarse cells */
+#define SPSI_BOUND_CELLS  (SPSI_BOUND_SIDE * SPSI_BOUND_SIDE * SPSI_BOUND_SIDE)
 
 /* The cells that a box touches. */
 static void spsi_bound_range(const spsi_bound_grid *grid, const spsi_bounds *box, int low[3], int high[3]) {
@@ -6074,17 +6073,18 @@ static double spsi_largest_albedo(const spsi_frame *frame) {
 }
 
 /* Decides what SPS_SCATTERING_AUTO is. What scatters a second time is at most x of what scatters once, and so on: x is
-   the largest share that meets gas again, 1 - exp(-t), times the largest albedo. Sets the bound, x / (1 - x). */
+   the largest share that meets gas again, 1 - exp(-t), times the largest albedo. Sets the bound, x / (1 - x). There is
+   none beside polygons, which may send gas as much as lights do. */
 static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
-    double depth, x;
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
-    depth = frame->matter.scatters || spsi_lights_polygons(frame) ? spsi_densest_way(context, frame) : 0;
-    if (depth < 0) return context->result;
-    x = -spsi_largest_albedo(frame) * expm1(-depth);
-    if (spsi_lights_polygons(frame) && frame->matter.emits) x = 1;
-    if (frame->matter.scatters && frame->meshes.triangle_count > 0) x = 1; /* they may send gas as much as lights do */
-    *bound = x < 1 ? fmin(x / (1 - x), 1e6) : 1e6;
+    if (frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits)) {
+        *bound = SPSI_BOUND_NONE;
+    } else if (frame->matter.scatters || spsi_lights_polygons(frame)) {
+        const double depth = spsi_densest_way(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
+        if (depth < 0) return context->result;
+        *bound = x < 1 ? fmin(x / (1 - x), SPSI_BOUND_NONE) : SPSI_BOUND_NONE;
+    }
     frame->view.scattering = *bound > (double)frame->view.scatter_tolerance ? SPS_SCATTERING_FULL : SPS_SCATTERING_OFF;
     return SPS_OK;
 }
@@ -15829,8 +15829,8 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
 }
 
 /* Solves for what cells of the finest level send, whose depth, keep and given are set. Moments are those before it was
-   mended last. Before anything is sent, all that is
-   given is missing: coarse levels begin. `started`: 1: cells send what they did before more was given. */
+   mended last. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1: cells send
+   what they did before more was given. */
 static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
     const spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
@@ -17240,11 +17240,11 @@ static spsi_v spsi_ahead_mean(const spsi_ahead *ahead) {
 static void spsi_add_straight(const spsi_shader *shader, float sent[3][SPSI_LANES], spsi_gathered *sum) {
     const int backwards = shader->again.gas != NULL;
     const spsi_v gas = backwards ? spsi_sub(sum->gas[1], sum->gas[0]) : sum->depth;
-    const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas));
     spsi_v *into = backwards ? sum->again : sum->radiance;
     for (int c = 0; c < shader->frame->channels; ++c) {
-        const spsi_v scale = spsi_set(-(float)spsi_straight_scale(shader->frame, c)); /* -1: without a peak */
-        into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(spsi_exp(spsi_mul(gas, scale)), once), into[c]);
+        const float scale = (float)spsi_straight_scale(shader->frame, c);
+        const spsi_v once = spsi_exp(spsi_sub(spsi_set(0), gas)), all = spsi_exp(spsi_mul(gas, spsi_set(-scale)));
+        into[c] = spsi_fma(spsi_load(sent[c]), spsi_sub(all, once), into[c]);
     }
 }
 
@@ -17256,7 +17256,7 @@ static void spsi_add_sent(const spsi_shader *shader, const spsi_pixels *p, float
     const spsi_v way = spsi_select(spsi_less(spsi_set(0), share), spsi_mul(t, p->length), spsi_set(0));
     for (int c = 0; c < shader->frame->channels; ++c)
         sum->radiance[c] = spsi_fma(spsi_load(sent[c]), open, sum->radiance[c]);
-    if (shader->frame->content->cells) spsi_add_straight(shader, sent, sum);
+    if (shader->frame->content->cells && shader->frame->matter.orders > 1) spsi_add_straight(shader, sent, sum);
     sum->distance = spsi_fma(share, way, sum->distance);
 }
 
@@ -18095,15 +18095,20 @@ typedef struct spsi_cell_view {
 } spsi_cell_view;
 
 static void spsi_cell_view_build(const spsi_faces *faces, const spsi_cell_grid *grid, const int size[3], int scale,
-                                 int x, int y, int z, spsi_cell_view *view) {
+                                 spsi_cell_view *view) {
+    memset(view, 0, sizeof *view);
     view->faces = faces;
     view->grid = grid;
     view->size = size;
     view->scale = scale;
+}
+
+/* Turns to a cell. */
+static void spsi_cell_view_move(spsi_cell_view *view, int x, int y, int z) {
     view->at[0] = x;
     view->at[1] = y;
     view->at[2] = z;
-    spsi_cell_centre(grid, scale, x, y, z, view->centre);
+    spsi_cell_centre(view->grid, view->scale, x, y, z, view->centre);
 }
 
 /* Whether a link within the grid is closed. */
@@ -18241,21 +18246,31 @@ static void spsi_cell_walls_set(const spsi_cell_job *job, const spsi_cell_hits *
     }
 }
 
+/* Bits of the closed links between a cell and its neighbours; `hits`: where they end, or NULL. */
+static uint32_t spsi_cell_view_closed(const spsi_cell_view *view, spsi_cell_hits *hits) {
+    uint32_t closed = 0;
+    for (int link = 0; link < 27; ++link) {
+        spsi_ray ray;
+        spsi_hit hit;
+        if (!spsi_cell_view_link(view, link, &ray, &hit)) continue;
+        closed |= 1u << link;
+        if (hits) spsi_cell_hits_add(view, &ray, &hit, hits);
+    }
+    return closed;
+}
+
 /* Finds the polygons about a cell. */
 static void spsi_cell_walls_find(const spsi_cell_job *job, const spsi_cell_view *view, int near_by, size_t at,
                                  spsi_cell_hits *hits) {
-    spsi_ray ray;
-    spsi_hit hit;
+    const int last = spsi_cell_view_last(view);
     hits->count = 0;
-    for (int link = 0; link < 27 && near_by; ++link) {
-        if (!spsi_cell_view_link(view, link, &ray, &hit)) continue;
-        job->walls.closed[at] |= 1u << link;
-        spsi_cell_hits_add(view, &ray, &hit, hits);
-    }
+    if (near_by) job->walls.closed[at] = spsi_cell_view_closed(view, hits);
     hits->within = job->walls.closed[at] != 0;
-    for (int i = 0; i < SPSI_CELL_DIRECTIONS && spsi_cell_view_last(view); ++i) {
+    for (int i = 0; i < SPSI_CELL_DIRECTIONS && last; ++i) {
         const spsi_cell_direction *direction = &job->directions[i];
         const int *step = direction->step;
+        spsi_ray ray;
+        spsi_hit hit;
         if (!spsi_cell_view_outside(view, direction, i, &ray, &hit)) continue;
         if (direction->axis < 0)
             job->walls.closed[at] |= 1u << spsi_cell_link(step[0], step[1], step[2]);
@@ -18273,13 +18288,14 @@ static void spsi_cells_walls_task(void *data, int row, int worker) {
     spsi_cell_view view;
     int near_row;
     (void)worker;
-    spsi_cell_view_build(job->faces, grid, grid->size, 1, 0, y, z, &view);
+    spsi_cell_view_build(job->faces, grid, grid->size, 1, &view);
+    spsi_cell_view_move(&view, 0, y, z);
     near_row = spsi_cell_row_near(&view);
     for (int x = 0; x < grid->size[0]; ++x) {
         const size_t at = (size_t)row * (size_t)grid->pitch + (size_t)x;
         spsi_cell_hits hits;
         int shadow = 0;
-        spsi_cell_view_build(job->faces, grid, grid->size, 1, x, y, z, &view);
+        spsi_cell_view_move(&view, x, y, z);
         spsi_cell_walls_find(job, &view, near_row && spsi_cell_view_near(&view), at, &hits);
         if (hits.count == 0) continue;
         memset(hits.lit, 0, sizeof hits.lit);
@@ -18294,9 +18310,12 @@ static void spsi_cells_walls_task(void *data, int row, int worker) {
     }
 }
 
+/* Floats that hold a byte for each row of cells. */
+static size_t spsi_cell_rows_floats(const int size[3]) { return (size_t)(size[1] * size[2] / 4 + 1); }
+
 /* Floats of all walls. */
 static size_t spsi_cell_walls_floats(const spsi_cell_grid *grid) {
-    return (size_t)(9 + 2 * grid->channels) * grid->count + (size_t)(grid->size[1] * grid->size[2] / 4 + 1);
+    return (size_t)(9 + 2 * grid->channels) * grid->count + spsi_cell_rows_floats(grid->size);
 }
 
 static sps_result spsi_cell_walls_begin(spsi_cell_job *job) {
@@ -18450,7 +18469,7 @@ static float *spsi_cell_level_lay_out(spsi_cell_level *level, int orders, float 
 static size_t spsi_cell_solver_wall_floats(const spsi_cell_solver *solver) {
     size_t floats = 3 * (size_t)solver->terms * solver->levels[0].count;
     for (int n = 1; n < solver->level_count; ++n)
-        floats += solver->levels[n].count + (size_t)(solver->levels[n].size[1] * solver->levels[n].size[2] / 4 + 1);
+        floats += solver->levels[n].count + spsi_cell_rows_floats(solver->levels[n].size);
     return floats + 3 * SPSI_CELL_LEAVING * (size_t)solver->levels[0].size[2];
 }
 
@@ -18508,21 +18527,16 @@ typedef struct spsi_cell_closing {
 static void spsi_cells_close_task(void *data, int row, int worker) {
     const spsi_cell_closing *closing = (const spsi_cell_closing *)data;
     const spsi_cell_level *level = closing->level;
-    const spsi_faces *faces = closing->job->faces;
     const int y = row % level->size[1], z = row / level->size[1];
     spsi_cell_view view;
     (void)worker;
-    spsi_cell_view_build(faces, closing->job->grid, level->size, closing->scale, 0, y, z, &view);
+    spsi_cell_view_build(closing->job->faces, closing->job->grid, level->size, closing->scale, &view);
+    spsi_cell_view_move(&view, 0, y, z);
     if (!spsi_cell_row_near(&view)) return;
     for (int x = 0; x < level->size[0]; ++x) {
         uint32_t *closed = &level->closed[(size_t)row * (size_t)level->pitch + (size_t)x];
-        spsi_cell_view_build(faces, closing->job->grid, level->size, closing->scale, x, y, z, &view);
-        if (!spsi_cell_view_near(&view)) continue;
-        for (int link = 0; link < 27; ++link) {
-            spsi_ray ray;
-            spsi_hit hit;
-            if (spsi_cell_view_link(&view, link, &ray, &hit)) *closed |= 1u << link;
-        }
+        spsi_cell_view_move(&view, x, y, z);
+        if (spsi_cell_view_near(&view)) *closed = spsi_cell_view_closed(&view, NULL);
         if (*closed) level->walled[row] = 1;
     }
 }
@@ -18546,7 +18560,7 @@ static void spsi_cells_close(spsi_cell_job *job, spsi_cell_level *plain) {
         spsi_cell_closing closing;
         level->closed = (uint32_t *)(void *)memory;
         level->walled = (unsigned char *)(memory + level->count);
-        memory += level->count + (size_t)(level->size[1] * level->size[2] / 4 + 1);
+        memory += level->count + spsi_cell_rows_floats(level->size);
         closing.job = job;
         closing.level = level;
         closing.scale = 1 << n;

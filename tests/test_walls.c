@@ -171,8 +171,8 @@ static void test_rays(void) {
             spsi_hit hit;
             double off[3];
             int leaves = 0;
-            spsi_cell_view_build(&none, &grid, size, 1, cell % CELLS, cell / CELLS % CELLS, cell / CELLS / CELLS,
-                                 &view);
+            spsi_cell_view_build(&none, &grid, size, 1, &view);
+            spsi_cell_view_move(&view, cell % CELLS, cell / CELLS % CELLS, cell / CELLS / CELLS);
             for (int k = 0; k < 3; ++k) {
                 const int next = view.at[k] - directions[i].step[k];
                 leaves |= next < 0 || next >= CELLS;

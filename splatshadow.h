@@ -5288,8 +5288,8 @@ static int spsi_count_channels(const spsi_frame *frame) {
     return grey ? 1 : 3;
 }
 
-/* Beside polygons, two orders are too few for all but weak lobes: what they leave of light that comes back, to a
-   ceiling above a lamp, is half of it at an asymmetry of 0.5. */
+/* Beside polygons, two orders are too few for all but weak lobes: what they leave of a lobe of asymmetry 0.5 is
+   1 + cosine, which sends nothing straight back, to a ceiling above a lamp. */
 static void spsi_resolve_orders(spsi_frame *frame) {
     if (frame->meshes.triangle_count == 0 || frame->matter.orders != 2) return;
     for (int m = 0; m < frame->matter.material_count; ++m)

@@ -87,8 +87,8 @@ pictures: $(DOCS_PICTURES:%=build/%) $(STEPS:%=build/tutorial/%)
 	for scene in $(DOCS_PICTURES); do build/$$scene --out docs/$$scene.png --width 480 || exit 1; done
 	for step in $(STEPS); do build/tutorial/$$step docs/tutorial_$$step.png >/dev/null || exit 1; done
 
-# Real scans. To add one: its name and its file here, and its appearance in examples/looks/NAME.txt (see build/render
-# --help). A scan whose file is not in SPLATSHADOW_DATA is skipped.
+# Real scans, by light that scatters once. To add one: its name and its file here, and its appearance in
+# examples/looks/NAME.txt (see build/render --help). A scan whose file is not in SPLATSHADOW_DATA is skipped.
 SCANS = bonsai head smoke cloud
 FILE_bonsai = bonsai_256x256x256_u8.raw
 FILE_head = vismale_head_ct_128x128x256_u8.raw
@@ -100,7 +100,7 @@ SCANS_HERE = $(if $(SPLATSHADOW_DATA),$(foreach scan,$(SCANS),$(if $(wildcard $(
 scans: $(SCANS_HERE:%=build/gallery/scan_%.png) $(if $(filter bonsai,$(SCANS_HERE)),build/gallery/soft_bonsai.png)
 
 build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor.obj | build/gallery
-	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --out $@ --stats build/gallery/scan_$*.json
+	build/render --look examples/looks/$*.txt --volume $(SPLATSHADOW_DATA)/$(FILE_$*) --scattering off --out $@ --stats build/gallery/scan_$*.json
 
 # --------------------------------------------------------------------------------------------------- measuring
 

@@ -60,12 +60,13 @@ CONTENTS (search for the tag)
     >>public        35 the public functions          >>licence
 
 NOT INCLUDED
-    No files, no windows, no threads of its own, no GPU. Light scatters once, forward any number of times, or fully, in
-    gas and between gas and polygons, by SPS_SCATTERING_FULL; never from polygon to polygon. Ambient light has no
-shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no mirrors: light passes translucent polygons
-straight on. Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and those of a
-classified volume whose voxels are smaller than pixels, are not: render larger and downsample where they matter. Gas is
-    filtered: a pixel shows its mean.
+    No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
+    (SPS_SCATTERING_AUTO, the default): once in thin gas, otherwise fully (SPS_SCATTERING_FULL), in gas and between gas
+    and polygons; never from polygon to polygon. SPS_SCATTERING_OFF, once, is fastest, and FORWARD lies between. Ambient
+    light has no shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no mirrors: light passes translucent
+    polygons straight on. Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and
+    those of a classified volume whose voxels are smaller than pixels, are not: render larger and downsample where they
+    matter. Gas is filtered: a pixel shows its mean.
 
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
@@ -106,10 +107,10 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     buffer, 4 per texel and point (8 if there are polygons), and 12 per texel and worker. An image that a light throws
     takes 16 bytes per texel, and 8 per pixel more if the light has an extent. Meshes that have a shade_fn add 28 bytes
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
-    bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL
-    adds 130 to 840 bytes per cell, by colors and phase functions, 200 to 360 more beside polygons, and a shadow table
-    per light. sps_plan returns an upper bound beforehand, without these layers and the lists that maps are made from,
-    which may be several times as much; memory_limit is never exceeded.
+    bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
+    which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
+    360 more beside polygons, and a shadow table per light. sps_plan returns an upper bound beforehand, without these
+    layers and the lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -713,7 +714,10 @@ typedef struct sps_camera {
 /* How often light scatters in gas on its way to the eye. What scatters once keeps phase function and angle exactly,
    whatever is added to it. */
 typedef enum sps_scattering {
-    SPS_SCATTERING_OFF = 0, /* once */
+    /* FULL if the gas calls for it, OFF if not: once gas is read, the densest way through it gives a bound on what
+       scatters again, see sps_view.scatter_tolerance. Costs a look at each voxel. */
+    SPS_SCATTERING_AUTO = 0,
+    SPS_SCATTERING_OFF, /* once */
     /* Any number of times, each time by a small angle, so that light keeps to the straight way there and on to the eye:
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
@@ -734,10 +738,7 @@ typedef enum sps_scattering {
        and a table per light, and some ten sweeps over them per channel of color, twice as many and rays through the
        polygons where there are any; then a lookup of them per gas and channel beside those of shadows, and one per
        surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
-    SPS_SCATTERING_FULL,
-    /* FULL if the gas calls for it, OFF if not: once gas is read, the densest way through it gives a bound on what
-       scatters again, see sps_view.scatter_tolerance. Costs a look at each voxel. */
-    SPS_SCATTERING_AUTO
+    SPS_SCATTERING_FULL
 } sps_scattering;
 
 typedef struct sps_view {
@@ -768,7 +769,7 @@ typedef struct sps_view {
        scatter without shadow, mostly far less; 0.01 spares most lookups of thin gas. Shadows of polygons are never
        skipped. */
     float lookup_threshold;
-    sps_scattering scattering; /* 0, the default: light scatters once */
+    sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
     /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
        is proportional to the optical depth of a cell where gas is dense. */
     int scatter_size;
@@ -798,12 +799,13 @@ typedef struct sps_reference_settings {
        that is less. The error is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
-       ambient light is shadowed by nothing; FULL and AUTO, which have none, are SPS_ERROR_UNSUPPORTED. Otherwise,
-       whatever that says, light scatters any number of times, in gas and between gas and polygons, though not from
-       polygon to polygon, and ambient light comes from infinity, through the gas and past the polygons. What the eye
-       sees of light that has scattered once is marched; the rest is an unbiased estimate, whose error falls with the
-       square root of their number. Polygons that only paths meet show the colors of their meshes, without shade_fn. Of
-       translucent triangles in one plane, a path that has passed one does not meet the others. */
+       ambient light is shadowed by nothing. AUTO, the default, and FULL have no such form: they are
+       SPS_ERROR_UNSUPPORTED if gas scatters light, or emits or shades light on polygons; say OFF. Otherwise, whatever
+       that says, light scatters any number of times, in gas and between gas and polygons, though not from polygon to
+       polygon, and ambient light comes from infinity, through the gas and past the polygons. What the eye sees of light
+       that has scattered once is marched; the rest is an unbiased estimate, whose error falls with the square root of
+       their number. Polygons that only paths meet show the colors of their meshes, without shade_fn. Of translucent
+       triangles in one plane, a path that has passed one does not meet the others. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
@@ -4758,7 +4760,7 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
                                (double)view->lookup_threshold, "it must be 0..1");
-    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_AUTO)
+    if ((int)view->scattering < 0 || view->scattering > SPS_SCATTERING_FULL)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "scattering",
                                (double)(int)view->scattering, "it must be an sps_scattering");
     if (view->scatter_size < 0 || view->scatter_size > SPSI_CELL_SIDE_MOST)
@@ -13123,6 +13125,7 @@ static sps_result spsi_tmap_build(sps_tmap *map, const sps_tmap_light *light, co
     map->view.camera.world_to_clip = NULL;
     map->view.quality = light->quality;
     map->view.slab = light->slab;
+    map->view.scattering = SPS_SCATTERING_OFF; /* light only passes */
     map->face_count = light->omnidirectional ? SPSI_CUBE_FACES : 1;
     if (light->camera.world_to_clip && map->face_count == 1) {
         memcpy(map->matrix, light->camera.world_to_clip, sizeof map->matrix);
@@ -19720,6 +19723,8 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
     const int gases = spsi_has_gas(frame), polygons = frame->meshes.triangle_count > 0;
     const int sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
+    const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
+                                                 : "view.scattering is off";
     spsi_plan_gather_pass(frame, reading, report);
     spsi_plan_pass(report, SPS_PASS_PROJECTORS, frame->lamps.image_count, "lights throw an image",
                    lit ? "no light throws an image" : "no light");
@@ -19738,17 +19743,17 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    "volumes or particles scatter light",
                    frame->matter.scatters ? "no light" : "nothing scatters: albedo 0 or no extinction");
     spsi_plan_pass(report, SPS_PASS_FORWARD, spsi_scatters_forward(frame), "view.scattering asks for it",
-                   frame->view.scattering == SPS_SCATTERING_OFF ? "view.scattering is off"
-                   : !frame->matter.scatters                    ? "nothing scatters: albedo 0 or no extinction"
-                   : frame->lamps.shadow_count == 0             ? "no light casts shadows"
-                                                                : "gases scatter evenly: cells have all of it");
+                   !frame->matter.scatters                        ? "nothing scatters: albedo 0 or no extinction"
+                   : frame->view.scattering == SPS_SCATTERING_OFF ? once
+                   : frame->lamps.shadow_count == 0               ? "no light casts shadows"
+                                                                  : "gases scatter evenly: cells have all of it");
     spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame),
                    frame->view.scattering == SPS_SCATTERING_AUTO
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
                    : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is above the tolerance"
                                                : "view.scattering asks for it",
                    !frame->matter.scatters     ? "nothing scatters: albedo 0 or no extinction"
-                   : report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
+                   : report->scatter_bound > 0 ? once
                                                : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_EMISSION, frame->matter.emits, "volumes or particles emit", "nothing emits");
     spsi_plan_pass(report, SPS_PASS_AMBIENT, frame->ambient.exists && (frame->matter.scatters || polygons),
@@ -21265,8 +21270,9 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     marcher->settings = settings;
     if (spsi_scatters_fully(frame) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
-                              "is SPS_SCATTERING_FULL or SPS_SCATTERING_AUTO, which sps_reference measures by random "
-                              "paths: settings.samples is 0");
+                              "is SPS_SCATTERING_AUTO, the default, or SPS_SCATTERING_FULL, which sps_reference finds "
+                              "by random paths: set settings.samples, or SPS_SCATTERING_OFF, with which light scatters "
+                              "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
     for (int y = 0; y < region[3]; ++y) {

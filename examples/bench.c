@@ -57,7 +57,8 @@ static void plain(const char *what, double value, const char *unit) { figure(wha
 
 /* ================================================================================================== frames */
 
-/* A scene of one volume, one mesh and one light at most. Stays where it is: the scene points into it. */
+/* A scene of one volume, one mesh and one light at most, in which light scatters once, as closed forms and the
+   reference without paths have it. Stays where it is: the scene points into it. */
 typedef struct frame {
     sps_volume volume;
     sps_mesh mesh;
@@ -74,6 +75,7 @@ static void frame_begin(frame *f, int width, int height) {
     f->scene.lights = &f->light, f->scene.light_count = 1;
     f->view.width = width, f->view.height = height;
     f->view.quality = SPS_QUALITY_MEDIUM;
+    f->view.scattering = SPS_SCATTERING_OFF;
     f->view.camera.up[1] = 1;
     f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
 }

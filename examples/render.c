@@ -1,7 +1,7 @@
 /* render: the library from the command line. Volumes (raw, NRRD, MetaImage, NIfTI-1, NPY), particles and OBJ meshes in;
    PNG, PFM and statistics out.
    cc -O3 -march=native -pthread -I. -isystem /usr/include/stb examples/render.c -o render -lm
-   Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. Either with one line on stderr. */
+   Exit status: 0 done; 1 the render failed; 2 an option or a file was wrong. The last two with one line on stderr. */
 
 #define SPLATSHADOW_IMPLEMENTATION
 #include "picture.h"
@@ -245,7 +245,7 @@ static void make_view(const arguments *all, sps_view *view) {
     view->slab = all->slab;
     view->shadow_size = all->shadow_size;
     view->no_shadows = all->no_shadows;
-    view->scattering = (sps_scattering)all->scattering;
+    view->scattering = is_scattered_once(all) ? SPS_SCATTERING_OFF : (sps_scattering)all->scattering;
     view->scatter_size = all->scatter_size;
     view->scatter_tolerance = (float)all->scatter_tolerance;
 }
@@ -267,6 +267,8 @@ static const char *find_field(const arguments *all, const sps_error_info *why) {
         const char *field, *option;
     } fields[] = {{SPS_OBJECT_VIEW, "slab", "--slab"},
                   {SPS_OBJECT_VIEW, "coverage_samples", "--coverage"},
+                  {SPS_OBJECT_VIEW, "scattering", "--scattering"},
+                  {SPS_OBJECT_VIEW, "scatter_size", "--scatter-size"},
                   {SPS_OBJECT_VIEW, "camera.field_of_view", "--fov"},
                   {SPS_OBJECT_VIEW, "camera.ortho_height", "--ortho"},
                   {SPS_OBJECT_VIEW, "camera.position", "--camera"},
@@ -317,7 +319,9 @@ static int explain(const arguments *all, const ex_session *session, sps_result r
                       ? " (--no-shadows and --reference have no such limit)"
                       : " (--shadow auto, --no-shadows and --reference have no such limit)";
     if (result == SPS_ERROR_UNSUPPORTED && why.object == SPS_OBJECT_VIEW)
-        way_out = " (--no-shadows and --reference have no such limit)";
+        way_out = strcmp(why.field, "scattering") == 0     ? " (--samples N, or --scattering off)"
+                  : strcmp(why.field, "scatter_size") == 0 ? " (--scattering off has no such limit)"
+                                                           : " (--no-shadows and --reference have no such limit)";
     ex_fail(error, "%s%s%s", subject, why.sentence, way_out);
     return result == SPS_ERROR_ARGUMENT || result == SPS_ERROR_DATA ? EX_MISTAKEN : EX_FAILED;
 }
@@ -411,6 +415,9 @@ static int render(const arguments *all, ex_session *session, const sps_scene *sc
         status = explain(all, session, result, error);
     else if (write_files(all, session, image.rgba, width, height, error))
         status = EX_MISTAKEN;
+    else if (is_scattered_once(all) && all->volume_count + all->particle_set_count > 0)
+        fprintf(stderr, "render: %s without --samples: light scatters once (--scattering off)\n",
+                all->reference ? "--reference" : "--shadow samples");
     free(image.rgba);
     return status;
 }

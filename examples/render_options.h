@@ -122,7 +122,7 @@ typedef struct option_rule {
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
-static const char *const scattering_names[] = {"off", "forward", "full", "auto", NULL};
+static const char *const scattering_names[] = {"auto", "off", "forward", "full", NULL}; /* sps_scattering */
 /* sps_tmap_technique, after sheets; and what is not one. */
 static const char *const shadow_names[] = {"sheets",  "deep",    "compressed", "depth",    "opacity", "deep-opacity",
                                            "fourier", "cosine",  "moment",     "adaptive", "beer",    "table",
@@ -452,8 +452,8 @@ static const option_rule options[] = {
     {"--quality", "draft|medium|high|ultra", "default medium", set_choice, OF_SCENE(quality), 1, SPS_QUALITY_DRAFT, 0, ex_quality_names},
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
-    {"--samples", "N", "paths per pixel of --reference, for light that scatters more than once; default 0", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
-    {"--scattering", "off|forward|full|auto", "light in gas: once, forward, in every direction, or that if gas calls for it; default off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
+    {"--samples", "N", "paths per pixel of --reference, for what scatters again; default 0, with --scattering off", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
+    {"--scattering", "auto|off|forward|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off, once", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scatter-size", "N", "cells along the gas's longest side, for --scattering full; default by --quality", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
     {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
@@ -769,6 +769,11 @@ static int has_maps(const arguments *all) {
 
 /* Whether shadows are traced from every step of every ray. */
 static int is_marched(const arguments *all) { return all->reference || shadow_is(all, "samples"); }
+
+/* Whether light scatters once although no option says so: only paths follow more of it in the reference. */
+static int is_scattered_once(const arguments *all) {
+    return is_marched(all) && all->samples == 0 && !has(all->given, "--scattering");
+}
 
 /* Options for transmittance maps must match the technique. */
 static int check_map(const arguments *all, ex_error *error) {

@@ -48,13 +48,15 @@ static inline sps_camera ex_camera_at(ex_vec position, ex_vec target, double deg
     return camera;
 }
 
-/* The view of a picture of 480 x 360 at high quality. */
+/* The view of a picture of 480 x 360 at high quality. Light scatters once: these pictures are about something else, and
+   ways.h sets what it compares. */
 static inline sps_view ex_view(ex_vec position, ex_vec target, double degrees) {
     sps_view view;
     memset(&view, 0, sizeof view);
     view.camera = ex_camera_at(position, target, degrees);
     view.width = 480, view.height = 360;
     view.quality = SPS_QUALITY_HIGH;
+    view.scattering = SPS_SCATTERING_OFF;
     return view;
 }
 

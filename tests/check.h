@@ -375,7 +375,8 @@ typedef struct check_scene {
     sps_view view;
 } check_scene;
 
-/* No volume, no mesh, no light; an orthographic camera at (0,0,10) that looks down -z at 1 world unit of height. */
+/* No volume, no mesh, no light; an orthographic camera at (0,0,10) that looks down -z at 1 world unit of height. Light
+   scatters once, as closed forms and the reference without paths have it. */
 static inline void check_clear(check_scene *s, int width, int height) {
     memset(s, 0, sizeof *s);
     s->scene.volumes = s->volume;
@@ -386,6 +387,7 @@ static inline void check_clear(check_scene *s, int width, int height) {
     s->view.camera.position[2] = 10;
     s->view.camera.up[1] = 1;
     s->view.camera.ortho_height = 1;
+    s->view.scattering = SPS_SCATTERING_OFF;
 }
 
 static inline void check_set3(double out[3], double x, double y, double z) {

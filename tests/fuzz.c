@@ -471,7 +471,9 @@ static sps_result render(sps_context *context, const scenery *x, int reference) 
     image.depth = distance;
     clear_image();
     settings.step = 2, settings.samples = x->s.view.width % 3; /* paths */
-    if (x->s.view.scattering >= SPS_SCATTERING_FULL && settings.samples == 0) settings.samples = 1;
+    if ((x->s.view.scattering == SPS_SCATTERING_AUTO || x->s.view.scattering == SPS_SCATTERING_FULL) &&
+        settings.samples == 0)
+        settings.samples = 1;
     if (reference) return sps_reference(context, &x->s.scene, &x->s.view, &settings, &image);
     return sps_render(context, &x->s.scene, &x->s.view, &image);
 }

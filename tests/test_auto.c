@@ -1,5 +1,5 @@
 /* SPS_SCATTERING_AUTO: its bound holds for the optical depth of all kinds of gas, and for what scatters again; what it
-   decides is the picture of one of the other two, bit for bit; the plan says so. */
+   decides is the picture of one of the other two, bit for bit; the plan says so. It is the default. */
 
 #include "check.h"
 
@@ -219,6 +219,32 @@ static void test_decisions(void) {
     }
 }
 
+/* Nobody needs to ask for it: zeros have its picture, in gas that calls for FULL, that does not, and that scatters
+   nothing. There, OFF's, even if the gas is dense, above a floor. */
+static void test_default(void) {
+    static const double strengths[] = {0.3, 0.002, 0.3};
+    const double origin[3] = {-2, -1.5, -2}, u[3] = {4, 0, 0}, v[3] = {0, 0, 4};
+    static check_triangles floor_faces;
+    sps_view zeros;
+    memset(&zeros, 0, sizeof zeros);
+    CHECK(SPS_SCATTERING_AUTO == 0 && zeros.scattering == SPS_SCATTERING_AUTO);
+    check_add_quad(&floor_faces, origin, u, v);
+    for (int n = 0; n < 3; ++n) {
+        static float image_c[COUNT];
+        check_scene s;
+        start(&s, PUFF, strengths[n]);
+        if (n == 2) check_color(s.volume[0].albedo, 0, 0, 0), check_add_mesh(&s, &floor_faces, 0.5);
+        check_render(context, &s, image_a);
+        s.view.scattering = zeros.scattering;
+        check_render(context, &s, image_b);
+        s.view.scattering = SPS_SCATTERING_OFF;
+        check_render(context, &s, image_c);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        CHECK((memcmp(image_a, image_c, sizeof image_a) == 0) == (n > 0));
+    }
+    check_free_triangles(&floor_faces);
+}
+
 /* With ambient light all that meets gas counts, whatever its albedo; without anything that scatters nothing does,
    unless there are polygons that gas keeps light from, or shines on. */
 static void test_ambient(void) {
@@ -269,6 +295,8 @@ static void test_plan(void) {
         CHECK(report.pass[SPS_PASS_CELLS].runs == (n == 0 || n == 2));
         if (n == 0) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
         if (n == 1) CHECK(strstr(report.pass[SPS_PASS_CELLS].reason, "within") != NULL);
+        if (n == 1) CHECK(strstr(report.pass[SPS_PASS_FORWARD].reason, "within") != NULL);
+        if (n == 3) CHECK(strstr(report.pass[SPS_PASS_FORWARD].reason, "nothing scatters") != NULL);
         CHECK((stats.cells > 0) == (n == 0 || n == 2));
         sps_destroy(by);
     }
@@ -289,8 +317,20 @@ static void test_refused(void) {
     }
     s.view.scatter_tolerance = 0;
     settings.step = 1;
-    CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
+    for (int n = 0; n < 2; ++n) { /* the sentence has both ways out */
+        s.view.scattering = n ? SPS_SCATTERING_FULL : SPS_SCATTERING_AUTO;
+        CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
+        CHECK(strstr(sps_error(context), "settings.samples") && strstr(sps_error(context), "SPS_SCATTERING_OFF"));
+    }
     settings.samples = 1;
+    CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
+    s.view.scattering = SPS_SCATTERING_AUTO; /* paths have all, whatever it says */
+    image.rgba = image_b;
+    CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    settings.samples = 0, s.view.scattering = SPS_SCATTERING_OFF;
+    CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
+    check_color(s.volume[0].albedo, 0, 0, 0), s.view.scattering = SPS_SCATTERING_AUTO; /* there is nothing to follow */
     CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
 }
 
@@ -302,6 +342,7 @@ int main(void) {
     RUN(test_many_particles);
     RUN(test_share);
     RUN(test_decisions);
+    RUN(test_default);
     RUN(test_ambient);
     RUN(test_plan);
     RUN(test_refused);

@@ -1129,8 +1129,8 @@ static void test_quick_start(void) {
 
 /* ------------------------------------------------------------------------------------------------- the command line */
 
-#define SMALL  "--width 5 --height 4 "                /* sufficient for most of these tests */
-#define VOLUME "--volume two.raw --size 2,2,2 " SMALL /* the same with something visible */
+#define SMALL  "--width 5 --height 4 --scattering off " /* sufficient for most of these tests */
+#define VOLUME "--volume two.raw --size 2,2,2 " SMALL   /* the same with something visible */
 
 static void test_full_disk(void) {
     static const complaint full[] = {{VOLUME "--out /dev/full", 2, "/dev/full: "},
@@ -1205,6 +1205,7 @@ static void test_any_order(void) {
                                        "--slab 0.5",
                                        "--shadow-size 9",
                                        "--quality high",
+                                       "--scattering off",
                                        "--threads 1",
                                        "--pfm order.pfm"};
     const int count = sizeof list / sizeof *list;
@@ -1214,7 +1215,7 @@ static void test_any_order(void) {
                      "--emission 0.1,0,0 --phase 0.5,-0.3,0.2 --mesh corner.obj --mesh-color 1,0.2,0 --width 5 "
                      "--height 4 --camera 1,2,5,0,0,0 --up 1,1,0 --fov 30 --light directional,-1,-1,-1,2,2,2 "
                      "--light point,9,9,9,50,40,30 --ambient 0.1,0.1,0.2 --background 0,0,0.1 --region 0,1,5,3 "
-                     "--coverage 3 --slab 0.5 --shadow-size 9 --quality high --pfm order.pfm")
+                     "--coverage 3 --slab 0.5 --shadow-size 9 --quality high --scattering off --pfm order.pfm")
               .status == 0);
     CHECK(read_file("order.pfm", picture, sizeof picture) == 12 + 4 * 3 * 15);
     for (int first = 0; first < count; ++first) {
@@ -1273,9 +1274,10 @@ static void test_looks(void) {
         {VOLUME "--transfer-point 2,1,1,1,0 --transfer-point 3,1,1,1,9 --plan", 2,
          "--transfer-point: a line's value is 2, and there are lines beyond it; u8 voxels stand for 0..1"}};
     static const char corner[] = "v -1 0 0\nv 2 0 0\nv 0 2 -1\nf 1 2 3\n", dark[] = "P6 1 1 255 \0\0\0";
-    static const char whole[] = "# two voxels\r\nwidth 5 # pixels\n\n  height\t4\nsize 2,2,2\nmesh corner.obj\n"
-                                "transfer-point 0.1,0.9,0.5,0.2,0\ntransfer-point 1,0.9,0.5,0.2,8\nshading surface\n"
-                                "light directional,-1,-1,-1,2,2,2\nlight point,9,9,9,50,40,30";
+    static const char whole[] =
+        "# two voxels\r\nwidth 5 # pixels\n\n  height\t4\nscattering off\nsize 2,2,2\nmesh corner.obj\n"
+        "transfer-point 0.1,0.9,0.5,0.2,0\ntransfer-point 1,0.9,0.5,0.2,8\nshading surface\n"
+        "light directional,-1,-1,-1,2,2,2\nlight point,9,9,9,50,40,30";
     static const char projector[] = "light projector,0,0,5,0,0,-1,30,1,1,1,dark, 1.ppm\n";
     char path[200], lines[400], look[400];
     snprintf(path, sizeof path, "%s/looks", folder);
@@ -1553,6 +1555,32 @@ static void test_translucent_mesh(void) {
     check_free_triangles(&triangles);
     sps_destroy(context);
 }
+
+#define THICK "--volume two.raw --size 2,2,2 --width 5 --height 4 --extinction 9 --light directional,1,-1,-1,9,9,9 "
+#define FEW   "--scatter-size 8 --pfm shadow.pfm"
+
+/* By default light scatters as often as the scene calls for; in the reference once if it has no paths, which it says,
+   unless another option says so. */
+static void test_scattering_option(void) {
+    static const complaint all[] = {
+        {THICK "--reference --out a.png", 0, "--reference without --samples: light scatters once (--scattering off)"},
+        {THICK "--shadow samples --out a.png", 0, "--shadow samples without --samples: light scatters once"},
+        {THICK "--reference --scattering off --out a.png", 0, NULL},
+        {THICK "--reference --scattering forward --out a.png", 0, NULL},
+        {THICK "--reference --samples 1 --out a.png", 0, NULL},
+        {"--mesh corner.obj --width 5 --height 4 --reference --out a.png", 0, NULL}, /* there is no gas */
+        {THICK "--reference --scattering auto --out a.png", 1, "--scattering: view.scattering is SPS_SCATTERING_AUTO"},
+        {THICK "--reference --scattering full --out a.png", 1, "(--samples N, or --scattering off)"},
+        {THICK "--scattering once --plan", 2, "--scattering: 'once' is not auto|off|forward|full"}};
+    CHECK_COMPLAINTS(all);
+    CHECK(same_shadows(THICK FEW, THICK "--scattering auto " FEW));
+    CHECK(same_shadows(THICK FEW, THICK "--scattering full " FEW));
+    CHECK(!same_shadows(THICK FEW, THICK "--scattering off " FEW));
+    CHECK(same_shadows(THICK "--reference " FEW, THICK "--reference --scattering off " FEW));
+    CHECK(!same_shadows(THICK "--reference " FEW, THICK "--reference --scattering forward " FEW));
+}
+#undef THICK
+#undef FEW
 
 #define LIT VOLUME "--reference --albedo 1,1,1 --extinction 9 --ambient 1,1,1 "
 
@@ -1995,6 +2023,8 @@ static void test_help(void) {
                                         "--quality draft|medium|high|ultra",
                                         "--no-shadows",
                                         "--reference",
+                                        "--samples N",
+                                        "--scattering auto|off|forward|full",
                                         "--threads N",
                                         "--out FILE.png",
                                         "--pfm FILE.pfm",
@@ -2043,6 +2073,7 @@ static void test_command_line(void) {
     test_translucent_mesh();
     test_coverage_option();
     test_samples_option();
+    test_scattering_option();
     test_library_errors();
     test_bad_files();
     test_precious_files();

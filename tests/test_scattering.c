@@ -615,7 +615,7 @@ static void test_finite(void) {
 }
 
 static void test_refused(void) {
-    static const int wrong[] = {-1, SPS_SCATTERING_AUTO + 1};
+    static const int wrong[] = {-1, SPS_SCATTERING_FULL + 1};
     check_scene s;
     for (int i = 0; i < 2; ++i) {
         start(&s, GAS, SUN);

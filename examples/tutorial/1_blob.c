@@ -55,6 +55,7 @@ int main(int argc, char **argv) {
     scene.background[0] = 0.1f, scene.background[1] = 0.2f, scene.background[2] = 0.4f;
 
     sps_view view = {.width = WIDTH, .height = HEIGHT};
+    view.scattering = SPS_SCATTERING_OFF; /* light scatters once; 0, the default: as often as the scene calls for */
     view.camera = (sps_camera){.position = {0, 1.2, 4}, .up = {0, 1, 0}, .field_of_view = 0.6}; /* target: 0, 0, 0 */
     sps_image image = {.rgba = rgba};
 

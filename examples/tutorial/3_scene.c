@@ -87,7 +87,7 @@ int main(int argc, char **argv) {
     scene.lights = lights, scene.light_count = 2;
     scene.background[0] = 0.02f, scene.background[1] = 0.03f, scene.background[2] = 0.06f;
 
-    sps_view view = {.width = WIDTH, .height = HEIGHT};
+    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_OFF};
     view.coverage_samples = 4; /* along each side of a pixel: smooth edges of the stones */
     view.camera = (sps_camera){.position = {1, 2.6, 6.4}, .target = {0, 0.3, 0}, .field_of_view = 0.62};
     view.camera.up[1] = 1;

@@ -125,7 +125,7 @@ static void parallel_for(void *user, int count, sps_task_fn task, void *data) {
 /* A frame within `seconds`. What can be mended by looking at the error is mended, and the frame begun again. */
 static sps_result render_frame(engine *e, sps_context *context, sps_scene *scene, sps_light *light, sps_image *image,
                                double seconds) {
-    sps_view view = {.width = WIDTH, .height = HEIGHT};
+    sps_view view = {.width = WIDTH, .height = HEIGHT, .scattering = SPS_SCATTERING_OFF};
     sps_error_info why;
     sps_stats_report stats;
     view.camera =

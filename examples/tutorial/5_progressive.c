@@ -75,6 +75,7 @@ int main(int argc, char **argv) {
     for (int c = 0; c < 3; ++c) scene.ambient[c] = 0.1f, scene.background[c] = 0.3f + 0.1f * (float)c;
 
     sps_view view = {.width = WIDTH, .height = HEIGHT, .quality = SPS_QUALITY_HIGH};
+    view.scattering = SPS_SCATTERING_OFF;
     view.camera =
         (sps_camera){.position = {0, 2.2, 3.6}, .target = {0, -0.15, 0}, .field_of_view = 0.52, .up = {0, 1, 0}};
     sps_context *context = sps_create(NULL, NULL);

@@ -179,7 +179,8 @@ typedef enum sps_result {
     SPS_ERROR_CALLBACK,    /* a callback of the scene returned non-zero */
     SPS_ERROR_DATA,        /* a callback delivered a value that is not finite, negative or above 1e18 */
     SPS_ERROR_UNSUPPORTED, /* no slicing direction suits camera and light, and the light has an extent or is to shade by
-                              sheets (sps_light); or numbers exceed the range of floats */
+                              sheets (sps_light); or sps_reference has no paths for the view's scattering; or numbers
+                              exceed the range of floats */
     SPS_ERROR_CANCELLED    /* progress_fn returned non-zero */
 } sps_result;
 
@@ -990,8 +991,9 @@ SPS_API sps_result sps_plan(sps_context *context, const sps_scene *scene, const 
                             sps_plan_report *report);
 
 /* Renders the view's region into the caller's image. Time is about (relevant voxels) * (footprint area in pixels) *
-   (slabs that a voxel touches) for the eye, the same again for each shadowing light, and a little per pixel and slab.
-   The image is written only if SPS_OK is returned. Any sps_result can occur. */
+   (slabs that a voxel touches) for the eye, the same again for each shadowing light, and a little per pixel and slab;
+   and that of the cells, where light scatters in every direction (sps_view.scattering), by default wherever gas calls
+   for it. The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, const sps_view *view,
                               const sps_image *image);
 

@@ -52,21 +52,22 @@ CONTENTS (search for the tag)
     >>slicing       19 slabs and sweeps              >>splat         20 footprints into sheets
     >>targets       21 filling sheets, by tile       >>lightsheets   22 sheets as optical depth
     >>tmaps         23 transmittance maps            >>penumbrae     24 light of many points
-    >>shadows       25 shadows on gas, surfaces      >>scattering    26 light scattered more than once
-    >>cells         27 light from cell to cell       >>shading       28 light leaving a sheet
-    >>lighting      29 filling and lighting cells    >>sweep         30 chunks of slabs, tiles
-    >>frame         31 sweep after sweep, the image  >>plan          32 what a scene calls for
-    >>reference     33 brute-force ray marching      >>paths         34 random paths
-    >>public        35 the public functions          >>licence
+    >>spreading     25 light that spreads sideways   >>shadows       26 shadows on gas, surfaces
+    >>scattering    27 scattered more than once      >>cells         28 light from cell to cell
+    >>shading       29 light leaving a sheet         >>lighting      30 filling, lighting cells
+    >>sweep         31 chunks of slabs, tiles        >>frame         32 sweeps, then the image
+    >>plan          33 what a scene calls for        >>reference     34 brute-force ray marching
+    >>paths         35 random paths                  >>public        36 the public functions
+    >>licence
 
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
     (SPS_SCATTERING_AUTO, the default): once in thin gas, otherwise fully (SPS_SCATTERING_FULL), in gas and between gas
-    and polygons; never from polygon to polygon. SPS_SCATTERING_OFF, once, is fastest, and FORWARD lies between. Ambient
-    light has no shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no mirrors: light passes translucent
-    polygons straight on. Edges of polygons are sampled if sps_view.coverage_samples is set; edges of their shadows, and
-    those of a classified volume whose voxels are smaller than pixels, are not: render larger and downsample where they
-    matter. Gas is filtered: a pixel shows its mean.
+    and polygons; never from polygon to polygon. SPS_SCATTERING_OFF, once, is fastest, and FORWARD and CONVOLUTION lie
+    between. Ambient light has no shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no mirrors: light
+    passes translucent polygons straight on. Edges of polygons are sampled if sps_view.coverage_samples is set; edges of
+    their shadows, and those of a classified volume whose voxels are smaller than pixels, are not: render larger and
+    downsample where they matter. Gas is filtered: a pixel shows its mean.
 
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
@@ -109,8 +110,9 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     per triangle of theirs, 24 per pixel of the region, and 0.9 MB. Translucent polygons and coverage_samples add 4
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
-    360 more beside polygons, and a shadow table per light. sps_plan returns an upper bound beforehand, without these
-    layers and the lists that maps are made from, which may be several times as much; memory_limit is never exceeded.
+    360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 8 per texel and sheet of a
+    light, by channel of color. sps_plan returns an upper bound beforehand, without these layers and the lists that maps
+    are made from, which may be several times as much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
@@ -140,6 +142,7 @@ PAPERS
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
     E. R. Woodcock et al., "Techniques Used in the GEM Code for Monte Carlo Neutronics Calculations", 1965 >>paths
     J. Novak et al., "Residual Ratio Tracking for Estimating Attenuation in Participating Media", 2014 >>paths
+    L. Eyges, "Multiple Scattering with Energy Loss", Physical Review 74, 1948 >>spreading
     S. Goudsmit, J. L. Saunderson, "Multiple Scattering of Electrons", Physical Review 57, 1940 >>scattering
     W. J. Wiscombe, "The Delta-M Method", Journal of the Atmospheric Sciences 34, 1977 >>cells
     V. I. Lebedev, "Quadratures on a Sphere", USSR Comput. Math. and Math. Physics 16, 1976 >>cells
@@ -727,6 +730,13 @@ typedef enum sps_scattering {
        as if it were there. Lights without shadows are not scattered again, and polygons receive none of it. Cost: a
        table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
+    /* As FORWARD, but what scatters on its way from a light spreads sideways as it goes, from sheet to sheet across the
+       light's rays, so that a beam has a halo, and light reaches what lies beside it: a Gaussian, of the variance that
+       small angles give. Polygons receive it, and stop it. See sps_view.scatter_size; the light in the sheets is held
+       for the next call like that of FULL. A light with an extent spreads from its centre, and lights without shadows
+       scatter once. Cost: voxels splatted once more per light, a pass over its sheets per channel of color, and one
+       more lookup per light beside those of FORWARD. [Zhang & Crawfis; Eyges 1948] */
+    SPS_SCATTERING_CONVOLUTION,
     /* Any number of times in every direction, on a grid of cubic cells about all gas, for all lights at once: what
        comes back, what leaves by the sides, what goes from gas to gas, and emission and ambient light that is
        scattered. What keeps to the straight way is added as by FORWARD. See sps_view.scatter_size. The light in the
@@ -772,7 +782,8 @@ typedef struct sps_view {
     float lookup_threshold;
     sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
     /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
-       is proportional to the optical depth of a cell where gas is dense. */
+       is proportional to the optical depth of a cell where gas is dense. SPS_SCATTERING_CONVOLUTION: half the texels
+       across a light's rays. */
     int scatter_size;
     /* SPS_SCATTERING_AUTO: light scatters once if what scatters again carries at most this share of its energy, 0..1.
        0: 0.01. The bound is x / (1 - x), x = a (1 - exp(-t)), with the largest albedo a, 1 if there is ambient light,
@@ -834,6 +845,7 @@ typedef enum sps_pass {
     SPS_PASS_GRADIENT,       /* central differences across sheets */
     SPS_PASS_SCATTERING,     /* light leaving the sheets */
     SPS_PASS_FORWARD,        /* tabulates, for each gas, what is scattered forward any number of times */
+    SPS_PASS_SPREADING,      /* convolves light from sheet to sheet, per light */
     SPS_PASS_CELLS,          /* follows light from cell to cell */
     SPS_PASS_EMISSION,       /* emission of volumes and particles */
     SPS_PASS_AMBIENT,        /* ambient light on gases and surfaces */
@@ -8253,10 +8265,17 @@ static int spsi_needs_tree(const spsi_frame *frame) {
     return frame->lamps.shadow_count > 0 || spsi_scatters_fully(frame);
 }
 
+/* Whether light spreads on its way from lights, >>spreading. */
+static int spsi_scatters_aside(const spsi_frame *frame) {
+    return frame->view.scattering == SPS_SCATTERING_CONVOLUTION && frame->matter.scatters &&
+           frame->lamps.shadow_count > 0;
+}
+
 /* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
     if (!frame->matter.scatters || frame->lamps.shadow_count == 0) return 0;
-    return spsi_scatters_fully(frame) ? frame->matter.orders > 1 : frame->view.scattering == SPS_SCATTERING_FORWARD;
+    return spsi_scatters_fully(frame) ? frame->matter.orders > 1
+                                      : frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame);
 }
 
 /* Whether any gas scatters light more than once. */
@@ -14311,8 +14330,375 @@ static double spsi_penumbra_depth(const spsi_penumbra *penumbra, const double po
     return sum > 1e-7 ? -log(sum) : (double)SPSI_LIGHT_END;
 }
 
+/* ============================================================================================ >>spreading
+   25 Light that scatters forward spreads sideways on its way through a light's sheets. What a sheet of optical depth t,
+   of which s scatters, passes on of light of flux F is F exp(s - t): turning, it stays in the beam. Of that, light U
+   comes straight from the source, U exp(-t) leaves straight, and the rest joins the light that has scattered, whose
+   flux, mean squared sine A of the angle to the ray, mean product B of that and displacement, and optical depth passed
+   so far go along. With h = (1 - P[2]) / 2, and x from 0 to s through a sheet of thickness D,
+     dA / dx = 2 h (2/3 - A),   dB / dx = A D / s - h B,   dC / dx = 2 B D / s,
+   and light is convolved with a kernel of the variance by which C, that of the displacement, grows: for small angles,
+   C = q s D^2 / 3, q = 4 h / 3 being an event's mean squared sine [Eyges 1948]. A becomes 2/3, that of light in all
+   directions; directions are forgotten by a factor P[1] an event, 1 - h for Henyey and Greenstein's lobes of g = 1.
+   Displacements are in texels, which in a cone of rays grow with the distance, so that angles against rays shrink by
+   the ratio of texels r. Kernels are made of steps of 1, 2, 4 .. texels to either side, by a share w <= 1/2 of light:
+   w k^2 is their variance, at any width, also below a texel; light is moved, not weighed anew, so that none is lost.
+   Where texels differ in solid angle, more is moved to one side than to the other, so that what is even remains so.
+   Unlike the published scheme, whose blur per sheet is fixed, that is the same for any number of sheets; radii are
+   those of the light that stays within 45 degrees of a beam. A phase function's tail is wider, and its peak narrower
+   than a Gaussian. Cost: a pass over each sheet per octave of its kernel's width. [Zhang & Crawfis, section 3] */
+
+#define SPSI_SPREAD_STEP 64 /* most texels of a step to the side */
+/* The least optical depth that light is taken to have passed: below, differences of X would be all round-off. */
+#define SPSI_SPREAD_NEAR 0.02f
+
+/* What a light has spread, at the planes between its sheets. */
+typedef struct spsi_spread {
+    const spsi_lamp *lamp;
+    sps_tmap map; /* its rays and their range; it holds nothing */
+    int channels, sheet_count;
+    int pitch;    /* texels per row, rounded up to whole vectors */
+    size_t plane; /* floats of a plane: the rows of all faces */
+    float *flux;  /* per channel and plane: irradiance by light that has scattered, without the light's color and
+                     falloff */
+    float *way;   /* the same times the optical depth that it has passed */
+} spsi_spread;
+
+/* Those of all lights that cast shadows. */
+typedef struct spsi_spreads {
+    spsi_spread *list;
+    int count;
+} spsi_spreads;
+
+static size_t spsi_spread_floats(const spsi_spread *spread) {
+    return 2 * (size_t)spread->channels * (size_t)(spread->sheet_count + 1) * spread->plane;
+}
+
+/* --- from sheet to sheet --- */
+
+/* What is carried, per texel, times the flux: angle and slant are A and B; widths the variance by which light has yet
+   to spread at a plane. */
+typedef enum spsi_spread_part {
+    SPSI_SPREAD_FLUX,
+    SPSI_SPREAD_WAY,
+    SPSI_SPREAD_ANGLE,
+    SPSI_SPREAD_SLANT,
+    SPSI_SPREAD_WIDTH_X,
+    SPSI_SPREAD_WIDTH_Y, /* the last, since columns come first */
+    SPSI_SPREAD_PARTS
+} spsi_spread_part;
+
+/* Light of one channel at a plane of one face, by rows, and, while it spreads along them, by columns. Parts are times
+   the texel's solid angle, relative to that of the middle one. */
+typedef struct spsi_spread_light {
+    int size[2], pitch[2]; /* of columns and rows: how many, and rounded up to whole vectors */
+    float *part[2][SPSI_SPREAD_PARTS];
+    float *depth;      /* from the light, straight */
+    float *solid;      /* angles of texels */
+    float *stretch[2]; /* of variance along x, and along y, by the rays' slant */
+    float *tilt[2];    /* along columns, and along rows: what is moved down rather than up, per texel of a step */
+    float *memory;     /* for columns of a vector, see spsi_spread_along */
+    int mirrored;      /* 1: what leaves by a side comes in there, since other faces adjoin */
+} spsi_spread_light;
+
+/* A sheet that light crosses, per texel. */
+typedef struct spsi_spread_sheet {
+    const float *depth;     /* optical depth */
+    const float *scattered; /* the share of it that scatters */
+    const float *turned;    /* that times 1 - P[2] */
+    const float *source;    /* irradiance at the sheet without gas */
+    const float *open;      /* what polygons let pass of light that has scattered */
+    const float *reach;     /* thickness along the ray, in texels where it ends */
+    float growth;           /* size of a texel where it begins, by that where it ends */
+} spsi_spread_sheet;
+
+/* What a unit of light gains in a sheet of 2 h s = `turned`: from what A and B were, and from events, per 2/3. */
+typedef struct spsi_spread_gains {
+    spsi_v keeps, mean; /* exp(-h s), and its mean over the sheet */
+    spsi_v fresh[3];    /* of A, B and C, by events, of which B and C are per unit of reach and its square */
+} spsi_spread_gains;
+
+/* C gains 2 (1 - 2 m + m2) / b with b = h s and the means m and m2 of exp(-b) and exp(-2 b); their series up to b 1/2.
+   In a cone of rays, what begins midway has a shorter way to go: A and B are integrals over where. */
+static void spsi_spread_gain(spsi_v turned, float growth, spsi_spread_gains *gains) {
+    const spsi_v zero = spsi_set(0), one = spsi_set(1), b = spsi_mul(turned, spsi_set(0.5f));
+    const spsi_v wide = spsi_max(b, spsi_set(0.5f));
+    spsi_v square, exact, series;
+    gains->keeps = spsi_exp(spsi_sub(zero, b));
+    gains->mean = spsi_mean_transmittance(zero, b);
+    square = spsi_mul(gains->mean, gains->mean);
+    exact = spsi_sub(spsi_sub(one, gains->mean), spsi_mul(spsi_mul(b, spsi_set(0.5f)), square));
+    exact = spsi_div(exact, wide);
+    series = spsi_fma(b, spsi_set(31.0f / 2520), spsi_set(-1.0f / 24));
+    series = spsi_fma(b, series, spsi_set(7.0f / 60));
+    series = spsi_fma(b, series, spsi_set(-1.0f / 4));
+    series = spsi_mul(b, spsi_fma(b, series, spsi_set(1.0f / 3)));
+    gains->fresh[0] = spsi_sub(one, spsi_mul(gains->keeps, gains->keeps));
+    gains->fresh[0] = spsi_mul(gains->fresh[0], spsi_set((1 + growth + growth * growth) / 3));
+    gains->fresh[1] = spsi_mul(gains->mean, spsi_sub(one, gains->keeps));
+    gains->fresh[1] = spsi_mul(gains->fresh[1], spsi_set((1 + 2 * growth) / 3));
+    gains->fresh[2] = spsi_mul(spsi_set(2), spsi_select(spsi_less(b, spsi_set(0.5f)), series, exact));
+}
+
+/* Carries a vector of texels through a sheet: `x`, the first one's column, `y` its row. */
+static void spsi_spread_cross(const spsi_spread_light *light, const spsi_spread_sheet *sheet, int x, int y) {
+    const size_t at = (size_t)y * (size_t)light->pitch[0] + (size_t)x;
+    float *const *part = light->part[0];
+    const spsi_v zero = spsi_set(0), growth = spsi_set(sheet->growth), reach = spsi_load(sheet->reach + at);
+    const spsi_v depth = spsi_load(sheet->depth + at), scattered = spsi_load(sheet->scattered + at);
+    const spsi_v before = spsi_load(light->depth + at), behind = spsi_add(before, depth);
+    const spsi_v source = spsi_mul(spsi_load(sheet->source + at), spsi_load(light->solid + at));
+    const spsi_v straight = spsi_mul(source, spsi_exp(spsi_sub(zero, before)));
+    const spsi_v stays = spsi_exp(spsi_sub(scattered, depth)), passes = spsi_mul(stays, spsi_load(sheet->open + at));
+    const spsi_v joins = spsi_mul(straight, spsi_sub(stays, spsi_exp(spsi_sub(zero, depth))));
+    const spsi_v old = spsi_mul(spsi_load(part[SPSI_SPREAD_FLUX] + at), passes);
+    const spsi_v fresh = spsi_mul(spsi_fma(straight, stays, old), spsi_set(2.0f / 3));
+    const spsi_v angle = spsi_mul(spsi_load(part[SPSI_SPREAD_ANGLE] + at), passes);
+    const spsi_v slant = spsi_mul(spsi_load(part[SPSI_SPREAD_SLANT] + at), passes);
+    spsi_v way = spsi_mul(spsi_load(part[SPSI_SPREAD_WAY] + at), passes), more, width;
+    spsi_spread_gains gains;
+    spsi_spread_gain(spsi_load(sheet->turned + at), sheet->growth, &gains);
+    way = spsi_fma(joins, behind, spsi_fma(old, depth, way));
+    width = spsi_fma(fresh, gains.fresh[2], spsi_mul(angle, spsi_mul(gains.mean, gains.mean)));
+    width = spsi_fma(spsi_mul(spsi_set(2), slant), gains.mean, spsi_mul(width, reach));
+    width = spsi_mul(spsi_mul(width, reach), spsi_set(0.5f)); /* x and y share it */
+    more = spsi_mul(spsi_mul(angle, gains.mean), reach);
+    more = spsi_mul(spsi_mul(spsi_add(slant, more), gains.keeps), growth);
+    spsi_store(part[SPSI_SPREAD_FLUX] + at, spsi_add(old, joins));
+    spsi_store(part[SPSI_SPREAD_WAY] + at, way);
+    spsi_store(part[SPSI_SPREAD_SLANT] + at, spsi_fma(spsi_mul(fresh, gains.fresh[1]), reach, more));
+    more = spsi_mul(spsi_mul(angle, spsi_mul(growth, growth)), spsi_mul(gains.keeps, gains.keeps));
+    spsi_store(part[SPSI_SPREAD_ANGLE] + at, spsi_fma(fresh, gains.fresh[0], more));
+    spsi_store(part[SPSI_SPREAD_WIDTH_X] + at, spsi_mul(width, spsi_load(light->stretch[0] + x)));
+    spsi_store(part[SPSI_SPREAD_WIDTH_Y] + at, spsi_mul(width, spsi_set(light->stretch[1][y])));
+    spsi_store(light->depth + at, behind);
+}
+
+/* The variance that steps shorter than k can spread: half of each one's square. */
+static float spsi_spread_capacity(int k) { return (float)(((double)k * k - 1) / 6); }
+
+/* A column of vectors: what its light still has to spread, the share that is moved, and memory for what moves. */
+typedef struct spsi_spread_column {
+    const spsi_spread_light *light;
+    int side; /* of the light: 0 or 1 */
+    size_t first, pitch;
+    int lines;
+    float *share, *moved[2]; /* up and down */
+} spsi_spread_column;
+
+/* Moves the share to both sides, k texels far, a little more of it to one of them. */
+static void spsi_spread_move(const spsi_spread_column *column, float *part, int k) {
+    const ptrdiff_t step = (ptrdiff_t)k * SPSI_LANES, end = (ptrdiff_t)column->lines * SPSI_LANES;
+    const float *tilt = column->light->tilt[column->side] + column->first;
+    float *up = column->moved[0], *down = column->moved[1];
+    part += column->first;
+    for (ptrdiff_t at = 0; at < end; at += SPSI_LANES) {
+        const size_t own = (size_t)(at / SPSI_LANES) * column->pitch;
+        const spsi_v half = spsi_mul(spsi_load(column->share + at), spsi_set(0.5f));
+        const spsi_v moved = spsi_mul(half, spsi_load(part + own)), most = spsi_set(0.9f);
+        const spsi_v more = spsi_mul(
+            moved, spsi_clamp(spsi_mul(spsi_load(tilt + own), spsi_set((float)k)), spsi_sub(spsi_set(0), most), most));
+        spsi_store(up + at, spsi_sub(moved, more));
+        spsi_store(down + at, spsi_add(moved, more));
+        spsi_store(part + own, spsi_sub(spsi_load(part + own), spsi_add(moved, moved)));
+    }
+    for (ptrdiff_t at = 0; at < step; at += SPSI_LANES) { /* what leaves up comes in going down */
+        const int mirrored = column->light->mirrored;
+        spsi_store(down - SPSI_LANES - at, mirrored ? spsi_load(up + at) : spsi_set(0));
+        spsi_store(up + end + at, mirrored ? spsi_load(down + end - SPSI_LANES - at) : spsi_set(0));
+    }
+    for (ptrdiff_t at = 0; at < end; at += SPSI_LANES) {
+        float *value = part + (size_t)(at / SPSI_LANES) * column->pitch;
+        const spsi_v arrives = spsi_add(spsi_load(down + at - step), spsi_load(up + at + step));
+        spsi_store(value, spsi_add(spsi_load(value), arrives));
+    }
+}
+
+/* Spreads a column by its width; that, the last part, goes along and dwindles. */
+static void spsi_spread_column_by(const spsi_spread_column *column, int part_count) {
+    float *const *part = column->light->part[column->side];
+    float lanes[SPSI_LANES], most = 0;
+    spsi_v wide = spsi_set(0);
+    int k = 1;
+    for (int y = 0; y < column->lines; ++y) {
+        const size_t at = column->first + (size_t)y * column->pitch;
+        const spsi_v flux = spsi_max(spsi_load(part[SPSI_SPREAD_FLUX] + at), spsi_set(FLT_MIN));
+        wide = spsi_max(wide, spsi_div(spsi_load(part[part_count - 1] + at), flux));
+    }
+    spsi_store(lanes, wide);
+    for (int i = 0; i < SPSI_LANES; ++i) most = spsi_higher(most, lanes[i]);
+    if (!(most > 0)) return;
+    while (spsi_spread_capacity(2 * k) < most && 2 * k <= spsi_least(SPSI_SPREAD_STEP, column->lines)) k *= 2;
+    for (; k > 0; k /= 2) {
+        const spsi_v capacity = spsi_set(spsi_spread_capacity(k)), per_square = spsi_set(1 / ((float)k * (float)k));
+        for (int y = 0; y < column->lines; ++y) {
+            const size_t at = column->first + (size_t)y * column->pitch;
+            const spsi_v flux = spsi_load(part[SPSI_SPREAD_FLUX] + at), width = spsi_load(part[part_count - 1] + at);
+            const spsi_v mean = spsi_div(width, spsi_max(flux, spsi_set(FLT_MIN)));
+            const spsi_v share =
+                spsi_clamp(spsi_mul(spsi_sub(mean, capacity), per_square), spsi_set(0), spsi_set(0.5f));
+            const spsi_v spent = spsi_mul(spsi_mul(flux, share), spsi_set((float)k * (float)k));
+            spsi_store(column->share + (size_t)y * SPSI_LANES, share);
+            spsi_store(part[part_count - 1] + at, spsi_max(spsi_sub(width, spent), spsi_set(0)));
+        }
+        for (int i = 0; i < part_count; ++i) spsi_spread_move(column, part[i], k);
+    }
+}
+
+/* Spreads light along its columns: those of side 1 are rows. */
+static void spsi_spread_along(const spsi_spread_light *light, int side, int part_count) {
+    spsi_spread_column column;
+    column.light = light;
+    column.side = side;
+    column.pitch = (size_t)light->pitch[side];
+    column.lines = light->size[!side];
+    column.share = light->memory;
+    column.moved[0] = column.share + (size_t)(column.lines + SPSI_SPREAD_STEP) * SPSI_LANES;
+    column.moved[1] = column.moved[0] + (size_t)(column.lines + 2 * SPSI_SPREAD_STEP) * SPSI_LANES;
+    for (int x = 0; x < light->pitch[side]; x += SPSI_LANES) {
+        column.first = (size_t)x;
+        spsi_spread_column_by(&column, part_count);
+    }
+}
+
+/* Turns columns into rows, or rows into columns. */
+static void spsi_spread_turn(const spsi_spread_light *light, int side, int part_count) {
+    const size_t from = (size_t)light->pitch[side], to = (size_t)light->pitch[!side];
+    for (int i = 0; i < part_count; ++i)
+        for (int y = 0; y < light->size[!side]; ++y)
+            for (int x = 0; x < light->size[side]; ++x)
+                light->part[!side][i][(size_t)x * to + (size_t)y] = light->part[side][i][(size_t)y * from + (size_t)x];
+}
+
+/* Carries light through a sheet. */
+static void spsi_spread_step(const spsi_spread_light *light, const spsi_spread_sheet *sheet) {
+    for (int y = 0; y < light->size[1]; ++y)
+        for (int x = 0; x < light->pitch[0]; x += SPSI_LANES) spsi_spread_cross(light, sheet, x, y);
+    spsi_spread_along(light, 0, SPSI_SPREAD_PARTS);
+    spsi_spread_turn(light, 0, SPSI_SPREAD_PARTS - 1);
+    spsi_spread_along(light, 1, SPSI_SPREAD_PARTS - 1);
+    spsi_spread_turn(light, 1, SPSI_SPREAD_PARTS - 2);
+}
+
+/* Floats of a light: parts of both sides, depth, what texels are like, and memory for a column. */
+static size_t spsi_spread_light_floats(const spsi_spread_light *light) {
+    const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
+    const size_t lines = (size_t)spsi_most(light->size[0], light->size[1]);
+    return (2 * SPSI_SPREAD_PARTS + 4) * sheet + (size_t)light->pitch[0] + (size_t)light->pitch[1] +
+           (3 * lines + 4 * SPSI_SPREAD_STEP) * SPSI_LANES;
+}
+
+/* Sets what texels are like. In a cone of rays whose slopes are x and y, with q = 1 + x^2 + y^2, a texel's solid angle
+   W is q^-3/2 of the middle one's, and a step under one angle is longer along x by (1 + x^2)^1/2. Light that is even
+   stays so if what texels send each other is alike: if the tilt is half the derivative of ln(W v), v being the
+   variance, q (1 + x^2) times q^0 to q^1/2 for the way through a sheet that is longer at a slant: light about a lamp in
+   even gas is then even to 5 %. */
+static void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
+    double normal[3];
+    memcpy(normal, rays->inverse[2], sizeof normal);
+    for (int y = 0; y < light->size[1]; ++y)
+        for (int x = 0; x < light->size[0]; ++x) {
+            const size_t own[2] = {(size_t)y * (size_t)light->pitch[0] + (size_t)x,
+                                   (size_t)x * (size_t)light->pitch[1] + (size_t)y};
+            double ray[3], slope[2] = {0, 0}, pitch[2] = {0, 0}, square;
+            if (rays->perspective) {
+                spsi_ray_direction(rays, x, y, ray);
+                for (int k = 0; k < 2; ++k) {
+                    const double *axis = k ? rays->b : rays->a;
+                    pitch[k] = spsi_length(axis) * spsi_length(normal) / spsi_dot(ray, normal);
+                    slope[k] = spsi_dot(ray, axis) / spsi_length(axis) * spsi_length(normal) / spsi_dot(ray, normal);
+                }
+            }
+            square = 1 + slope[0] * slope[0] + slope[1] * slope[1];
+            light->solid[own[0]] = (float)pow(square, -1.5);
+            for (int k = 0; k < 2; ++k)
+                light->tilt[!k][own[!k]] =
+                    (float)(pitch[k] * slope[k] * (1 / (1 + slope[k] * slope[k]) - 0.3 / square));
+            light->stretch[0][x] = (float)(1 + slope[0] * slope[0]);
+            light->stretch[1][y] = (float)(1 + slope[1] * slope[1]);
+        }
+}
+
+static void spsi_spread_light_begin(spsi_spread_light *light, const spsi_rays *rays, float *memory) {
+    const size_t sheet = (size_t)light->pitch[0] * (size_t)light->pitch[1];
+    memset(memory, 0, spsi_spread_light_floats(light) * sizeof *memory);
+    for (int side = 0; side < 2; ++side)
+        for (int i = 0; i < SPSI_SPREAD_PARTS; ++i, memory += sheet) light->part[side][i] = memory;
+    light->depth = memory;
+    light->solid = light->depth + sheet;
+    light->tilt[0] = light->solid + sheet;
+    light->tilt[1] = light->tilt[0] + sheet;
+    light->stretch[0] = light->tilt[1] + sheet;
+    light->stretch[1] = light->stretch[0] + light->pitch[0];
+    light->memory = light->stretch[1] + light->pitch[1];
+    spsi_spread_texels(light, rays);
+}
+
+/* --- lookup --- */
+
+/* Where a vector of points lies among a light's texels and planes. */
+typedef struct spsi_spread_place {
+    spsi_tmap_quads quads;
+    spsi_v row[2], weight[2]; /* of the planes before and behind: their first rows, and shares */
+} spsi_spread_place;
+
+/* Finds points, given in the coordinates that spsi_tmap_lookup expects. */
+static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi_spread_place *place) {
+    const spsi_v last = spsi_set((float)(spread->sheet_count - 1)),
+                 rows = spsi_set((float)(spread->plane / (size_t)spread->pitch));
+    spsi_v u, plane;
+    spsi_seen_by_map seen;
+    if (spread->map.face_count > 1)
+        spsi_tmap_see_round(&spread->map, at, &seen);
+    else
+        spsi_tmap_see(&spread->map, at, &seen);
+    spsi_quads_build(&spread->map, &seen, &place->quads);
+    u = spsi_clamp(spsi_mul(seen.t, spsi_set((float)spread->map.per_depth)), spsi_set(0), spsi_set(1));
+    u = spsi_mul(u, spsi_set((float)spread->sheet_count));
+    plane = spsi_min(spsi_floor(u), last);
+    place->weight[1] = spsi_sub(u, plane);
+    place->weight[0] = spsi_sub(spsi_set(1), place->weight[1]);
+    place->row[0] = spsi_mul(plane, rows);
+    place->row[1] = spsi_add(place->row[0], rows);
+}
+
+/* These coordinates of one point, or of one a sheet before it. */
+static void spsi_spread_coordinates(const spsi_spread *spread, const double point[3], spsi_v at[3]) {
+    const spsi_rays *rays = &spread->map.rays[0];
+    const double sheet = (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
+    double from[3], t, nearer;
+    spsi_along(point, rays->origin, -1, from);
+    t = spsi_dot(rays->inverse[2], from);
+    if (spread->map.face_count > 1) t = fmax(fabs(from[0]), fmax(fabs(from[1]), fabs(from[2])));
+    nearer = rays->perspective ? fmax(1 - sheet / fmax(t, DBL_MIN), 0) : 1;
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_set((float)(nearer * (spread->map.face_count > 1 ? from[i] : spsi_dot(rays->inverse[i], from))));
+    if (spread->map.face_count == 1) at[2] = spsi_set((float)(t - sheet - rays->depth_reference));
+}
+
+/* Flux or way there, of which `values` are a channel's. */
+static spsi_v spsi_spread_lookup(const spsi_spread *spread, const float *values, const spsi_spread_place *place) {
+    const spsi_tmap_quads *quads = &place->quads;
+    spsi_v sum = spsi_set(0);
+    for (int i = 0; i < 8; ++i) {
+        const spsi_v row = spsi_add(quads->row[i >> 1 & 1], place->row[i >> 2]);
+        const spsi_v weight = spsi_mul(quads->weight[i & 3], place->weight[i >> 2]);
+        sum = spsi_fma(weight, spsi_lookup(values, spread->pitch, quads->column[i & 1], row), sum);
+    }
+    return sum;
+}
+
+/* Flux of a channel at a vector of points, and the mean optical depth that it has passed. */
+static spsi_v spsi_spread_flux(const spsi_spread *spread, int channel, const spsi_spread_place *place, spsi_v *depth) {
+    const size_t first = (size_t)channel * (size_t)(spread->sheet_count + 1) * spread->plane;
+    const spsi_v flux = spsi_spread_lookup(spread, spread->flux + first, place);
+    const spsi_v way = spsi_spread_lookup(spread, spread->way + first, place);
+    *depth = spsi_div(way, spsi_max(flux, spsi_set(FLT_MIN)));
+    return flux;
+}
+
 /* ============================================================================================== >>shadows
-   25 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
+   26 Shadows of a lamp on gas and surfaces. Gas shades by sheets, which are filled chunk by chunk as the eye's are and
    hold the optical depth towards the lamp at the planes between slabs: plane k holds the optical depth in front of slab
    k. Or gas shades by a transmittance map. A shadow begins with a sweep. It advances by a chunk: its sheets are filled,
    and light propagates from slab to slab, tile by tile, since hard light never leaves its ray. It can be looked up
@@ -14415,8 +14801,10 @@ typedef struct spsi_shadow {
     const float *lit;          /* per pixel of the image: spsi_sight */
     spsi_linear along[3];      /* arguments of spsi_shadow_lookup along the eye's rays */
     spsi_depth_map depth_map;
-    spsi_pane_map *pane_maps; /* of the light's points */
-    int pane_map_count;       /* 0: no translucent polygons */
+    spsi_pane_map *pane_maps;    /* of the light's points */
+    int pane_map_count;          /* 0: no translucent polygons */
+    const spsi_spread *spread;   /* NULL: light keeps to its rays */
+    spsi_linear spread_along[3]; /* arguments of spsi_spread_find along the eye's rays */
 } spsi_shadow;
 
 /* --- sheets --- */
@@ -14529,21 +14917,26 @@ static void spsi_sliced_level(sps_context *context, spsi_sliced *sliced) {
 
 /* --- lookup --- */
 
+/* The coordinates that spsi_tmap_see expects, or spsi_tmap_see_round, along the eye's rays. */
+static void spsi_tmap_follow(const spsi_rays *eye, const sps_tmap *map, spsi_linear along[3]) {
+    const spsi_rays *rays = &map->rays[0];
+    for (int i = 0; i < 3; ++i) {
+        const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
+        const int whole = map->face_count > 1;
+        spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
+                          i == 2 && !whole ? -rays->depth_reference : 0, &along[i]);
+    }
+}
+
 /* Prepares lookups along the eye's rays. */
 static void spsi_shadow_aim(const spsi_rays *eye, spsi_shadow *shadow) {
     spsi_depth_map_follow(eye, &shadow->depth_map);
     for (int i = 0; i < shadow->pane_map_count; ++i) spsi_depth_map_follow(eye, &shadow->pane_maps[i].grid);
-    for (int i = 0; i < 3; ++i) {
-        const double axis[3] = {(double)(i == 0), (double)(i == 1), (double)(i == 2)};
-        if (shadow->kind == SPSI_SHADOW_MAP) {
-            const spsi_rays *rays = &shadow->tmap->rays[0];
-            const int whole = shadow->tmap->face_count > 1;
-            spsi_linear_build(eye, whole ? axis : rays->inverse[i], rays->origin,
-                              i == 2 && !whole ? -rays->depth_reference : 0, &shadow->along[i]);
-        } else if (shadow->kind == SPSI_SHADOW_SHEETS) {
-            const spsi_rays *rays = shadow->sliced->target.rays;
-            spsi_linear_build(eye, rays->inverse[i], rays->origin, 0, &shadow->along[i]);
-        }
+    if (shadow->spread) spsi_tmap_follow(eye, &shadow->spread->map, shadow->spread_along);
+    if (shadow->kind == SPSI_SHADOW_MAP) spsi_tmap_follow(eye, shadow->tmap, shadow->along);
+    for (int i = 0; i < 3 && shadow->kind == SPSI_SHADOW_SHEETS; ++i) {
+        const spsi_rays *rays = shadow->sliced->target.rays;
+        spsi_linear_build(eye, rays->inverse[i], rays->origin, 0, &shadow->along[i]);
     }
 }
 
@@ -14838,7 +15231,7 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
 }
 
 /* =========================================================================================== >>scattering
-   26 Light that scatters forward more than once. Let it reach a point through optical depth a, turn there by the angle
+   27 Light that scatters forward more than once. Let it reach a point through optical depth a, turn there by the angle
    whose cosine is c, and leave through optical depth b; t = a + b. Besides p(c) exp(-t), what scatters once, the point
    sends X(t, c), provided that events elsewhere turn light so little that it stays on this way. Their number k is
    Poisson distributed with mean t, and each multiplies the Legendre moments of light's directions by albedo w and the
@@ -14846,13 +15239,13 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
    count a path k + 1 times; divided by that,
      X = sum of (2 l + 1) / (4 pi) P_l(c) d[l](t),   d[l] = P[l] exp(-t) r(w P[l] t),   r(x) = (exp(x) - 1) / x - 1
    Light that has lost its direction leaves by the sides: d[0] is divided by 1 + 0.06 (1 + c)^2 (1 - P[1]) t, a fit to
-   random paths in clouds. X is cut off where p exp(-t) + X would be negative. Tables are over u = t / (t + 4) and s,
-   the angle being pi s^2. X falls as 1 / t or 1 / t^2, far slower than what scatters once, so that lights, rays and X
-   itself end at a depth of 64; from the last node before that, at 41, X is linear in u down to 0. What that leaves out:
-   at 64, X is 0.0013 at most for asymmetries up to 0.95, and 0.0086 for 0.99, where p is 0.08 if isotropic; against a
-   light of irradiance 1, a layer that deep would show a radiance t X of 0.02 for 0.8, and of 0.55 for 0.99. Cost: ln
-   100 / ln(1 / g) terms per entry of a table, and two or three lookups per part of a slab, light and gas. [Goudsmit &
-   Saunderson 1940, for the moments] */
+   random paths in clouds, unless light is followed there, >>spreading >>cells. X is cut off where p exp(-t) + X would
+   be negative. Tables are over u = t / (t + 4) and s, the angle being pi s^2. X falls as 1 / t or 1 / t^2, far slower
+   than what scatters once, so that lights, rays and X itself end at a depth of 64; from the last node before that, at
+   41, X is linear in u down to 0. What that leaves out: at 64, X is 0.0013 at most for asymmetries up to 0.95, and
+   0.0086 for 0.99, where p is 0.08 if isotropic; against a light of irradiance 1, a layer that deep would show a
+   radiance t X of 0.02 for 0.8, and of 0.55 for 0.99. Cost: ln 100 / ln(1 / g) terms per entry of a table, and two or
+   three lookups per part of a slab, light and gas. [Goudsmit & Saunderson 1940, for the moments] */
 
 #define SPSI_FORWARD_ORDERS 460 /* the square of the last moment is 1e-4 at an asymmetry of 0.99, the largest */
 
@@ -14860,6 +15253,7 @@ static void spsi_shadow_maps_release(sps_context *context, const spsi_shadow *sh
    its peak, the moment after them: only what the peak passes on is left of them here. */
 typedef struct spsi_legendre {
     int followed;
+    int stays;   /* 1: what leaves by the sides, having lost its direction, is not left out here */
     double peak; /* the first moment that is not followed */
     double moments[SPSI_FORWARD_ORDERS], orders[SPSI_FORWARD_ORDERS];
     int count;
@@ -14870,6 +15264,7 @@ typedef struct spsi_legendre {
 static void spsi_legendre_moments(const spsi_material *material, int followed, spsi_legendre *series) {
     double power[SPSI_LOBES_MAX], most = 0;
     series->followed = followed;
+    series->stays = followed > 0;
     series->peak = spsi_phase_peak(material, followed);
     for (int i = 0; i < material->lobe_count; ++i) {
         power[i] = (double)material->lobes[i].weight;
@@ -14917,7 +15312,7 @@ static void spsi_legendre_orders(spsi_legendre *series, double albedo, double t)
 /* The sum over these: X. */
 static double spsi_legendre_sum(const spsi_legendre *series, double t, double c) {
     const double mean = series->count > 1 ? series->moments[1] : 0;
-    const double leaves = series->followed > 0 ? 1 : 1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t;
+    const double leaves = series->stays ? 1 : 1 + 0.06 * (1 + c) * (1 + c) * (1 - mean) * t;
     double sum = series->orders[0] / leaves, before = 1, now = c;
     for (int l = 1; l < series->count; ++l) {
         const double after = ((2 * l + 1) * c * now - l * before) / (l + 1);
@@ -14956,10 +15351,11 @@ static double spsi_forward_albedo(const spsi_material *material, int level) {
     return material->table ? 1 - left * left : (double)material->albedo[level];
 }
 
-static void spsi_forward_build(const spsi_material *material, int followed, spsi_forward *forward) {
+static void spsi_forward_build(const spsi_material *material, int followed, int stays, spsi_forward *forward) {
     const int grey = material->albedo[0] == material->albedo[1] && material->albedo[0] == material->albedo[2];
     spsi_legendre series;
     spsi_legendre_build(material, followed, &series);
+    series.stays |= stays;
     forward->level_count = material->table ? SPSI_FORWARD_LEVELS : grey ? 1 : 3;
     for (int k = 0; k < forward->level_count; ++k)
         for (int i = 0; i < SPSI_FORWARD_SIZE; ++i) {
@@ -14979,6 +15375,7 @@ static int spsi_sweep_measures(const spsi_frame *frame, const spsi_sweep *sweep)
 /* Makes the tables of all gases, which materials refer to from then on. */
 static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
     const int orders = spsi_scatters_fully(frame) ? frame->matter.orders : 0;
+    const int stays = spsi_scatters_aside(frame);
     spsi_forward *forward;
     if (!spsi_scatters_forward(frame)) return SPS_OK;
     forward = (spsi_forward *)spsi_reserve(context, SPSI_BUFFER_FORWARD, (size_t)frame->matter.material_count,
@@ -14987,7 +15384,7 @@ static sps_result spsi_forward_tables(sps_context *context, spsi_frame *frame) {
     for (int i = 0; i < frame->matter.material_count; ++i) {
         spsi_material *material = &frame->matter.materials[i];
         if (!material->scatters) continue;
-        spsi_forward_build(material, orders, &forward[i]);
+        spsi_forward_build(material, orders, stays, &forward[i]);
         material->forward = &forward[i];
     }
     return SPS_OK;
@@ -15060,7 +15457,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 }
 
 /* ================================================================================================ >>cells
-   27 Light scattered any number of times in every direction: discrete ordinates on a grid of cubes about the gas. Light
+   28 Light scattered any number of times in every direction: discrete ordinates on a grid of cubes about the gas. Light
    is carried from cell to cell in 50 directions, whose weights integrate polynomials of degree 11 over the sphere: the
    26 to neighbours, and 24 that take three steps along an axis to one along the others [Lebedev 1976]. What comes at a
    slant is interpolated between four cells. On its way of optical depth t through a cell that sends s in a direction,
@@ -16106,7 +16503,7 @@ static spsi_v spsi_cells_lookup(const spsi_cell_grid *grid, int material, int ch
 }
 
 /* ============================================================================================== >>shading
-   28 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
+   29 Light leaving sheets and surfaces towards the eye. At share x, in the light's order, of the eye ray's path through
    a sheet of optical depth t, light has passed optical depth A0 + x (A1 - A0), and what is scattered there passes x t
    (front to back) or (1 - x) t on its way out. Both are linear in x, so the sheet sends c t spsi_mean_transmittance(..)
    for either compositing order. A polygon between light and sheet ends the range of x; one between eye and sheet cuts
@@ -16700,8 +17097,8 @@ typedef struct spsi_sent {
 /* What of a light passes to a part and on to the eye. */
 typedef struct spsi_carried {
     spsi_v passes[3];  /* mean transmittance between light and eye, times the lit share, by color */
-    spsi_v lit[3];     /* the lit share alone */
-    spsi_v start, end; /* optical depth between light and eye at the part's ends */
+    spsi_v lit[3];     /* the lit share alone; if light spreads, times the mean transmittance from the light */
+    spsi_v start, end; /* optical depth between light and eye at the part's ends; if light spreads, from the part on */
     int is_attenuated; /* 0: by nothing on its way to the part; start, end and lit are not set */
 } spsi_carried;
 
@@ -16716,6 +17113,13 @@ static void spsi_sample_forward(const spsi_shader *shader, const spsi_material *
         if (sample->has_normal) sent[c] = spsi_mul(sent[c], gas);
     }
 }
+
+/* Light that has scattered on its way from a light, where it reaches a part. */
+typedef struct spsi_spread_light_at {
+    int channel;
+    spsi_v flux, depth;        /* depth: of the gas that it has passed */
+    spsi_forward_part ways[2]; /* with that gas, and without */
+} spsi_spread_light_at;
 
 /* Adds what a unit of a light's color would make of one channel of radiance. */
 static inline void spsi_add_light(const spsi_lamp *lamp, int c, spsi_v share, spsi_v radiance[3]) {
@@ -16750,6 +17154,53 @@ static void spsi_add_lamp(const spsi_shader *shader, const spsi_pixels *p, const
         spsi_sample_forward(shader, material, sample, &place, more);
         for (int c = 0; c < shader->frame->channels; ++c)
             spsi_add_light(lamp, c, spsi_mul(spsi_mul(again[c], sample->depth), more[c]), sent->again);
+    }
+}
+
+/* Adds what one gas sends of one channel of light that has scattered on its way: per unit of its flux, what X has more
+   of the whole way than of light that comes straight, of which exp(-t) arrives. */
+static void spsi_add_spread_sample(const spsi_shader *shader, const spsi_shadow *shadow,
+                                   const spsi_spread_light_at *light, int m, const spsi_sample *sample,
+                                   const spsi_sent *sent) {
+    const spsi_material *material = &shader->frame->matter.materials[m];
+    const int c = light->channel;
+    const spsi_v zero = spsi_set(0), albedo = sample->color[c], depth = light->depth;
+    const spsi_v straight = spsi_exp(spsi_sub(zero, depth));
+    const spsi_v all = spsi_exp(spsi_mul(spsi_sub(albedo, spsi_set(1)), depth));
+    const spsi_v scattered = spsi_max(spsi_sub(all, straight), spsi_set(1e-6f));
+    spsi_v more = spsi_forward_channel(material, c, albedo, &light->ways[0]);
+    more = spsi_sub(more, spsi_mul(straight, spsi_forward_channel(material, c, albedo, &light->ways[1])));
+    more = spsi_div(spsi_mul(spsi_mul(more, albedo), light->flux), scattered);
+    if (sample->has_normal) more = spsi_mul(more, spsi_sub(spsi_set(1), sample->surface));
+    spsi_add_light(shadow->lamp, c, spsi_mul(more, sample->depth), sent->again);
+}
+
+/* Adds what a part sends of one of the lights that the sweep carries, of what has scattered on its way and spread. */
+static void spsi_add_spread(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_pixels *p,
+                            const spsi_part *part, const spsi_sent *sent) {
+    const spsi_lamp *lamp = shadow->lamp;
+    const spsi_v start = spsi_add(part->before, sent->ahead), end = spsi_add(part->after, sent->ahead);
+    spsi_v at[3], travel[3], cosine, falloff = spsi_set(1);
+    spsi_spread_place place;
+    spsi_spread_light_at light;
+    spsi_reach reach;
+    for (int i = 0; i < 3; ++i)
+        at[i] = spsi_fma(part->middle, spsi_linear_slope(&shadow->spread_along[i], p->line.at, (float)p->line.y),
+                         spsi_linear_base(&shadow->spread_along[i], p->line.at, (float)p->line.y));
+    spsi_spread_find(shadow->spread, at, &place);
+    spsi_reach_build(shader, lamp, p, part, &reach);
+    spsi_lamp_travel(lamp, p, &reach, travel);
+    cosine = spsi_sub(spsi_set(0), spsi_dot_v(travel, p->toward));
+    if (lamp->falls_off) falloff = spsi_lamp_falloff(p, &reach);
+    for (light.channel = 0; light.channel < shader->frame->channels; ++light.channel) {
+        light.flux = spsi_mul(spsi_spread_flux(shadow->spread, light.channel, &place, &light.depth), falloff);
+        if (!spsi_bits(spsi_less(spsi_set(0), light.flux))) continue;
+        light.depth = spsi_max(light.depth, spsi_set(SPSI_SPREAD_NEAR));
+        spsi_forward_part_build(cosine, spsi_add(light.depth, start), spsi_add(light.depth, end), &light.ways[0]);
+        spsi_forward_part_build(cosine, start, end, &light.ways[1]);
+        for (int m = 0; m < shader->frame->matter.material_count; ++m)
+            if (shader->frame->matter.materials[m].scatters)
+                spsi_add_spread_sample(shader, shadow, &light, m, &part->samples[m], sent);
     }
 }
 
@@ -16837,18 +17288,26 @@ static void spsi_part_filter(const spsi_shader *shader, const spsi_shadow *shado
 static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_arrival *arrival,
                               const spsi_pixels *p, const spsi_part *part, const spsi_sent *sent) {
     const spsi_v lit = spsi_part_lit(arrival, part), end_share = spsi_mix(part->first, part->last, lit);
-    spsi_v passes, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
+    const spsi_v light[2] = {spsi_mix(arrival->light[0], arrival->light[1], part->first),
+                             spsi_mix(arrival->light[0], arrival->light[1], end_share)};
+    const spsi_v eye[2] = {part->before, spsi_mix(part->before, part->after, lit)};
+    spsi_v passes, arrives = lit, filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_carried carried;
+    if (shadow->spread) spsi_add_spread(shader, shadow, p, part, sent);
     if (!spsi_bits(spsi_less(spsi_set(0), lit))) return;
     carried.is_attenuated = 1;
-    carried.start = spsi_add(spsi_mix(arrival->light[0], arrival->light[1], part->first), part->before);
-    carried.end =
-        spsi_add(spsi_mix(arrival->light[0], arrival->light[1], end_share), spsi_mix(part->before, part->after, lit));
+    carried.start = spsi_add(light[0], eye[0]);
+    carried.end = spsi_add(light[1], eye[1]);
     passes = spsi_mul(lit, spsi_mean_transmittance(carried.start, carried.end));
+    if (shadow->spread) {
+        carried.start = eye[0];
+        carried.end = eye[1];
+        arrives = spsi_mul(lit, spsi_mean_transmittance(light[0], light[1]));
+    }
     if (shadow->pane_map_count > 0) spsi_part_filter(shader, shadow, p, part, filter);
     for (int c = 0; c < 3; ++c) {
         carried.passes[c] = spsi_mul(passes, filter[c]);
-        carried.lit[c] = spsi_mul(lit, filter[c]);
+        carried.lit[c] = spsi_mul(arrives, filter[c]);
     }
     spsi_add_lamp(shader, p, part, shadow->lamp, &carried, sent);
 }
@@ -17146,6 +17605,31 @@ static void spsi_add_flux(const spsi_frame *frame, const spsi_surface *surface, 
     }
 }
 
+/* Adds what a surface reflects of light that has scattered on its way from a light. It is looked up a sheet before the
+   surface, which stops it. */
+static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *surface, const double color[3],
+                               float radiance[3]) {
+    const spsi_spread *spread = shadow->spread;
+    const spsi_lamp *lamp = shadow->lamp;
+    double normal[3], toward[3], distance, cosine;
+    spsi_v at[3], depth;
+    spsi_spread_place place;
+    memcpy(normal, surface->normal, sizeof normal);
+    spsi_toward_lamp(lamp, surface->point, toward);
+    distance = spsi_length(toward);
+    if (!spsi_normalise(normal) || !spsi_normalise(toward)) return;
+    cosine = spsi_dot(normal, toward) / (lamp->falls_off ? distance * distance : 1);
+    if (!(cosine > 0)) return;
+    spsi_spread_coordinates(spread, surface->point, at);
+    spsi_spread_find(spread, at, &place);
+    for (int c = 0; c < 3; ++c) {
+        float lanes[SPSI_LANES];
+        spsi_store(lanes, spsi_spread_flux(spread, spsi_least(c, spread->channels - 1), &place, &depth));
+        radiance[c] += (float)fmin(color[c] * cosine / SPSI_PI * (double)lanes[0] * (double)lamp->color[c],
+                                   (double)SPSI_RADIANCE_MAX);
+    }
+}
+
 static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *place, float radiance[3]) {
     const spsi_frame *frame = shader->frame;
     spsi_appearance look;
@@ -17159,6 +17643,7 @@ static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *p
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
         double arrives[3], lit[3] = {1, 1, 1}, depth = 0;
+        if (shadow && shadow->spread) spsi_add_spread_on(shadow, &surface, look.color, radiance);
         if (shadow ? !spsi_surface_lit(frame, shadow, place->index, lit) : !shader->sweep->first || lamp->shadows)
             continue;
         if (!spsi_surface_irradiance(frame, lamp, &surface, arrives)) continue;
@@ -17638,7 +18123,7 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 }
 
 /* ============================================================================================== >>lighting
-   29 Filling the cells, and lighting them. Gas is splatted into sheets across z, two samples along a cell's edge, by
+   30 Filling the cells, and lighting them. Gas is splatted into sheets across z, two samples along a cell's edge, by
    the same targets as the eye's. Each light, with a table of its own as fine as the samples, sends a sample
      E exp(-k t) Y(d) / 4 pi
    for each moment: t is the optical depth on the way of light, k the scale of the cell's extinction, d the direction.
@@ -17658,22 +18143,29 @@ typedef struct spsi_cell_walls {
     float *sent;           /* per cell: radiance in the channel that is being solved, less ambient light */
 } spsi_cell_walls;
 
+/* Gas in sheets of samples, chunk by chunk. */
+typedef struct spsi_sampling {
+    sps_context *context;
+    const spsi_frame *frame;
+    spsi_rays rays; /* through the samples */
+    spsi_slabs slabs;
+    spsi_target target;
+    spsi_contents contents;
+    spsi_light_shader shader;
+} spsi_sampling;
+
 /* A grid that is being filled and lit. */
 typedef struct spsi_cell_job {
     sps_context *context;
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_cell_grid *grid;
-    int fine; /* sheets' samples along a cell's half edge */
-    spsi_rays rays;
-    spsi_slabs slabs;
-    spsi_target target;
-    spsi_contents contents;
-    spsi_light_shader sheets;
-    float *samples;   /* per sample, two along each edge: optical depth along half an edge */
-    float *scattered; /* per material and channel: what is scattered of a unit of light along an edge */
-    float *emitted;   /* per channel: radiance added along an edge */
-    float *incoming;  /* per channel and term: moments of the lights' radiance */
+    int fine;             /* sheets' samples along a cell's half edge */
+    spsi_sampling sheets; /* across z */
+    float *samples;       /* per sample, two along each edge: optical depth along half an edge */
+    float *scattered;     /* per material and channel: what is scattered of a unit of light along an edge */
+    float *emitted;       /* per channel: radiance added along an edge */
+    float *incoming;      /* per channel and term: moments of the lights' radiance */
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     spsi_cell_walls walls;
     const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
@@ -17726,15 +18218,15 @@ static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid
 
 /* --- gas --- */
 
-/* Samples along half an edge: one, or more if a classified volume's voxels are smaller than that, since its transfer
-   function is not linear. */
-static int spsi_cells_fineness(const spsi_frame *frame, const spsi_cell_grid *grid) {
+/* Sheets' samples along one of that length: one, or more if a classified volume's voxels are smaller than that, since
+   its transfer function is not linear. */
+static int spsi_samples_fineness(const spsi_frame *frame, double sample) {
     double voxel = HUGE_VAL;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_material *material = &frame->matter.materials[frame->media[i].channel];
         if (material->table) voxel = fmin(voxel, (double)material->voxel_length);
     }
-    return voxel < HUGE_VAL ? (int)fmin(4, fmax(1, ceil(0.5 * grid->edge / (0.7 * voxel)))) : 1;
+    return voxel < HUGE_VAL ? (int)fmin(4, fmax(1, ceil(sample / (0.7 * voxel)))) : 1;
 }
 
 /* Rays along z, through the samples, or, finer, through those of the sheets. */
@@ -17754,34 +18246,53 @@ static int spsi_cells_aim(const spsi_cell_grid *grid, int fine, spsi_rays *rays,
     return spsi_rays_complete(rays);
 }
 
-/* The cells' sheets as a target: a channel per material. */
-static sps_result spsi_target_of_cells(spsi_cell_job *job) {
-    const spsi_frame *frame = job->frame;
-    spsi_target *target = &job->target;
-    spsi_target_place(frame, &job->rays, &job->slabs, target);
+/* Begins to sample, with a channel per material. Rays and slabs are set. */
+static sps_result spsi_sampling_begin(sps_context *context, const spsi_frame *frame, spsi_sampling *sheets) {
+    spsi_target *target = &sheets->target;
+    sheets->context = context;
+    sheets->frame = frame;
+    spsi_target_place(frame, &sheets->rays, &sheets->slabs, target);
     target->shape.channels = frame->matter.material_count;
     target->shape.margin = 0;
     target->shape.slab_margin = frame->matter.classifies;
-    spsi_crossing_build(&job->rays, &job->slabs, 0, &target->crossing);
+    spsi_crossing_build(&sheets->rays, &sheets->slabs, 0, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
-    for (int i = 0; i < frame->medium_count && job->context->brick_count > 0; ++i) {
+    for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
         const spsi_medium *medium = &frame->media[i];
         target->channels[i] = medium->channel;
-        if (!spsi_splatter_build(medium->lattice, &job->rays, &job->slabs, 1, frame->accuracy.cut,
+        if (!spsi_splatter_build(medium->lattice, &sheets->rays, &sheets->slabs, 1, frame->accuracy.cut,
                                  &target->splatters[i]))
-            return spsi_target_refuse(job->context, medium);
+            return spsi_target_refuse(context, medium);
     }
-    return SPS_OK;
+    spsi_light_shader_build(frame, &sheets->rays, &sheets->slabs, &sheets->shader);
+    if (spsi_contents_build(context, target, NULL, &sheets->contents)) return context->result;
+    return spsi_contents_add_particles(&sheets->contents);
 }
+
+/* Advances to a chunk. Returns 0 if it holds nothing. */
+static int spsi_sampling_advance(spsi_sampling *sheets, int chunk) {
+    spsi_contents_advance(&sheets->contents, chunk);
+    spsi_contents_bin_particles(&sheets->contents);
+    return sheets->contents.bricks.current + sheets->contents.particles.current > 0;
+}
+
+/* Fills the sheets of the tile of that number. Returns the number of its slabs; 0: it holds nothing. */
+static int spsi_sampling_tile(const spsi_sampling *sheets, int index, int worker, spsi_tile *tile) {
+    const int column = index % sheets->target.columns, row = index / sheets->target.columns;
+    spsi_tile_place(&sheets->target, column, row, worker, tile);
+    if (!spsi_tile_splat(&sheets->target, &sheets->contents, column, row, tile)) return 0;
+    return spsi_least(SPSI_CHUNK, sheets->slabs.count - sheets->contents.first_slab);
+}
+
+static int spsi_sampling_tiles(const spsi_sampling *sheets) { return sheets->target.columns * sheets->target.rows; }
 
 /* Optical depth, scattered share and emission of a material in a vector of the sheets' samples, along a slab. */
 typedef struct spsi_cell_sample {
     spsi_v depth, scattered[3], emitted[3];
 } spsi_cell_sample;
 
-static void spsi_cell_sample_at(const spsi_cell_job *job, int m, spsi_v sum, const spsi_row_slabs *slabs,
+static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const spsi_row_slabs *slabs,
                                 spsi_cell_sample *sample) {
-    const spsi_material *material = &job->frame->matter.materials[m];
     const spsi_v length = spsi_mul(slabs->per_slab, slabs->length), most = spsi_set(SPSI_DEPTH_MAX);
     spsi_v look[4];
     if (material->table) {
@@ -17810,21 +18321,21 @@ static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float 
    `fine` slabs one after the other make a sample, two samples a cell. */
 static void spsi_cells_add_slab(const spsi_cell_job *job, const spsi_tile *tile, int k, int slab) {
     const spsi_cell_grid *grid = job->grid;
-    const int fine = job->fine, margin = job->target.shape.slab_margin, channels = grid->channels;
+    const int fine = job->fine, margin = job->sheets.target.shape.slab_margin, channels = grid->channels;
     const float per_sample = 1.0f / (float)(fine * fine), per_cell = 0.25f * per_sample;
     const size_t sample_row = 2 * (size_t)grid->pitch;
     for (int y = tile->y0; y <= tile->y1; ++y) {
         const size_t row = ((size_t)(slab / (2 * fine) * grid->size[1] + y / (2 * fine))) * (size_t)grid->pitch;
         float *samples = job->samples + (size_t)(slab / fine * 2 * grid->size[1] + y / fine) * sample_row;
         for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
-            const spsi_row_slabs slabs = spsi_row_slabs_at(&job->sheets, x, y);
+            const spsi_row_slabs slabs = spsi_row_slabs_at(&job->sheets.shader, x, y);
             const size_t at =
                 (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
             for (int m = 0; m < job->frame->matter.material_count; ++m) {
                 const spsi_v sum = spsi_sheet_sum(tile, m, at);
                 spsi_cell_sample sample;
                 if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-                spsi_cell_sample_at(job, m, sum, &slabs, &sample);
+                spsi_cell_sample_at(&job->frame->matter.materials[m], sum, &slabs, &sample);
                 spsi_cells_deposit(samples, x, tile->x1, fine, per_sample, sample.depth);
                 spsi_cells_deposit(grid->depth + row, x, tile->x1, 2 * fine, per_cell, sample.depth);
                 for (int c = 0; c < channels; ++c) {
@@ -17841,32 +18352,24 @@ static void spsi_cells_add_slab(const spsi_cell_job *job, const spsi_tile *tile,
 
 static void spsi_cells_fill_task(void *data, int index, int worker) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    const int column = index % job->target.columns, row = index / job->target.columns;
-    const int left = job->slabs.count - job->contents.first_slab;
     spsi_tile tile;
-    spsi_tile_place(&job->target, column, row, worker, &tile);
-    if (!spsi_tile_splat(&job->target, &job->contents, column, row, &tile)) return;
-    for (int k = 0; k < spsi_least(SPSI_CHUNK, left); ++k)
-        spsi_cells_add_slab(job, &tile, k, job->contents.first_slab + k);
+    const int count = spsi_sampling_tile(&job->sheets, index, worker, &tile);
+    for (int k = 0; k < count; ++k) spsi_cells_add_slab(job, &tile, k, job->sheets.contents.first_slab + k);
 }
 
 /* Fills samples and cells. */
 static sps_result spsi_cells_fill(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
-    if (!spsi_cells_aim(job->grid, job->fine, &job->rays, &job->slabs))
+    spsi_sampling *sheets = &job->sheets;
+    if (!spsi_cells_aim(job->grid, job->fine, &sheets->rays, &sheets->slabs))
         return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scatter_size",
                                job->frame->view.scatter_size, "cells of that size cannot be told apart in the world");
-    spsi_light_shader_build(job->frame, &job->rays, &job->slabs, &job->sheets);
-    if (spsi_target_of_cells(job) || spsi_contents_build(context, &job->target, NULL, &job->contents) ||
-        spsi_contents_add_particles(&job->contents))
-        return context->result;
-    for (int chunk = 0; chunk < spsi_chunk_count(&job->slabs); ++chunk) {
-        if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&job->slabs))))
+    if (spsi_sampling_begin(context, job->frame, sheets)) return context->result;
+    for (int chunk = 0; chunk < spsi_chunk_count(&sheets->slabs); ++chunk) {
+        if (spsi_progress(context, spsi_part_done(part, (double)chunk / spsi_chunk_count(&sheets->slabs))))
             return context->result;
-        spsi_contents_advance(&job->contents, chunk);
-        spsi_contents_bin_particles(&job->contents);
-        if (job->contents.bricks.current + job->contents.particles.current == 0) continue;
-        spsi_parallel(context, job->target.columns * job->target.rows, spsi_cells_fill_task, job);
+        if (!spsi_sampling_advance(sheets, chunk)) continue;
+        spsi_parallel(context, spsi_sampling_tiles(sheets), spsi_cells_fill_task, job);
     }
     return SPS_OK;
 }
@@ -17940,7 +18443,7 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
     if (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, count) ||
         spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, count))
         return job->context->result;
-    for (int i = 0; i < count; ++i) spsi_shadow_aim(&job->rays, &job->shadows[i]);
+    for (int i = 0; i < count; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
     return SPS_OK;
 }
 
@@ -17948,10 +18451,10 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
 static void spsi_cells_shader(spsi_cell_job *job) {
     spsi_shader *shader = &job->shader;
     shader->frame = job->frame;
-    shader->eye = &job->rays;
+    shader->eye = &job->sheets.rays;
     shader->sweep = &job->sweep;
     shader->faces = job->faces;
-    spsi_shader_linears(&job->slabs, shader);
+    spsi_shader_linears(&job->sheets.slabs, shader);
 }
 
 /* Harmonics of a vector of directions. */
@@ -17980,11 +18483,13 @@ typedef struct spsi_cell_spot {
     size_t row;      /* of cells */
 } spsi_cell_spot;
 
-static void spsi_cell_spot_build(const spsi_cell_job *job, int x, int y, int k, spsi_cell_spot *spot) {
-    const float middle = (float)((k + 0.5) * job->slabs.thickness), half = (float)(0.5 * job->slabs.thickness);
+/* Samples of the k-th of sheets of that thickness. */
+static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, int x, int y, int k,
+                                 spsi_cell_spot *spot) {
+    const float middle = (float)((k + 0.5) * thickness), half = (float)(0.5 * thickness);
     memset(&spot->part, 0, sizeof spot->part);
     memset(&spot->slab, 0, sizeof spot->slab);
-    spsi_pixels_build(&job->shader, x, y, &spot->pixels);
+    spsi_pixels_build(shader, x, y, &spot->pixels);
     spot->part.middle = spsi_set(middle);
     spot->part.half = spsi_set(half);
     spot->slab.part_count = 1;
@@ -18014,7 +18519,7 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
 static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
                                 const spsi_cell_spot *spot) {
     const spsi_cell_grid *grid = job->grid;
-    const int x = spot->pixels.line.x, end = job->rays.width - 1;
+    const int x = spot->pixels.line.x, end = job->sheets.rays.width - 1;
     spsi_v passes[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, harmonic[SPSI_CELL_TERMS];
     spsi_incident incident;
     spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, &incident);
@@ -18039,7 +18544,7 @@ static void spsi_cells_scales(const spsi_cell_job *job, size_t row, int channel,
                               float whole[SPSI_LANES]) {
     const spsi_cell_grid *grid = job->grid;
     for (int i = 0; i < SPSI_LANES; ++i) {
-        const size_t at = row + (size_t)(spsi_least(x + i, job->rays.width - 1) / 2);
+        const size_t at = row + (size_t)(spsi_least(x + i, job->sheets.rays.width - 1) / 2);
         float straight = 0, all = 0;
         for (int m = 0; m < job->frame->matter.material_count; ++m) {
             const float scattered = job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
@@ -18060,7 +18565,7 @@ static void spsi_cells_light_task(void *data, int row, int worker) {
     (void)worker;
     spot.row = (size_t)row * (size_t)grid->pitch;
     for (int n = 0; n < 4; ++n)
-        for (int x = 0; x < job->rays.width; x += SPSI_LANES) {
+        for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
             const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
             const size_t at = (size_t)(sz * 2 * grid->size[1] + sy) * 2 * (size_t)grid->pitch + (size_t)x;
             int shadow = 0;
@@ -18072,7 +18577,7 @@ static void spsi_cells_light_task(void *data, int row, int worker) {
                 spot.scale[c] = spsi_load(scale);
                 spot.whole[c] = spsi_load(whole);
             }
-            spsi_cell_spot_build(job, x, sy, sz, &spot);
+            spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
             for (int i = 0; i < job->frame->lamps.count; ++i) {
                 const spsi_lamp *lamp = &job->frame->lamps.list[i];
                 spsi_cells_add_lamp(job, lamp, lamp->shadows ? &job->shadows[shadow++] : NULL, &spot);
@@ -18386,7 +18891,7 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     for (int i = 0; i < count; ++i) maps[i].context = context;
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
-    spsi_cells_aim(job->grid, 1, &job->rays, &job->slabs);
+    spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
     spsi_cells_shader(job);
     if (!spsi_cells_shadows(job, part, maps)) {
         spsi_parallel(context, job->grid->size[1] * job->grid->size[2], spsi_cells_light_task, job);
@@ -18698,20 +19203,17 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
     return spsi_fingerprint(hash, lamp->color, sizeof lamp->color);
 }
 
-/* A hash of all that the light in the cells depends on; 0 if some of it may change without notice. */
-static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame,
-                                       const spsi_cell_grid *grid) {
-    const double knobs[] = {frame->view.slab, frame->accuracy.cut, frame->accuracy.shadow_texels,
-                            grid->corner[0],  grid->corner[1],     grid->corner[2],
-                            grid->edge};
+/* A hash of all that light scattered in gas depends on, but for where it is kept; 0 if some of it may change without
+   notice. */
+static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
+    const double knobs[] = {frame->view.slab, frame->accuracy.cut, frame->accuracy.shadow_texels};
+    const int sizes[] = {(int)frame->view.scattering, frame->view.scatter_size, frame->channels,
+                         frame->accuracy.depth_map_texels, frame->view.shadow_size};
     uint64_t hash = spsi_gas_fingerprint(frame);
     if (!hash || (frame->meshes.count > 0 && !context->faces_held)) return 0;
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
-    hash = spsi_fingerprint(hash, grid->size, sizeof grid->size);
-    hash = spsi_fingerprint(hash, &grid->channels, sizeof grid->channels);
+    hash = spsi_fingerprint(hash, sizes, sizeof sizes);
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
-    hash = spsi_fingerprint(hash, &frame->accuracy.depth_map_texels, sizeof(int));
-    hash = spsi_fingerprint(hash, &frame->view.shadow_size, sizeof(int));
     hash = spsi_fingerprint(hash, frame->ambient.radiance, sizeof frame->ambient.radiance);
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
@@ -18721,6 +19223,16 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     }
     for (int i = 0; i < frame->lamps.count; ++i) hash = spsi_lamp_fingerprint(hash, &frame->lamps.list[i]);
     return hash;
+}
+
+/* The same with the place of a grid of cells. */
+static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame,
+                                       const spsi_cell_grid *grid) {
+    const double place[] = {grid->corner[0], grid->corner[1], grid->corner[2], grid->edge};
+    uint64_t hash = spsi_scattered_fingerprint(context, frame);
+    if (!hash) return 0;
+    hash = spsi_fingerprint(hash, place, sizeof place);
+    return spsi_fingerprint(hash, grid->size, sizeof grid->size);
 }
 
 /* Fills, lights and solves. */
@@ -18738,7 +19250,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     job->frame = frame;
     job->faces = faces;
     job->grid = grid;
-    job->fine = spsi_cells_fineness(frame, grid);
+    job->fine = spsi_samples_fineness(frame, 0.5 * grid->edge);
     job->samples = memory;
     job->scattered = job->samples + 8 * grid->count;
     job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
@@ -18792,8 +19304,352 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
+/* --- light that spreads --- */
+
+/* A face of a light that is being carried from sheet to sheet, >>spreading. */
+typedef struct spsi_spread_job {
+    sps_context *context;
+    const spsi_frame *frame;
+    const spsi_faces *faces;
+    spsi_spread *spread;
+    int face, fine; /* fine: samples along each side of a texel */
+    spsi_sampling sheets;
+    spsi_lamp lamp; /* its centre, without falloff */
+    spsi_shadow shadow;
+    spsi_rays rays; /* through the texels */
+    spsi_shader shader;
+    spsi_sweep sweep;
+    spsi_spread_light light[3]; /* per channel */
+    int first, count;           /* of the chunk's sheets */
+    size_t plane;               /* floats of one of them */
+    /* spsi_spread_sheet's, per sheet, and all but depth and reach per channel, too */
+    float *depth, *scattered, *turned, *source, *open, *reach;
+    float *lit; /* per channel: what polygons let pass of light at the sheet before */
+} spsi_spread_job;
+
+/* Floats of a chunk's sheets. */
+static size_t spsi_spread_chunk_floats(const spsi_spread_job *job) {
+    return ((size_t)(2 + 4 * job->spread->channels) * SPSI_CHUNK + (size_t)job->spread->channels) * job->plane;
+}
+
+/* Adds a slab of a tile to the chunk's sheets. */
+static void spsi_spread_add_slab(const spsi_spread_job *job, const spsi_tile *tile, int k) {
+    const int fine = job->fine, margin = job->sheets.target.shape.slab_margin, channels = job->spread->channels;
+    const float per_texel = 1.0f / (float)(fine * fine);
+    const size_t sheet = (size_t)(k / fine) * job->plane, all = SPSI_CHUNK * job->plane;
+    for (int y = tile->y0; y <= tile->y1; ++y) {
+        const size_t row = sheet + (size_t)(y / fine) * (size_t)job->spread->pitch;
+        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
+            const spsi_row_slabs slabs = spsi_row_slabs_at(&job->sheets.shader, x, y);
+            const size_t at =
+                (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
+            for (int m = 0; m < job->frame->matter.material_count; ++m) {
+                const spsi_material *material = &job->frame->matter.materials[m];
+                const spsi_v sum = spsi_sheet_sum(tile, m, at);
+                const spsi_v turn = spsi_set((float)(1 - spsi_phase_moment(material, 2)));
+                spsi_cell_sample sample;
+                if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
+                spsi_cell_sample_at(material, sum, &slabs, &sample);
+                spsi_cells_deposit(job->depth + row, x, tile->x1, fine, per_texel, sample.depth);
+                for (int c = 0; c < channels && material->scatters; ++c) {
+                    const size_t own = (size_t)c * all + row;
+                    spsi_cells_deposit(job->scattered + own, x, tile->x1, fine, per_texel, sample.scattered[c]);
+                    spsi_cells_deposit(job->turned + own, x, tile->x1, fine, per_texel,
+                                       spsi_mul(turn, sample.scattered[c]));
+                }
+            }
+        }
+    }
+}
+
+static void spsi_spread_fill_task(void *data, int index, int worker) {
+    const spsi_spread_job *job = (const spsi_spread_job *)data;
+    spsi_tile tile;
+    const int count = spsi_sampling_tile(&job->sheets, index, worker, &tile);
+    for (int k = 0; k < count; ++k) spsi_spread_add_slab(job, &tile, k);
+}
+
+/* Thickness of a sheet in units of t. */
+static double spsi_spread_thickness(const spsi_spread *spread) {
+    return (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
+}
+
+/* What polygons leave of a light at a vector of texels of a sheet, by channel, and of light that has scattered before
+   it: where they end or filter the light's ray, they do that, too. */
+static void spsi_spread_polygons(const spsi_spread_job *job, const spsi_cell_spot *spot, size_t texel, size_t at,
+                                 spsi_v filter[3]) {
+    const spsi_v one = spsi_set(1);
+    spsi_v lit[SPSI_PARTS];
+    for (int c = 0; c < 3; ++c) filter[c] = one;
+    spsi_lit_shares(&job->shader, &job->shadow.depth_map, &spot->pixels, &spot->slab, lit);
+    if (job->shadow.pane_map_count > 0)
+        spsi_part_filter(&job->shader, &job->shadow, &spot->pixels, &spot->part, filter);
+    for (int c = 0; c < job->spread->channels; ++c) {
+        float *lit_before = job->lit + (size_t)c * job->plane + texel;
+        const spsi_v before = spsi_load(lit_before), dark = spsi_set(1e-6f);
+        const spsi_v open = spsi_min(spsi_div(spsi_mul(filter[c], lit[0]), spsi_max(before, dark)), one);
+        filter[c] = spsi_mul(filter[c], lit[0]);
+        spsi_store(job->open + (size_t)c * SPSI_CHUNK * job->plane + at,
+                   spsi_select(spsi_less(before, dark), one, open));
+        spsi_store(lit_before, filter[c]);
+    }
+}
+
+/* Lights a row of the chunk's sheets. */
+static void spsi_spread_light_task(void *data, int y, int worker) {
+    const spsi_spread_job *job = (const spsi_spread_job *)data;
+    const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
+    const int pitch = job->spread->pitch;
+    (void)worker;
+    for (int k = 0; k < job->count; ++k)
+        for (int x = 0; x < pitch; x += SPSI_LANES) {
+            const double end = near_depth + (job->first + k + 1) * thickness;
+            const float per_texel = (float)(thickness / spsi_pixel_size_at(&job->rays, end));
+            const size_t texel = (size_t)y * (size_t)pitch + (size_t)x, at = (size_t)k * job->plane + texel;
+            spsi_incident incident;
+            spsi_cell_spot spot;
+            spsi_v filter[3];
+            spsi_cell_spot_build(&job->shader, thickness, x, y, job->first + k, &spot);
+            spsi_lamp_at(&job->shader, &job->lamp, &spot.pixels, &spot.part, &incident);
+            spsi_spread_polygons(job, &spot, texel, at, filter);
+            for (int c = 0; c < job->spread->channels; ++c)
+                spsi_store(job->source + (size_t)c * SPSI_CHUNK * job->plane + at,
+                           spsi_mul(incident.irradiance[c], filter[c]));
+            spsi_store(job->reach + at, spsi_mul(spot.pixels.length, spsi_set(per_texel)));
+        }
+}
+
+/* Keeps what light of a channel has arrived at a plane. */
+static void spsi_spread_keep(const spsi_spread_job *job, int c, int plane) {
+    const spsi_spread *spread = job->spread;
+    const spsi_spread_light *light = &job->light[c];
+    const size_t count = (size_t)light->size[1] * (size_t)spread->pitch;
+    const size_t to = (size_t)(c * (spread->sheet_count + 1) + plane) * spread->plane + (size_t)job->face * count;
+    for (size_t i = 0; i < count; ++i) {
+        const float solid = light->solid[i] > 0 ? light->solid[i] : 1; /* beyond a row's texels, there is nothing */
+        spread->flux[to + i] = light->part[0][SPSI_SPREAD_FLUX][i] / solid;
+        spread->way[to + i] = light->part[0][SPSI_SPREAD_WAY][i] / solid;
+    }
+}
+
+/* Carries one channel through the chunk's sheets. */
+static void spsi_spread_carry_task(void *data, int c, int worker) {
+    const spsi_spread_job *job = (const spsi_spread_job *)data;
+    const double thickness = spsi_spread_thickness(job->spread), near_depth = job->spread->map.settings.near_depth;
+    (void)worker;
+    for (int k = 0; k < job->count; ++k) {
+        const size_t at = (size_t)k * job->plane, own = (size_t)c * SPSI_CHUNK * job->plane + at;
+        const double begin = near_depth + (job->first + k) * thickness;
+        spsi_spread_sheet sheet;
+        sheet.depth = job->depth + at;
+        sheet.scattered = job->scattered + own;
+        sheet.turned = job->turned + own;
+        sheet.source = job->source + own;
+        sheet.open = job->open + own;
+        sheet.reach = job->reach + at;
+        sheet.growth = job->rays.perspective ? (float)(begin / (begin + thickness)) : 1;
+        spsi_spread_step(&job->light[c], &sheet);
+        spsi_spread_keep(job, c, job->first + k + 1);
+    }
+}
+
+/* Sets up a face: its rays, and sheets of samples finer than texels where a transfer function calls for them. */
+static sps_result spsi_spread_face_begin(spsi_spread_job *job, float *memory) {
+    const spsi_spread *spread = job->spread;
+    const spsi_frame *frame = job->frame;
+    const size_t all = SPSI_CHUNK * job->plane, channels = (size_t)spread->channels;
+    spsi_slabs *slabs = &job->sheets.slabs;
+    double normal[3];
+    job->rays = spread->map.rays[job->face];
+    memset(&job->sheets, 0, sizeof job->sheets);
+    memcpy(normal, job->rays.inverse[2], sizeof normal);
+    spsi_normalise(normal);
+    memcpy(slabs->normal, normal, sizeof normal);
+    slabs->start =
+        spsi_dot(normal, job->rays.origin) + spread->map.settings.near_depth / spsi_length(job->rays.inverse[2]);
+    slabs->thickness = spsi_spread_thickness(spread) / (spsi_length(job->rays.inverse[2]) * job->fine);
+    slabs->count = spread->sheet_count * job->fine;
+    if (!spsi_rays_split(&job->rays, job->fine, &job->sheets.rays))
+        return spsi_fail_that(job->context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, job->lamp.index, "position", 0,
+                              SPSI_TEXELS_ALIKE);
+    job->shader.frame = frame;
+    job->shader.eye = &job->rays;
+    job->shader.sweep = &job->sweep;
+    job->shader.faces = job->faces;
+    spsi_shader_linears(slabs, &job->shader);
+    spsi_shadow_aim(&job->rays, &job->shadow);
+    job->depth = memory;
+    job->scattered = job->depth + all;
+    job->turned = job->scattered + channels * all;
+    job->source = job->turned + channels * all;
+    job->open = job->source + channels * all;
+    job->reach = job->open + channels * all;
+    job->lit = job->reach + all;
+    memory = job->lit + channels * job->plane;
+    for (size_t i = 0; i < channels * job->plane; ++i) job->lit[i] = 1;
+    for (size_t c = 0; c < channels; ++c, memory += spsi_spread_light_floats(&job->light[0]))
+        spsi_spread_light_begin(&job->light[c], &job->rays, memory);
+    return spsi_sampling_begin(job->context, frame, &job->sheets);
+}
+
+/* Carries light through a face. */
+static sps_result spsi_spread_face(spsi_spread_job *job, float *memory, const spsi_part_of_call *part) {
+    sps_context *context = job->context;
+    const spsi_spread *spread = job->spread;
+    const int chunks = (spread->sheet_count * job->fine + SPSI_CHUNK - 1) / SPSI_CHUNK;
+    if (spsi_spread_face_begin(job, memory)) return context->result;
+    for (int chunk = 0; chunk < chunks; ++chunk) {
+        if (spsi_progress(context, spsi_part_done(part, (double)chunk / chunks))) return context->result;
+        job->first = chunk * (SPSI_CHUNK / job->fine);
+        job->count = spsi_least(SPSI_CHUNK / job->fine, spread->sheet_count - job->first);
+        memset(job->depth, 0, (size_t)(1 + 2 * spread->channels) * SPSI_CHUNK * job->plane * sizeof(float));
+        if (spsi_sampling_advance(&job->sheets, chunk))
+            spsi_parallel(context, spsi_sampling_tiles(&job->sheets), spsi_spread_fill_task, job);
+        spsi_parallel(context, job->light[0].size[1], spsi_spread_light_task, job);
+        spsi_parallel(context, spread->channels, spsi_spread_carry_task, job);
+    }
+    return SPS_OK;
+}
+
+/* Most sheets of a light with that many texels across. */
+static int spsi_spread_sheets_most(int texels) { return 2 * texels; }
+
+/* Aims a light's sheets at the gas. They are as thick as texels in the middle are wide. */
+static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp,
+                                  spsi_spread *spread) {
+    const sps_tmap_settings *range = &spread->map.settings;
+    spsi_lamp coarse = *lamp;
+    double texel;
+    spsi_cells_lamp(frame->view.scatter_size, &coarse);
+    spread->lamp = lamp;
+    spread->channels = frame->channels;
+    if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+    texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
+    spread->sheet_count = (int)fmin(fmax(ceil((range->far_depth - range->near_depth) / fmax(texel, DBL_MIN)), 4),
+                                    spsi_spread_sheets_most(coarse.map_size));
+    spread->pitch = spsi_cell_pitch(spread->map.rays[0].width);
+    spread->plane = (size_t)(spread->pitch * spread->map.face_count * spread->map.rays[0].height);
+    return SPS_OK;
+}
+
+/* Sets up a job for a light. Returns the floats of its memory. */
+static size_t spsi_spread_job_begin(const spsi_frame *frame, spsi_spread *spread, spsi_spread_job *job) {
+    const spsi_rays *rays = &spread->map.rays[0];
+    double texel = spsi_pixel_size_at(rays, 0.5 * (spread->map.settings.near_depth + spread->map.settings.far_depth));
+    job->spread = spread;
+    job->plane = (size_t)spread->pitch * (size_t)rays->height;
+    job->lamp = *spread->lamp;
+    job->lamp.falls_off = job->lamp.extent.exists = 0;
+    job->lamp.few_count = 1;
+    for (job->fine = 1; job->fine < spsi_samples_fineness(frame, texel);) job->fine *= 2;
+    for (int c = 0; c < spread->channels; ++c) {
+        spsi_spread_light *light = &job->light[c];
+        light->size[0] = rays->width;
+        light->size[1] = rays->height;
+        light->pitch[0] = spread->pitch;
+        light->pitch[1] = spsi_cell_pitch(rays->height);
+        light->mirrored = spread->map.face_count > 1;
+    }
+    return spsi_spread_chunk_floats(job) + (size_t)spread->channels * spsi_spread_light_floats(&job->light[0]);
+}
+
+/* Carries the light of all lamps. */
+static sps_result spsi_spreads_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                    const spsi_spreads *spreads, const spsi_part_of_call *part) {
+    spsi_spread_job *job = (spsi_spread_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
+    const size_t count = (size_t)spreads->count;
+    spsi_shadow *shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, count, sizeof *shadows);
+    spsi_part_of_call each = *part;
+    if (!job || !shadows) return context->result;
+    memset(shadows, 0, count * sizeof *shadows);
+    for (size_t i = 0; i < count; ++i) shadows[i].lamp = spreads->list[i].lamp;
+    if (spsi_depth_maps_build(context, frame, faces, shadows, spreads->count) ||
+        spsi_pane_maps_build(context, frame, faces, shadows, spreads->count))
+        return context->result;
+    each.share /= spreads->count;
+    for (size_t i = 0; i < count; ++i) {
+        spsi_spread *spread = &spreads->list[i];
+        spsi_part_of_call face = each;
+        float *memory;
+        memset(job, 0, sizeof *job);
+        memory =
+            (float *)spsi_reserve(context, SPSI_BUFFER_CELLS, spsi_spread_job_begin(frame, spread, job), sizeof(float));
+        if (!memory) return context->result;
+        job->context = context;
+        job->frame = frame;
+        job->faces = faces;
+        job->shadow = shadows[i];
+        memset(spread->flux, 0, spsi_spread_floats(spread) * sizeof(float));
+        context->stats.cells += (uint64_t)spread->sheet_count * spread->plane;
+        face.share /= spread->map.face_count;
+        for (job->face = 0; job->face < spread->map.face_count; ++job->face, face.progress += face.share)
+            if (spsi_spread_face(job, memory, &face)) return context->result;
+        each.progress += each.share;
+    }
+    return SPS_OK;
+}
+
+/* Finds the light that spreads from each lamp which casts shadows, unless it is held from the last call. */
+static sps_result spsi_spreads_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                     const spsi_part_of_call *part, spsi_spreads *spreads) {
+    const size_t count = (size_t)frame->lamps.shadow_count;
+    const double start = spsi_clock(context);
+    const uint64_t key = spsi_scattered_fingerprint(context, frame);
+    const int held = key != 0 && key == context->cells_held;
+    size_t floats = 0;
+    float *memory;
+    if (!spsi_holds_gas(context, frame) || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
+    context->cells_held = 0; /* after a failure, nothing is */
+    spreads->list = (spsi_spread *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, count, sizeof *spreads->list);
+    if (!spreads->list) return context->result;
+    memset(spreads->list, 0, count * sizeof *spreads->list);
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        spsi_spread *spread = &spreads->list[spreads->count];
+        if (!frame->lamps.list[i].shadows) continue;
+        if (spsi_spread_aim(context, frame, &frame->lamps.list[i], spread)) return context->result;
+        spreads->count += 1;
+        floats += spsi_spread_floats(spread);
+    }
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, floats, sizeof(float));
+    if (!memory) return context->result;
+    for (int i = 0; i < spreads->count; ++i) {
+        spreads->list[i].flux = memory;
+        memory += spsi_spread_floats(&spreads->list[i]);
+        spreads->list[i].way = memory - spsi_spread_floats(&spreads->list[i]) / 2;
+    }
+    if (!held && spsi_spreads_make(context, frame, faces, spreads, part)) return context->result;
+    context->cells_held = key;
+    context->stats.seconds_cells = spsi_clock(context) - start;
+    return SPS_OK;
+}
+
+/* Upper bound of the bytes for all that. */
+static size_t spsi_spreads_bytes(const spsi_frame *frame) {
+    size_t floats = 0, most = 0;
+    for (int i = 0; i < frame->lamps.count; ++i) {
+        const int side = spsi_most(16, 2 * frame->view.scatter_size);
+        size_t needed;
+        spsi_spread_job job;
+        spsi_spread spread;
+        if (!frame->lamps.list[i].shadows) continue;
+        memset(&spread, 0, sizeof spread);
+        memset(&job, 0, sizeof job);
+        spread.lamp = &frame->lamps.list[i];
+        spread.channels = frame->channels;
+        spread.sheet_count = spsi_spread_sheets_most(side);
+        spread.pitch = spsi_cell_pitch(side);
+        spread.map.rays[0].width = spread.map.rays[0].height = side;
+        spread.map.face_count = spread.lamp->is_point ? SPSI_CUBE_FACES : 1;
+        spread.plane = (size_t)(spread.pitch * spread.map.face_count * side);
+        floats += spsi_spread_floats(&spread) + sizeof spread / sizeof(float) + 1;
+        needed = spsi_spread_job_begin(frame, &spread, &job);
+        most = needed > most ? needed : most;
+    }
+    return (floats + most) * sizeof(float) + sizeof(spsi_spread_job);
+}
+
 /* ================================================================================================ >>sweep
-   30 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
+   31 One pass over the slabs, a chunk at a time: first the light's tiles, then the eye's, which look up what the
    light's have just written. Empty chunks cost next to nothing, and patches whose rays have all ended are not
    shaded. */
 
@@ -19137,7 +19993,7 @@ static sps_result spsi_run_sweep(spsi_run *run, const spsi_part_of_call *part) {
 }
 
 /* ================================================================================================ >>frame
-   31 The frame: one sweep after another, then the image. */
+   32 The frame: one sweep after another, then the image. */
 
 /* --- the image --- */
 
@@ -19274,6 +20130,7 @@ typedef struct spsi_picture {
     const spsi_frame *frame;
     spsi_faces faces;
     spsi_visible visible;
+    spsi_spreads spreads;
     float *total; /* radiance, coverage and distance of the region so far */
 } spsi_picture;
 
@@ -19301,9 +20158,12 @@ static size_t spsi_sight_bytes(const sps_context *context, size_t pixels, int sh
     return counters + pixels * (size_t)shares * sizeof(float);
 }
 
-static void spsi_shadow_start(const spsi_sweep *sweep, const spsi_lamp *lamp, spsi_shadow *shadow) {
+static void spsi_shadow_start(const spsi_picture *picture, const spsi_sweep *sweep, const spsi_lamp *lamp,
+                              spsi_shadow *shadow) {
     shadow->lamp = lamp;
     shadow->soft = sweep->soft && lamp == sweep->lamp;
+    for (int i = 0; i < picture->spreads.count; ++i)
+        if (picture->spreads.list[i].lamp == lamp) shadow->spread = &picture->spreads.list[i];
 }
 
 /* Lists a sweep's lights, and traces the shadow rays from surfaces to them. */
@@ -19320,7 +20180,7 @@ static sps_result spsi_shadows_begin(sps_context *context, const spsi_picture *p
     memset(run->shadows, 0, (size_t)count * sizeof *run->shadows);
     for (int i = 0; i < frame->lamps.count; ++i)
         if (spsi_sweep_carries(sweep, &frame->lamps.list[i]))
-            spsi_shadow_start(sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
+            spsi_shadow_start(picture, sweep, &frame->lamps.list[i], &run->shadows[run->shader.shadow_count++]);
     if (!picture->visible.hits || count == 0) return SPS_OK;
     for (int i = 0; i < count; ++i) shares += spsi_lit_channels(frame, run->shadows[i].lamp);
     rays = (uint64_t *)spsi_reserve(context, SPSI_BUFFER_SURFACE_LIGHT, 1, spsi_sight_bytes(context, places, shares));
@@ -19357,7 +20217,8 @@ static sps_result spsi_render_part(sps_context *context, const spsi_picture *pic
 static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *picture, spsi_run *run, int n) {
     const spsi_frame *frame = picture->frame;
     const int parts = spsi_part_count(frame);
-    const double begin = SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) ? SPSI_PROGRESS_CELLS : 0);
+    const double begin =
+        SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
     spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
     double start;
@@ -19388,6 +20249,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     double gathered;
     spsi_picture picture;
     spsi_run *run;
+    memset(&picture, 0, sizeof picture);
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
@@ -19410,6 +20272,8 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
     if (spsi_forward_tables(context, frame)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
+    if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
+        return context->result;
     for (int n = 0; n < spsi_sweep_count(frame); ++n)
         if (spsi_render_sweep(context, &picture, run, n)) return context->result;
     if (spsi_progress(context, 1)) return context->result;
@@ -19418,14 +20282,14 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
 }
 
 /* ================================================================================================= >>plan
-   32 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
+   33 The passes that a scene calls for. Each states its reason, whether it runs or not; bytes are upper bounds, counts
    of calls are exact. The bounds follow from what is known without reading: the blocks that range_fn does not exclude,
    and counts of triangles and particles. */
 
 static const char *const spsi_pass_names[SPS_PASS_COUNT] = {
-    "gather",      "projectors", "eye polygons", "layers",     "textures",     "light polygons", "triangle tree",
-    "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae",    "gradient",       "scattering",
-    "forward",     "cells",      "emission",     "ambient",    "surface light"};
+    "gather",      "projectors", "eye polygons", "layers",     "textures",  "light polygons", "triangle tree",
+    "shadow rays", "eye sheets", "light sheets", "light maps", "penumbrae", "gradient",       "scattering",
+    "forward",     "spreading",  "cells",        "emission",   "ambient",   "surface light"};
 
 /* Whether any volume or particle may be visible. */
 static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 0 || frame->particles.set_count > 0; }
@@ -19749,6 +20613,11 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    : frame->view.scattering == SPS_SCATTERING_OFF ? once
                    : frame->lamps.shadow_count == 0               ? "no light casts shadows"
                                                                   : "gases scatter evenly: cells have all of it");
+    spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lamps.shadow_count : 0,
+                   "view.scattering asks for it",
+                   !frame->matter.scatters          ? "nothing scatters: albedo 0 or no extinction"
+                   : frame->lamps.shadow_count == 0 ? "no light casts shadows"
+                                                    : "view.scattering does not ask for it");
     spsi_plan_pass(report, SPS_PASS_CELLS, spsi_scatters_fully(frame),
                    frame->view.scattering == SPS_SCATTERING_AUTO
                        ? "view.scattering is auto: unless gas, which was not read yet, turns out to be thin"
@@ -19778,6 +20647,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
     if (spsi_scatters_forward(frame))
         report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
+    if (spsi_scatters_aside(frame)) report->pass[SPS_PASS_SPREADING].bytes = spsi_spreads_bytes(frame);
     if (spsi_scatters_fully(frame)) report->pass[SPS_PASS_CELLS].bytes = spsi_cells_bytes(frame);
     for (int i = 0; i < frame->lamps.count; ++i) shares += spsi_lit_channels(frame, &frame->lamps.list[i]) - 1;
     if (frame->meshes.triangle_count > 0) {
@@ -19866,7 +20736,7 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
 }
 
 /* ============================================================================================ >>reference
-   33 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
+   34 The same scene by brute force, as a measure: f(p) summed over all voxels within SPSI_REFERENCE_REACH, marched at
    the midpoints of equal steps, a shadow ray at every sample, and triangles and balls intersected exactly through trees
    of boxes, in double precision. It shares with the renderer how samples and surfaces respond to light (samples in
    floats), and the tests of a ray with a triangle (>>polygons), but nothing else about where light goes. Second order
@@ -20727,7 +21597,7 @@ static sps_result spsi_march_build(sps_context *context, const spsi_frame *frame
 }
 
 /* ================================================================================================ >>paths
-   34 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
+   35 Light that has scattered more than once, by random paths from the eye, as a measure: unbiased for the field and
    the polygons of >>reference. A path goes from event to event. Volumes are crossed by delta tracking [Woodcock et al.
    1965]: tentative collisions lie -ln(u) / bound apart, and one is real with probability extinction / bound; each brick
    has a bound of its own. Balls have closed forms, which are inverted. The nearest of all these collisions and of the
@@ -21270,10 +22140,10 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
     if (!marcher || !rgb) return context->result;
     memset(marcher, 0, sizeof *marcher);
     marcher->settings = settings;
-    if (spsi_scatters_fully(frame) && settings->samples == 0)
+    if ((spsi_scatters_fully(frame) || spsi_scatters_aside(frame)) && settings->samples == 0)
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VIEW, -1, "scattering", 0,
-                              "is SPS_SCATTERING_AUTO, the default, or SPS_SCATTERING_FULL, which sps_reference finds "
-                              "by random paths: set settings.samples, or SPS_SCATTERING_OFF, with which light scatters "
+                              "is SPS_SCATTERING_AUTO, the default, FULL or CONVOLUTION, which sps_reference finds by "
+                              "random paths: set settings.samples, or SPS_SCATTERING_OFF, with which light scatters "
                               "once");
     marcher->forward = spsi_scatters_forward(frame) && settings->samples == 0;
     if (spsi_march_build(context, frame, &faces, marcher)) return context->result;
@@ -21301,7 +22171,7 @@ static sps_result spsi_reference_frame(sps_context *context, const spsi_frame *f
 }
 
 /* =============================================================================================== >>public
-   35 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
+   36 The public functions, which check their arguments and leave the work to the sections above, and the ready-made
    callbacks for grids and meshes. */
 
 #ifdef __GNUC__ /* if SPS_API is static: no warnings about functions that a program does not call */

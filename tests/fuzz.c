@@ -370,7 +370,9 @@ static void random_view(scenery *x) {
     view->no_shadows = one_in(8);
     view->scattering = one_in(3) ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
     if (view->scattering != SPS_SCATTERING_OFF && view->width % 2)
-        view->scattering = view->height % 4 ? SPS_SCATTERING_FULL : SPS_SCATTERING_AUTO;
+        view->scattering = view->height % 4 == 0   ? SPS_SCATTERING_AUTO
+                           : view->height % 4 == 1 ? SPS_SCATTERING_CONVOLUTION
+                                                   : SPS_SCATTERING_FULL;
     view->scatter_tolerance = view->height % 8 ? 0 : 0.5f;
     view->scatter_size = view->width % 13; /* drawn from nothing: scenes stay as they were */
     if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
@@ -471,7 +473,7 @@ static sps_result render(sps_context *context, const scenery *x, int reference) 
     image.depth = distance;
     clear_image();
     settings.step = 2, settings.samples = x->s.view.width % 3; /* paths */
-    if ((x->s.view.scattering == SPS_SCATTERING_AUTO || x->s.view.scattering == SPS_SCATTERING_FULL) &&
+    if ((x->s.view.scattering == SPS_SCATTERING_AUTO || x->s.view.scattering >= SPS_SCATTERING_CONVOLUTION) &&
         settings.samples == 0)
         settings.samples = 1;
     if (reference) return sps_reference(context, &x->s.scene, &x->s.view, &settings, &image);

@@ -90,7 +90,7 @@ static void test_series(void) {
         spsi_material material = gas_of(g, albedo);
         check_random random = {3};
         double square = 0, worst = 0;
-        spsi_forward_build(&material, 0, &table);
+        spsi_forward_build(&material, 0, 0, &table);
         material.forward = &table;
         CHECK(table.level_count == 1);
         for (int n = 0; n < 2000; ++n) {
@@ -114,7 +114,7 @@ static void test_series(void) {
 static void test_end(void) {
     static spsi_forward table;
     spsi_material material = gas_of(0.8, 1);
-    spsi_forward_build(&material, 0, &table);
+    spsi_forward_build(&material, 0, 0, &table);
     material.forward = &table;
     for (int n = 0; n < 200; ++n) {
         const double t = 30 + 0.25 * n, c = 1 - 0.01 * n, exact = shown_forward((double)(float)0.8, t, c);
@@ -132,7 +132,7 @@ static void test_lobes(void) {
     spsi_material material = gas_of(0, 1);
     material.lobe_count = 2;
     memcpy(material.lobes, pair, sizeof pair);
-    spsi_forward_build(&material, 0, &table);
+    spsi_forward_build(&material, 0, 0, &table);
     for (int i = 0; i < 31; i += 3)
         for (int k = 0; k < 32; k += 3) {
             const double t = depth_of_column(i);
@@ -149,14 +149,14 @@ static void test_levels(void) {
     double worst = 0;
     spsi_material material = gas_of(0.7, 0);
     material.table = &classified;
-    spsi_forward_build(&material, 0, &table);
+    spsi_forward_build(&material, 0, 0, &table);
     material.forward = &table;
     CHECK(table.level_count == SPSI_FORWARD_LEVELS);
     for (int i = 0; i <= 40; ++i)
         for (int n = 0; n < 8; ++n) {
             const double albedo = i / 40.0, t = 0.2 + n, c = cos(0.4 * n);
             spsi_material gas = gas_of(0.7, albedo);
-            spsi_forward_build(&gas, 0, &exact);
+            spsi_forward_build(&gas, 0, 0, &exact);
             gas.forward = &exact;
             worst = fmax(worst, fabs(table_mean(&material, albedo, c, t, t) - table_mean(&gas, albedo, c, t, t)) /
                                     (table_mean(&material, 1, c, t, t) + henyey_greenstein(0.7, c) * exp(-t)));
@@ -170,7 +170,7 @@ static void test_means(void) {
     static const double starts[] = {0, 0.5, 3, 20}, lengths[] = {0.01, 0.5, 1.9, 4, 16, 100};
     static spsi_forward table;
     spsi_material material = gas_of(0.8, 1);
-    spsi_forward_build(&material, 0, &table);
+    spsi_forward_build(&material, 0, 0, &table);
     material.forward = &table;
     for (int i = 0; i < 4; ++i)
         for (int k = 0; k < 6; ++k)

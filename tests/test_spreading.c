@@ -1,0 +1,665 @@
+/* Light that spreads sideways, sheet by sheet: beams against Fermi-Eyges theory and against random walks, energy, light
+   that keeps to its rays against SPS_SCATTERING_FORWARD; then whole pictures: beams in fog, floors and plates in them,
+   lamps within gas, what is held, and what fails. */
+
+#include "check.h"
+
+enum { SIDE = 24, PIXELS = SIDE * SIDE, COUNT = 4 * PIXELS };
+static float image_a[COUNT], image_b[COUNT], image_c[COUNT];
+static sps_context *context;
+static check_triangles faces;
+static const float one = 1;
+static sps_lobe lobe = {0.85f, 1};
+
+static int figures(void) { return getenv("CHECK_FIGURES") != NULL; }
+
+static double sum_of(const float *image) {
+    double sum = 0;
+    for (int i = 0; i < COUNT; ++i) sum += i % 4 < 3 ? (double)image[i] : 0;
+    return sum;
+}
+
+static int same(const float *a, const float *b) { return memcmp(a, b, COUNT * sizeof *a) == 0; }
+
+/* --- sheets alone --- */
+
+enum { WIDE = 144, TEXELS = WIDE * WIDE };
+
+/* Sheets of an even gas across a bundle of parallel rays, or of a cone of them. */
+typedef struct trial {
+    int sheets, mirrored;
+    double depth, scattered; /* of all sheets: optical depth, and what of it scatters */
+    double square;           /* mean squared sine of an event's angle */
+    double reach;            /* thickness of all sheets, in texels of the last plane */
+    double start;  /* of the cone: distance of the first plane from its tip, in that of the last; 1: no cone */
+    double uneven; /* of the gas, from texel to texel */
+    int broad;     /* 1: the light covers all texels; 0: the middle one */
+} trial;
+
+static trial trial_of(int sheets, double depth) {
+    trial t;
+    memset(&t, 0, sizeof t);
+    t.sheets = sheets;
+    t.depth = t.scattered = depth;
+    t.square = 0.2, t.reach = 40, t.start = 1;
+    return t;
+}
+
+/* Light behind all sheets: its flux, way and width. */
+typedef struct beam {
+    double flux, way, square;
+    double rms, inner; /* radius in texels, and that of the light within `reach` texels */
+} beam;
+
+static void carry(const trial *t, float *flux) {
+    static float depth[TEXELS], scattered[TEXELS], turned[TEXELS], source[TEXELS], open[TEXELS], reach[TEXELS];
+    static float
+        memory[(2 * SPSI_SPREAD_PARTS + 4) * TEXELS + 2 * WIDE + (3 * WIDE + 4 * SPSI_SPREAD_STEP) * SPSI_LANES];
+    spsi_rays rays;
+    spsi_spread_light light;
+    spsi_spread_sheet sheet = {depth, scattered, turned, source, open, reach, 1};
+    check_random random = {3};
+    memset(&light, 0, sizeof light);
+    for (int i = 0; i < 2; ++i) light.size[i] = light.pitch[i] = WIDE;
+    light.mirrored = t->mirrored;
+    CHECK(spsi_spread_light_floats(&light) * sizeof(float) == sizeof memory);
+    memset(&rays, 0, sizeof rays);
+    spsi_spread_light_begin(&light, &rays, memory);
+    for (int n = 0; n < t->sheets; ++n) {
+        const double begin = t->start + (1 - t->start) * n / t->sheets, end = begin + (1 - t->start) / t->sheets;
+        sheet.growth = (float)(begin / end);
+        for (int i = 0; i < TEXELS; ++i) {
+            const double share = (1 + t->uneven * (2 * check_next(&random) - 1)) / t->sheets;
+            depth[i] = (float)(t->depth * share);
+            scattered[i] = (float)(t->scattered * share);
+            turned[i] = 1.5f * (float)t->square * scattered[i];
+            source[i] = t->broad || i == TEXELS / 2 + WIDE / 2;
+            open[i] = 1;
+            reach[i] = (float)(t->reach / t->sheets / end);
+        }
+        spsi_spread_step(&light, &sheet);
+    }
+    memcpy(flux, light.part[0][SPSI_SPREAD_FLUX], TEXELS * sizeof *flux);
+    memcpy(flux + TEXELS, light.part[0][SPSI_SPREAD_WAY], TEXELS * sizeof *flux);
+}
+
+static beam beam_of(const trial *t) {
+    static float flux[2 * TEXELS];
+    double inside = 0, square = 0;
+    beam b;
+    memset(&b, 0, sizeof b);
+    carry(t, flux);
+    for (int i = 0; i < TEXELS; ++i) {
+        const double x = i % WIDE - WIDE / 2, y = i / WIDE - WIDE / 2, value = (double)flux[i];
+        b.flux += value;
+        b.way += (double)flux[TEXELS + i];
+        b.square += value * (x * x + y * y);
+        if (x * x + y * y > t->reach * t->reach) continue;
+        inside += value;
+        square += value * (x * x + y * y);
+    }
+    b.rms = sqrt(b.square / b.flux);
+    b.inner = sqrt(square / inside);
+    return b;
+}
+
+/* The mean squared displacement of all light, in units of the thickness: with b = h s, the integral of B = 2 / (3 b) (1
+   - exp(-b x))^2, twice, x from 0 to 1. For few events that is q s / 3. */
+static double square_of(const trial *t) {
+    const double b = 0.75 * t->square * t->scattered;
+    return 4 / (3 * b) * (1 + 2 * expm1(-b) / b - expm1(-2 * b) / (2 * b));
+}
+
+/* A thin beam's flux, way and second moment are those of theory, for any number of sheets: all three are exact, but for
+   what leaves the grid by its sides and for floats. */
+static void test_beam(void) {
+    for (int n = 0; n < 8; ++n) {
+        trial t = trial_of(n < 7 ? 16 << n : 5, 2);
+        beam b;
+        if (n % 2) t.scattered = 1.5;
+        b = beam_of(&t);
+        CHECK_NEAR(b.flux, exp(t.scattered - 2) - exp(-2), 2e-5);
+        CHECK_NEAR(b.way / b.flux, 2, 1e-4);
+        CHECK_NEAR(b.square, 1600 * square_of(&t) * exp(t.scattered - 2), 0.02 * b.square);
+        if (figures())
+            printf("%d sheets: flux %.6f, rms %.4f of %.4f texels\n", t.sheets, b.flux, b.rms,
+                   sqrt(1600 * square_of(&t) * exp(t.scattered - 2) / (exp(t.scattered - 2) - exp(-2))));
+    }
+}
+
+/* Below a texel, too. */
+static void test_narrow_beam(void) {
+    for (int n = 0; n < 3; ++n) {
+        trial t = trial_of(64, 1);
+        beam b;
+        t.reach = n == 0 ? 2 : n == 1 ? 0.5 : 0.02;
+        b = beam_of(&t);
+        CHECK_NEAR(b.square, t.reach * t.reach * square_of(&t), 1e-4 * b.square + 1e-9);
+    }
+}
+
+/* In a cone of rays, where texels grow with the distance: light displaced there is the same as without a cone. */
+static void test_cone(void) {
+    for (int n = 0; n < 3; ++n) {
+        trial t = trial_of(128, 1);
+        beam b;
+        t.start = n == 0 ? 0.5 : n == 1 ? 0.1 : 0;
+        t.square = 0.05;
+        b = beam_of(&t);
+        CHECK_NEAR(b.flux, 1 - exp(-1), 1e-5);
+        CHECK_NEAR(b.square, 1600 * square_of(&t), 0.02 * b.square); /* forgetting, midway through sheets: b / 128 */
+        if (figures()) printf("cone from %g: %.4f of %.4f\n", t.start, b.square, 1600 * square_of(&t));
+    }
+}
+
+/* The same against a random walk: the radius of light within 45 degrees of the beam, from thin gas to thick. Theory
+   adds angles where light adds slopes, and has no tail. */
+static double walk(double g, double depth, int count) {
+    check_random random = {11};
+    double square = 0, inside = 0;
+    for (int i = 0; i < count; ++i) {
+        double p[3] = {0, 0, 0}, d[3] = {0, 0, 1};
+        for (int turns = 0; p[2] >= 0; ++turns) {
+            const double way = -log(1 - check_next(&random)), u = check_next(&random), turn = 2 * SPSI_PI * u;
+            const double s = (1 - g * g) / (1 - g + 2 * g * check_next(&random)), c = (1 + g * g - s * s) / (2 * g);
+            double across[2][3];
+            if (p[2] + way * d[2] >= depth) {
+                spsi_along(p, d, (depth - p[2]) / d[2], p);
+                p[2] = p[0] * p[0] + p[1] * p[1];
+                if (turns > 0 && p[2] < depth * depth) square += p[2], inside += 1;
+                break;
+            }
+            spsi_along(p, d, way, p);
+            spsi_basis(d, across[0], across[1]);
+            for (int k = 0; k < 3; ++k)
+                d[k] = c * d[k] + sqrt(fmax(1 - c * c, 0)) * (cos(turn) * across[0][k] + sin(turn) * across[1][k]);
+            spsi_normalise(d);
+        }
+    }
+    return sqrt(square / inside);
+}
+
+static void test_walks(void) {
+    static const double g[] = {0.95, 0.85, 0.7, 0.5}, depth[] = {0.5, 1, 2, 4};
+    for (int i = 0; i < 15; ++i) { /* after the last, at 4 for 0.5, directions are forgotten, and the error is 13 % */
+        const double w = walk(g[i / 4], depth[i % 4], 40000);
+        trial t = trial_of(64, depth[i % 4]);
+        t.square = 2 * (1 - g[i / 4] * g[i / 4]) / 3;
+        t.reach = 48;
+        {
+            const double radius = beam_of(&t).inner / 48 * depth[i % 4];
+            if (figures()) printf("g %g, depth %g: rms %.4f, random walks %.4f\n", g[i / 4], depth[i % 4], radius, w);
+            CHECK_NEAR(radius, w, 0.1 * w);
+        }
+    }
+}
+
+/* Nothing is lost or made in gas that absorbs nothing, however uneven, however wide kernels are: neither in a beam nor
+   between sides that send back what leaves. The flux of `broad` light is what even gas would have, in each texel. */
+static void test_energy(void) {
+    static float flux[2 * TEXELS];
+    for (int n = 0; n < 6; ++n) {
+        trial t = trial_of(n == 3 ? 1 : 24, n == 4 ? 12 : 1.5);
+        double sum = 0, least = HUGE_VAL;
+        t.reach = n == 1 ? 600 : n == 2 ? 1e6 : 30;
+        t.uneven = n == 5 ? 0 : 0.9;
+        t.mirrored = t.broad = 1;
+        carry(&t, flux);
+        for (int i = 0; i < TEXELS; ++i) {
+            sum += (double)flux[i];
+            least = fmin(least, (double)flux[i]);
+            if (n == 5) CHECK_NEAR((double)flux[i], 1 - exp(-1.5), 1e-5);
+        }
+        CHECK(least >= 0);
+        if (n != 5) { /* what has come straight is still there: it depends on each texel's gas */
+            trial none = t;
+            double straight = 0;
+            check_random random = {3};
+            static double all[TEXELS];
+            memset(all, 0, sizeof all);
+            for (int k = 0; k < none.sheets; ++k)
+                for (int i = 0; i < TEXELS; ++i)
+                    all[i] += none.depth * (1 + t.uneven * (2 * check_next(&random) - 1)) / t.sheets;
+            for (int i = 0; i < TEXELS; ++i) straight += exp(-all[i]);
+            CHECK_NEAR((sum + straight) / TEXELS, 1, 1e-5);
+        }
+    }
+}
+
+/* --- pictures --- */
+
+/* A box of even gas, seen from the side, that a thin beam crosses from left to right. */
+static void start(check_scene *s, double extinction) {
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 0, 0, 5);
+    check_orthographic(&s->view.camera, 2);
+    check_add_volume(s, 32, 32, 32, check_box(-1, -1, -1, 1, 1, 1));
+    s->volume[0].read_fn = check_read_constant;
+    s->volume[0].user = (void *)(size_t)&one;
+    s->volume[0].extinction = (float)extinction;
+    s->volume[0].lobes = &lobe, s->volume[0].lobe_count = 1;
+    s->volume[0].revision = 1;
+    check_color(s->volume[0].albedo, 1, 1, 1);
+    s->view.scattering = SPS_SCATTERING_CONVOLUTION;
+    s->view.scatter_size = 24;
+    faces.count = 0;
+}
+
+static sps_light *add_spot(check_scene *s) {
+    sps_light *spot = check_add_point(s, -4, 0, 0, 300);
+    check_set3(spot->direction, 1, 0, 0);
+    spot->inner_cone = 0.04, spot->outer_cone = 0.06;
+    return spot;
+}
+
+static const spsi_spread *spread_of(const sps_context *by, int light) {
+    return (const spsi_spread *)by->buffers[SPSI_BUFFER_CELL_GRID].data + light;
+}
+
+/* Flux of a light at a point, without its color and falloff. */
+static double flux_at(const sps_context *by, int light, double x, double y, double z, double *depth) {
+    const spsi_spread *spread = spread_of(by, light);
+    const double point[3] = {x, y, z};
+    const int sheets = spread->sheet_count;
+    float lanes[2][SPSI_LANES];
+    spsi_spread near = *spread;
+    spsi_v at[3], passed;
+    spsi_spread_place place;
+    near.sheet_count = 1 << 30; /* no nearer than the point */
+    spsi_spread_coordinates(&near, point, at);
+    near.sheet_count = sheets;
+    spsi_spread_find(&near, at, &place);
+    spsi_store(lanes[0], spsi_spread_flux(&near, 0, &place, &passed));
+    spsi_store(lanes[1], passed);
+    if (depth) *depth = (double)lanes[1][0];
+    return (double)lanes[0][0];
+}
+
+/* What a sun sends through even gas: in the middle, where the sides are far, it is what theory says without sides. */
+static void test_sun(void) {
+    static const double albedo[] = {1, 0.6};
+    for (int n = 0; n < 2; ++n)
+        for (int k = 0; k < 3; ++k) {
+            const double x = -0.6 + 0.6 * k, t = 2 * (x + 1), a = albedo[n];
+            double depth;
+            check_scene s;
+            lobe.asymmetry = 0.97f;
+            start(&s, 2);
+            check_color(s.volume[0].albedo, a, a, a);
+            check_add_directional(&s, 1, 0, 0, 3);
+            check_render(context, &s, image_a);
+            CHECK_NEAR(flux_at(context, 0, x, 0.03, 0.02, &depth), exp((a - 1) * t) - exp(-t), 0.01);
+            CHECK_NEAR(depth, t, 0.05); /* the box fades out within a voxel: 2 / 32 times an extinction of 2, halved */
+            lobe.asymmetry = 0.85f;
+        }
+}
+
+/* Where light keeps to its rays, pictures are those of FORWARD; where nothing scatters again, those of OFF. */
+static void test_agreement(void) {
+    for (int n = 0; n < 6; ++n) {
+        check_scene s;
+        double rest, most;
+        start(&s, n < 2 ? 2 : 0.02);
+        lobe.asymmetry = n < 2 ? 0.99f : 0.85f;
+        if (n == 1) check_color(s.volume[0].albedo, 0.9, 0.6, 0.2);
+        if (n > 2) check_color(s.volume[0].albedo, 0, 0, 0), s.volume[0].extinction = 2;
+        if (n > 2) check_color(s.volume[0].emission, 0.3, 0.2, 0.1);
+        if (n % 2)
+            check_add_point(&s, 3, 4, 1, 30);
+        else
+            check_add_directional(&s, 1, -1, -0.7, 3);
+        check_render(context, &s, image_a);
+        s.view.scattering = n < 2 ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_OFF;
+        check_render(context, &s, image_b);
+        most = 0;
+        for (int i = 0; i < COUNT; ++i) most = fmax(most, i % 4 < 3 ? (double)image_b[i] : 0);
+        rest = check_largest(image_a, image_b, COUNT) / most;
+        if (figures()) printf("agreement %d: %.4f\n", n, rest);
+        if (n < 2) CHECK(rest < 0.05); /* 0.06 (1 + c)^2 (1 - g) t is .01; sides: sqrt(q s / 3) is .07 wide */
+        if (n == 2) CHECK(rest < 0.1); /* optical depth of both ways: .04, and up to .06 */
+        if (n > 2) CHECK(same(image_a, image_b)); /* nothing scatters */
+        lobe.asymmetry = 0.85f;
+    }
+}
+
+/* A thin beam against random paths. Only light that has scattered is beside it. */
+static void test_beam_paths(void) {
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        start(&s, n == 0 ? 0.7 : 1.5);
+        add_spot(&s);
+        check_paths(context, &s, n == 0 ? "beam" : "dense beam", 500, 0.25);
+    }
+}
+
+/* A floor below gas receives what is left of light, straight and scattered; a plate keeps both off; a colored pane
+   filters both. */
+static void test_polygons(void) {
+    static float bare[COUNT];
+    for (int n = 0; n < 4; ++n) {
+        const double floor[2][3] = {{8, 0, 0}, {0, 0, 8}}, origin[3] = {-4, -1.5, -4};
+        const double plate[3] = {-3, n == 2 ? 1.5 : 0, -3}, side[2][3] = {{6, 0, 0}, {0, 0, 6}};
+        check_triangles above;
+        check_scene s;
+        memset(&above, 0, sizeof above);
+        start(&s, 1);
+        lobe.asymmetry = 0.97f;
+        check_add_quad(&faces, origin, floor[0], floor[1]);
+        check_add_mesh(&s, &faces, 0.5);
+        if (n >= 2) check_add_quad(&above, plate, side[0], side[1]), check_add_mesh(&s, &above, 0.5);
+        if (n == 3) check_translucent(&s.mesh[1], 0), check_color(s.mesh[1].transmittance, 1, 0.5, 0.25);
+        check_add_directional(&s, 0, -1, 0, 3);
+        check_set3(s.view.camera.position, 0, -1.2, 4);
+        check_set3(s.view.camera.target, 0, -1.5, 0);
+        check_orthographic(&s.view.camera, 0.2);
+        if (n == 0) s.volume[0].extinction = 0;
+        check_render(context, &s, n == 0 ? bare : image_a);
+        for (int c = 0; c < 3 && n > 0; ++c) {
+            const int middle = 4 * (SIDE * SIDE / 2 + SIDE / 2) + c;
+            const double share = (double)image_a[middle] / (double)bare[middle];
+            const double pane = n == 3 ? 1.0 / (1 << c) : n == 2 ? 0 : 1;
+            if (figures()) printf("floor %d: %.4f of %.4f\n", n, share, pane);
+            CHECK_NEAR(share, pane, 0.03); /* what leaves by the sides, and panes are colored in steps */
+        }
+        check_free_triangles(&above);
+        lobe.asymmetry = 0.85f;
+    }
+    check_free_triangles(&faces);
+}
+
+/* A plate across half of the light: behind its middle there is no light, beside its edge light spreads. */
+static void test_plate(void) {
+    const double origin[3] = {-0.5, -3, -3}, side[2][3] = {{0, 3, 0}, {0, 0, 6}};
+    check_scene s;
+    start(&s, 2);
+    check_add_quad(&faces, origin, side[0], side[1]);
+    check_add_mesh(&s, &faces, 0.5);
+    check_add_directional(&s, 1, 0, 0, 3);
+    check_render(context, &s, image_a);
+    CHECK(flux_at(context, 0, 0.3, -0.8, 0, NULL) < 0.02);
+    CHECK(flux_at(context, 0, 0.3, -0.15, 0, NULL) > 0.05);
+    CHECK(flux_at(context, 0, 0.3, 0.15, 0, NULL) > 2 * flux_at(context, 0, 0.3, -0.15, 0, NULL));
+    CHECK(flux_at(context, 0, -0.7, -0.8, 0, NULL) > 0.3);
+    check_free_triangles(&faces);
+}
+
+/* A lamp within even gas: the same on all sides, across the seams of its six faces, too. */
+static void test_lamp_within(void) {
+    double least = HUGE_VAL, most = 0;
+    check_random random = {9};
+    check_scene s;
+    start(&s, 2);
+    check_add_point(&s, 0, 0, 0, 1);
+    check_render(context, &s, image_a);
+    CHECK(spread_of(context, 0)->map.face_count == SPSI_CUBE_FACES);
+    for (int i = 0; i < 400; ++i) {
+        double d[3] = {check_next(&random) - 0.5, check_next(&random) - 0.5, check_next(&random) - 0.5}, flux;
+        if (i < 20) d[i % 3] = d[(i + 1) % 3]; /* on an edge */
+        spsi_normalise(d);
+        flux = flux_at(context, 0, 0.6 * d[0], 0.6 * d[1], 0.6 * d[2], NULL);
+        least = fmin(least, flux);
+        most = fmax(most, flux);
+    }
+    if (figures()) printf("lamp within: %.4f to %.4f of %.4f\n", least, most, 1 - exp(-1.2));
+    CHECK_NEAR(least, 1 - exp(-1.2), 0.05); /* >>spreading, of texels: 5 %; and cells of .05 by 2 times exp(-1.2) */
+    CHECK_NEAR(most, 1 - exp(-1.2), 0.05);
+}
+
+/* A sum of lights is the sum of their pictures; tables and sheets, both orders of compositing, and parts of an image
+   show the same light. */
+static void test_sources(void) {
+    for (int n = 0; n < 4; ++n) {
+        double most = 0;
+        check_scene s;
+        start(&s, 2);
+        s.volume[0].read_fn = NULL;
+        check_add_puff(&s, 3);
+        s.volume[0] = s.volume[1];
+        s.scene.volume_count = 1;
+        s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
+        check_color(s.volume[0].albedo, 1, 0.9, 0.8);
+        check_add_directional(&s, n % 2 ? -0.5 : 0.6, -1, n < 2 ? -0.5 : 0.8, 3);
+        if (n > 0) check_add_point(&s, 2, 1, -1, 20);
+        for (int i = 0; i < s.scene.light_count; ++i) s.light[i].shadow_source = SPS_SHADOW_SHEETS;
+        check_render(context, &s, image_a);
+        memset(image_b, 0, sizeof image_b);
+        for (int i = 0; i < s.scene.light_count; ++i) { /* one by one, by tables */
+            check_scene single = s;
+            single.scene.volumes = single.volume;
+            single.light[0] = s.light[i];
+            single.light[0].shadow_source = SPS_SHADOW_TABLE;
+            single.scene.lights = single.light;
+            single.scene.light_count = 1;
+            check_render(context, &single, image_c);
+            for (int k = 0; k < COUNT; ++k) image_b[k] = k % 4 < 3 ? image_b[k] + image_c[k] : image_c[k];
+        }
+        for (int i = 0; i < COUNT; ++i) most = fmax(most, (double)image_b[i]);
+        if (figures()) printf("sources %d: %.5f\n", n, check_largest(image_a, image_b, COUNT) / most);
+        CHECK(check_largest(image_a, image_b, COUNT) < 0.01 * most); /* those of sheets and tables */
+    }
+}
+
+/* Voxels smaller than texels, whose transfer function is not linear: a layer of them passes the same light. */
+static void test_classified(void) {
+    static const sps_transfer_point points[] = {{0.4f, {1, 1, 1}, 0}, {0.6f, {1, 1, 1}, 4}};
+    sps_transfer transfer;
+    double depth;
+    check_scene s;
+    memset(&transfer, 0, sizeof transfer);
+    transfer.points = points, transfer.point_count = 2;
+    start(&s, 1);
+    s.volume[0].transfer = &transfer;
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 96;
+    lobe.asymmetry = 0.97f;
+    check_add_directional(&s, 1, 0, 0, 3);
+    s.view.scatter_size = 12;
+    s.view.slab = 0.7;
+    check_render(context, &s, image_a);
+    lobe.asymmetry = 0.85f;
+    CHECK_NEAR(flux_at(context, 0, 0, 0, 0, &depth), 1 - exp(-4), 0.02);
+    CHECK_NEAR(depth, 4, 0.15);
+}
+
+/* --- the rest --- */
+
+/* All kinds of gas at once, small. */
+static void start_mixed(check_scene *s) {
+    static sps_particles *swarm;
+    start(s, 1);
+    s->view.quality = SPS_QUALITY_DRAFT;
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = 8;
+    check_color(s->volume[0].albedo, 0.9, 0.8, 0.7);
+    swarm = check_add_swarm(s, 0.3);
+    check_color(swarm->albedo, 0.8, 0.9, 1);
+    check_add_directional(s, 1, -1, -0.5, 2);
+    add_spot(s);
+    s->view.scatter_size = 8;
+}
+
+static void test_workers(void) {
+    check_hooks hooks;
+    check_scene s;
+    start_mixed(&s);
+    check_render(context, &s, image_a);
+    for (int workers = 2; workers < 5; ++workers) {
+        sps_context *by;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.worker_count = workers;
+        by = check_context(&hooks);
+        check_render(by, &s, image_b);
+        CHECK(same(image_a, image_b));
+        sps_destroy(by);
+    }
+}
+
+/* Held from call to call while nothing changes but the camera. */
+static void test_held(void) {
+    for (int n = 0; n < 7; ++n) {
+        sps_context *by = check_context(NULL), *fresh = check_context(NULL);
+        const sps_stats_report *stats = &by->stats;
+        check_scene s;
+        start_mixed(&s);
+        s.scene.particle_set_count = 0;
+        check_render(by, &s, image_a);
+        CHECK(stats->cells > 0);
+        if (n == 0) s.view.camera.position[0] = 1;
+        if (n == 1) s.view.width = 12;
+        if (n == 2) s.light[1].color[1] = 3;
+        if (n == 3) s.volume[0].revision = 2, s.volume[0].extinction = 2;
+        if (n == 4) s.view.scatter_size = 9;
+        if (n == 5) lobe.asymmetry = 0.5f;
+        if (n == 6) s.view.scattering = SPS_SCATTERING_FULL;
+        memset(image_a, 0, sizeof image_a), memset(image_b, 0, sizeof image_b);
+        check_render(by, &s, image_a);
+        CHECK((stats->cells == 0) == (n < 2));
+        check_render(fresh, &s, image_b);
+        CHECK(same(image_a, image_b));
+        s.view.scattering = SPS_SCATTERING_CONVOLUTION;
+        check_render(by, &s, image_a);
+        check_render(fresh, &s, image_b);
+        CHECK(same(image_a, image_b));
+        lobe.asymmetry = 0.85f;
+        sps_destroy(by), sps_destroy(fresh);
+    }
+}
+
+static sps_result render(sps_context *by, const check_scene *s, float *rgba) {
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    rgba[0] = 7;
+    return sps_render(by, &s->scene, &s->view, &image);
+}
+
+/* An allocation that fails, or a call that is cancelled, at any point. */
+static void test_failures(void) {
+    for (int kind = 0; kind < 2; ++kind) {
+        check_hooks hooks;
+        check_cancel cancel = {0, 0};
+        sps_config config;
+        sps_result result;
+        long n = 1;
+        check_scene s;
+        start_mixed(&s);
+        check_render(context, &s, image_b);
+        memset(&hooks, 0, sizeof hooks);
+        do {
+            sps_context *by;
+            config = check_config(&hooks);
+            config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+            by = sps_create(&config, NULL);
+            n += 1;
+            if (kind == 0) hooks.fail_at = hooks.allocations + n - 1;
+            if (kind == 1) cancel.calls = 0, cancel.at = n - 1;
+            result = render(by, &s, image_a);
+            hooks.fail_at = cancel.at = 0;
+            if (result != SPS_OK) {
+                CHECK(result == (kind == 0 ? SPS_ERROR_MEMORY : SPS_ERROR_CANCELLED) && image_a[0] == 7);
+                CHECK(render(by, &s, image_a) == SPS_OK);
+            }
+            CHECK(same(image_a, image_b));
+            sps_destroy(by);
+            CHECK(hooks.live == 0);
+        } while (result != SPS_OK && n < 1000);
+        CHECK(n > 10);
+    }
+}
+
+/* Scenes with nothing to spread, and numbers at the ends of their ranges: nothing but finite pixels that are not
+   negative. */
+static void test_finite(void) {
+    for (int n = 0; n < 9; ++n) {
+        check_scene s;
+        start_mixed(&s);
+        if (n == 0) s.scene.light_count = 0;
+        if (n == 1) s.scene.volume_count = s.scene.particle_set_count = 0;
+        if (n == 2) s.view.no_shadows = 1;
+        if (n == 3) s.volume[0].extinction = 1e6f;
+        if (n == 4) s.view.scatter_size = 1;
+        if (n == 5) s.light[1].outer_cone = s.light[1].inner_cone = 0, s.light[1].position[0] = -1;
+        if (n == 6) s.light[0].angular_diameter = 0.5;
+        if (n == 7) lobe.asymmetry = -0.9f;
+        if (n == 8) check_color(s.light[0].color, 1e18, 0, 1e-30);
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i) CHECK(image_a[i] >= 0 && image_a[i] < 1e38f);
+        lobe.asymmetry = 0.85f;
+    }
+}
+
+/* A million times as large or as small: the same picture, but for round-off. */
+static void test_scaled(void) {
+    for (int n = 0; n < 2; ++n) {
+        const double scale = n == 0 ? 1e6 : 1e-6;
+        check_scene s;
+        start(&s, 1.5);
+        add_spot(&s);
+        check_render(context, &s, image_a);
+        s.volume[0].placement = check_box(-scale, -scale, -scale, scale, scale, scale);
+        s.volume[0].extinction = (float)(1.5 / scale);
+        s.light[0].position[0] *= scale;
+        for (int c = 0; c < 3; ++c) s.light[0].color[c] *= (float)(scale * scale);
+        s.view.camera.position[2] *= scale;
+        s.view.camera.ortho_height *= scale;
+        check_render(context, &s, image_b);
+        CHECK(check_largest(image_a, image_b, COUNT) < 1e-3 * sum_of(image_a) / PIXELS);
+    }
+}
+
+static void test_plan(void) {
+    for (int n = 0; n < 4; ++n) {
+        sps_context *by = check_context(NULL);
+        sps_plan_report report;
+        sps_stats_report stats;
+        check_scene s;
+        start_mixed(&s);
+        if (n == 1) s.view.no_shadows = 1;
+        if (n == 2) s.view.scattering = SPS_SCATTERING_FORWARD;
+        if (n == 3) s.light[1].position[0] = 0.5;
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
+        CHECK(report.pass[SPS_PASS_SPREADING].runs == (n == 1 || n == 2 ? 0 : 2));
+        CHECK(strcmp(sps_pass_name(SPS_PASS_SPREADING), "spreading") == 0);
+        CHECK(report.pass[SPS_PASS_FORWARD].runs == (n != 1));
+        check_render(by, &s, image_a);
+        sps_get_stats(by, &stats);
+        CHECK(stats.bytes_peak <= report.bytes);
+        sps_destroy(by);
+    }
+}
+
+static void test_refused(void) {
+    sps_reference_settings settings;
+    sps_image image;
+    check_scene s;
+    start_mixed(&s);
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    image.rgba = image_a;
+    settings.step = 1;
+    CHECK(sps_reference(context, &s.scene, &s.view, &settings, &image) == SPS_ERROR_UNSUPPORTED);
+    CHECK(strstr(sps_error(context), "samples") != NULL);
+}
+
+int main(void) {
+    context = check_context(NULL);
+    RUN(test_beam);
+    RUN(test_narrow_beam);
+    RUN(test_cone);
+    RUN(test_walks);
+    RUN(test_energy);
+    RUN(test_sun);
+    RUN(test_agreement);
+    RUN(test_beam_paths);
+    RUN(test_polygons);
+    RUN(test_plate);
+    RUN(test_lamp_within);
+    RUN(test_sources);
+    RUN(test_classified);
+    RUN(test_workers);
+    RUN(test_held);
+    RUN(test_failures);
+    RUN(test_finite);
+    RUN(test_scaled);
+    RUN(test_plan);
+    RUN(test_refused);
+    sps_destroy(context);
+    return check_report();
+}

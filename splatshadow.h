@@ -311,15 +311,17 @@ typedef struct sps_volume {
     float extinction;      /* gas: per world unit at value 1, >= 0 */
     float albedo[3];       /* gas: 0..1; all zero: absorbs only */
     float emission[3];     /* gas: radiance per world unit at value 1, >= 0 */
+    float ambient[3];      /* radiance from all directions, >= 0, unshadowed: see SPS_SCATTERING_AMBIENT */
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
-    const sps_transfer *transfer; /* NULL: gas; otherwise extinction, albedo and emission are ignored, lobes are not */
-    sps_shading shading;          /* with a transfer function */
-    float gradient_full;          /* change of value per voxel from which on shading is all surface; 0 means 0.05 */
-    float specular;               /* strength of the highlight, 0..1 */
-    float shininess;              /* Blinn-Phong exponent, 0 means 32 */
-    uint32_t end_canary;          /* leave 0 */
+    const sps_transfer
+        *transfer;       /* NULL: gas; otherwise extinction, albedo and emission are ignored, the rest is not */
+    sps_shading shading; /* with a transfer function */
+    float gradient_full; /* change of value per voxel from which on shading is all surface; 0 means 0.05 */
+    float specular;      /* strength of the highlight, 0..1 */
+    float shininess;     /* Blinn-Phong exponent, 0 means 32 */
+    uint32_t end_canary; /* leave 0 */
 } sps_volume;
 
 /* Storage of a voxel, in the machine's byte order. There is no default: 0 is an error. */
@@ -451,6 +453,7 @@ typedef struct sps_particles {
     int is_extinction;     /* 1: optical_depth holds extinction per world unit instead; if soft, at the centre */
     float albedo[3];       /* 0..1; all zero: absorbs only */
     float emission[3];     /* radiance per unit of optical depth, >= 0 */
+    float ambient[3];      /* as in sps_volume */
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
     uint32_t end_canary;   /* leave 0 */
@@ -722,6 +725,9 @@ typedef enum sps_scattering {
        scatters again, see sps_view.scatter_tolerance. Costs a look at each voxel. */
     SPS_SCATTERING_AUTO = 0,
     SPS_SCATTERING_OFF, /* once */
+    /* Once, and each volume and set of particles receives its own `ambient` besides the scene's, which stands for light
+       that has scattered more often: by hand, at no cost. [Ebert & Parent] */
+    SPS_SCATTERING_AMBIENT,
     /* Any number of times, each time by a small angle, so that light keeps to the straight way there and on to the eye:
        a closed form in the optical depth of that way and the angle where it bends, with the gas's own phase function
        and albedo. Right where gas scatters forward and light has not lost its direction; what comes back after many
@@ -2386,6 +2392,7 @@ typedef struct spsi_forward {
 
 typedef struct spsi_material {
     float extinction, albedo[3], emission[3];
+    float ambient[3];               /* that the gas receives: the scene's and its own */
     sps_lobe lobes[SPSI_LOBES_MAX]; /* weights add up to 1 */
     int lobe_count;
     spsi_table *table; /* NULL: gas */
@@ -4289,16 +4296,19 @@ static sps_result spsi_check_lobes(sps_context *context, sps_object object, int 
     return SPS_OK;
 }
 
+static sps_result spsi_check_radiance(sps_context *context, sps_object object, int index, const char *field,
+                                      const float color[3]) {
+    if (!spsi_bad_color(color, SPSI_VALUE_MAX)) return SPS_OK;
+    return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, field,
+                           (double)*spsi_bad_color(color, SPSI_VALUE_MAX), "red, green and blue must be 0..1e18");
+}
+
 static sps_result spsi_check_gas_colors(sps_context *context, sps_object object, int index, const float albedo[3],
                                         const float emission[3]) {
     if (spsi_bad_color(albedo, 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "albedo", (double)*spsi_bad_color(albedo, 1),
                                "red, green and blue must be 0..1");
-    if (spsi_bad_color(emission, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, object, index, "emission",
-                               (double)*spsi_bad_color(emission, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
-    return SPS_OK;
+    return spsi_check_radiance(context, object, index, "emission", emission);
 }
 
 static sps_result spsi_check_gas(sps_context *context, const sps_volume *volume, int i) {
@@ -4359,6 +4369,7 @@ static sps_result spsi_check_volume(sps_context *context, const sps_volume *volu
     if ((int)volume->shading < 0 || volume->shading > SPS_SHADING_SURFACE)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VOLUME, i, "shading",
                                (double)(int)volume->shading, "it must be an sps_shading");
+    if (spsi_check_radiance(context, SPS_OBJECT_VOLUME, i, "ambient", volume->ambient)) return context->result;
     return volume->transfer ? SPS_OK : spsi_check_gas(context, volume, i);
 }
 
@@ -4412,7 +4423,9 @@ static sps_result spsi_check_set(sps_context *context, const sps_particles *set,
     if (set->count > 0 && !set->read_fn)
         return spsi_fail_that(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_PARTICLES, i, "read_fn", 0,
                               "is NULL; it must be set where count is not 0");
-    if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count)) return context->result;
+    if (spsi_check_lobes(context, SPS_OBJECT_PARTICLES, i, set->lobes, set->lobe_count) ||
+        spsi_check_radiance(context, SPS_OBJECT_PARTICLES, i, "ambient", set->ambient))
+        return context->result;
     return spsi_check_gas_colors(context, SPS_OBJECT_PARTICLES, i, set->albedo, set->emission);
 }
 
@@ -4668,10 +4681,7 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
     if (scene->particle_set_count < 0 || (scene->particle_set_count > 0 && !scene->particles))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                scene->particle_set_count, "it must be 0, or positive with particles set");
-    if (spsi_bad_color(scene->ambient, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "ambient",
-                               (double)*spsi_bad_color(scene->ambient, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
+    if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient)) return context->result;
     if (spsi_bad_color(scene->background, SPSI_VALUE_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "background",
                                (double)*spsi_bad_color(scene->background, SPSI_VALUE_MAX),
@@ -4868,6 +4878,12 @@ static void spsi_material_lobes(const sps_lobe *lobes, int count, spsi_material 
     }
 }
 
+/* Sets what a gas receives besides the scene's ambient light, where that stands for light that scatters again. */
+static void spsi_material_ambient(const spsi_frame *frame, const float ambient[3], spsi_material *material) {
+    if (material->scatters && frame->view.scattering == SPS_SCATTERING_AMBIENT)
+        memcpy(material->ambient, ambient, sizeof material->ambient);
+}
+
 /* The channel of an equal gas, -1 if there is none: gases of equal appearance share one channel of the sheets. */
 static int spsi_find_material(const spsi_frame *frame, const spsi_material *material) {
     for (int i = 0; i < frame->matter.material_count; ++i)
@@ -4906,6 +4922,7 @@ static sps_result spsi_add_material(sps_context *context, spsi_frame *frame, con
     } else {
         spsi_material_gas(volume->extinction, volume->albedo, volume->emission, &material);
     }
+    spsi_material_ambient(frame, volume->ambient, &material);
     medium->channel = spsi_take_material(frame, &material);
     return SPS_OK;
 }
@@ -5000,6 +5017,7 @@ static sps_result spsi_resolve_particles(sps_context *context, spsi_frame *frame
         memset(&material, 0, sizeof material);
         spsi_material_lobes(particles->lobes, particles->lobe_count, &material);
         spsi_material_gas(1, particles->albedo, particles->emission, &material);
+        spsi_material_ambient(frame, particles->ambient, &material);
         spsi_particle_set_build(particles, i, spsi_take_material(frame, &material), set);
         frame->particles.has_soft |= set->soft;
         frame->particles.set_count += 1;
@@ -5298,7 +5316,7 @@ static int spsi_count_channels(const spsi_frame *frame) {
                 spsi_grey(frame->meshes.list[i].color) && spsi_grey(frame->meshes.list[i].transmittance);
     for (int i = 0; i < frame->matter.material_count; ++i) {
         const spsi_material *material = &frame->matter.materials[i];
-        grey &= spsi_grey(material->albedo) && spsi_grey(material->emission);
+        grey &= spsi_grey(material->albedo) && spsi_grey(material->emission) && spsi_grey(material->ambient);
         for (int k = 0; k <= SPSI_TABLE_SIZE && material->table; ++k) grey &= spsi_grey(material->table->entry[k]);
     }
     return grey ? 1 : 3;
@@ -5317,6 +5335,11 @@ static void spsi_resolve_orders(spsi_frame *frame) {
 static void spsi_resolve_scene(spsi_frame *frame, const sps_scene *scene) {
     memcpy(frame->ambient.radiance, scene->ambient, sizeof frame->ambient.radiance);
     frame->ambient.exists = !spsi_black(scene->ambient);
+    for (int m = 0; m < frame->matter.material_count; ++m) {
+        spsi_material *material = &frame->matter.materials[m];
+        frame->ambient.exists |= !spsi_black(material->ambient);
+        for (int c = 0; c < 3; ++c) material->ambient[c] += scene->ambient[c];
+    }
     memcpy(frame->background.color, scene->background, sizeof frame->background.color);
     frame->background.color_fn = scene->background_fn;
     frame->background.user = scene->background_user;
@@ -17365,7 +17388,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
             spsi_v sent = spsi_set(0);
             if (material->scatters && shader->frame->ambient.exists)
                 sent = spsi_mul(spsi_mul(spsi_mul(sample->depth, share), sample->color[c]),
-                                spsi_set(shader->frame->ambient.radiance[c]));
+                                spsi_set(material->ambient[c]));
             if (material->emits) sent = spsi_fma(sample->value_length, spsi_set(material->emission[c]), sent);
             into->once[c] = spsi_fma(spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), mean, into->once[c]);
         }
@@ -21249,7 +21272,7 @@ static void spsi_point_source(const spsi_marcher *marcher, const spsi_point *poi
         for (int c = 0; c < 3; ++c) {
             spsi_store(lanes, point->samples[m].color[c]);
             if (marcher->settings->samples == 0) /* otherwise paths find it */
-                source->once[c] += point->extinction[m] * (double)lanes[0] * (double)frame->ambient.radiance[c];
+                source->once[c] += point->extinction[m] * (double)lanes[0] * (double)material->ambient[c];
             source->once[c] += point->value[m] * (double)material->emission[c];
         }
     }

@@ -52,6 +52,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     volume->extinction = (float)from->extinction;
     to_floats(from->albedo, volume->albedo);
     to_floats(from->emission, volume->emission);
+    to_floats(from->ambient, volume->ambient);
     volume->lobes = from->lobes.list, volume->lobe_count = from->lobes.count;
     volume->shading = from->shading ? SPS_SHADING_SURFACE : SPS_SHADING_GAS;
     if (from->transfer_file && ex_transfer_load(&from->points, from->transfer_file, error)) return 1;
@@ -74,6 +75,7 @@ static int load_particles(particles_arguments *from, sps_particles *set, ex_erro
     set->soft = from->soft, set->is_extinction = from->is_extinction;
     to_floats(from->albedo, set->albedo);
     to_floats(from->emission, set->emission);
+    to_floats(from->ambient, set->ambient);
     set->lobes = from->lobes.list, set->lobe_count = from->lobes.count;
     return 0;
 }

@@ -28,7 +28,7 @@ typedef struct volume_arguments {
     option_set given;
     const char *file, *transfer_file;
     int size[3], type, shading;
-    double range[2], box[6], extinction, albedo[3], emission[3];
+    double range[2], box[6], extinction, albedo[3], emission[3], ambient[3];
     phase_lobes lobes;
     ex_voxel_file voxels; /* from the file's header, overridden by options */
     sps_placement placement;
@@ -41,7 +41,7 @@ typedef struct particles_arguments {
     option_set given;
     const char *file;
     int soft, is_extinction;
-    double albedo[3], emission[3];
+    double albedo[3], emission[3], ambient[3];
     phase_lobes lobes;
     ex_particles particles;
 } particles_arguments;
@@ -122,7 +122,8 @@ typedef struct option_rule {
 } option_rule;
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
-static const char *const scattering_names[] = {"auto", "off", "forward", "full", NULL}; /* sps_scattering */
+/* sps_scattering */
+static const char *const scattering_names[] = {"auto", "off", "ambient", "forward", "convolution", "full", NULL};
 /* sps_tmap_technique, after sheets; and what is not one. */
 static const char *const shadow_names[] = {"sheets",  "deep",    "compressed", "depth",    "opacity", "deep-opacity",
                                            "fourier", "cosine",  "moment",     "adaptive", "beer",    "table",
@@ -409,6 +410,7 @@ static const option_rule options[] = {
     {"--extinction", "S", "per world unit at value 1; default 1; not with --transfer", set_reals, OF_VOLUME(extinction), 1, POSITIVE},
     {"--albedo", "r,g,b", "default 0.8,0.8,0.8; not with --transfer", set_reals, OF_VOLUME(albedo), 3, 0, 1, NULL},
     {"--emission", "r,g,b", "radiance per world unit at value 1; default 0,0,0; for a gas, not with --transfer", set_reals, OF_VOLUME(emission), 3, POSITIVE},
+    {"--gas-ambient", "r,g,b", "radiance from everywhere that the volume receives by --scattering ambient; default 0,0,0", set_reals, OF_VOLUME(ambient), 3, POSITIVE},
     {"--phase", "g[,g2,w]", "Henyey-Greenstein lobes, g weighing 1-w and g2 weighing w; default 0, isotropic", set_phase, OF_VOLUME(lobes), 1, -0.99, 0.99, NULL},
     {"--transfer", "FILE", "lines: value r g b extinction, values rising", set_text, OF_VOLUME(transfer_file), NO_NUMBERS},
     {"--transfer-point", "value,r,g,b,extinction", "instead of --transfer, one such line; repeatable", add_point, OF_VOLUME(points), NO_NUMBERS},
@@ -416,6 +418,7 @@ static const option_rule options[] = {
     {"--particles", "FILE", "little-endian 32-bit floats, x y z radius opticaldepth of each; repeatable", add_particles, SCENE, 0, NO_NUMBERS},
     {"--particle-albedo", "r,g,b", "default 0.8,0.8,0.8", set_reals, OF_PARTICLES(albedo), 3, 0, 1, NULL},
     {"--particle-emission", "r,g,b", "radiance per unit of optical depth; default 0,0,0", set_reals, OF_PARTICLES(emission), 3, POSITIVE},
+    {"--particle-ambient", "r,g,b", "as --gas-ambient", set_reals, OF_PARTICLES(ambient), 3, POSITIVE},
     {"--particle-phase", "g[,g2,w]", "as --phase", set_phase, OF_PARTICLES(lobes), 1, -0.99, 0.99, NULL},
     {"--particle-soft", NULL, "they fade to nothing at the rim; otherwise they are equally dense throughout", set_flag, OF_PARTICLES(soft), NO_NUMBERS},
     {"--particle-extinction", NULL, "the fifth number is extinction, per world unit, not optical depth along the diameter", set_flag, OF_PARTICLES(is_extinction), NO_NUMBERS},
@@ -453,8 +456,8 @@ static const option_rule options[] = {
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--samples", "N", "paths per pixel of --reference, for what scatters again; default 0, with --scattering off", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
-    {"--scattering", "auto|off|forward|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off, once", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
-    {"--scatter-size", "N", "cells along the gas's longest side, for --scattering full; default by --quality", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
+    {"--scattering", "auto|off|ambient|forward|convolution|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off, once; ambient: by --gas-ambient", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
+    {"--scatter-size", "N", "cells along the gas's longest side for --scattering full, half the texels across a light's rays for convolution; default by --quality", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
     {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},
     {"--threads", "N", "default one for each processor", set_integers, OF_SCENE(threads), 1, 1, 1024, NULL},
     {"--out", "FILE.png", "sRGB picture", set_text, OF_SCENE(out), NO_NUMBERS},

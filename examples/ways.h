@@ -1,12 +1,12 @@
-/* ways.h: scenes with light scattered once, forward, in every direction (SPS_SCATTERING_FULL) and by random paths
-   (sps_reference), side by side, with the time of each. */
+/* ways.h: scenes with light scattered once, forward, forward and sideways (SPS_SCATTERING_CONVOLUTION), in every
+   direction (SPS_SCATTERING_FULL) and by random paths (sps_reference), side by side, with the time of each. */
 
 #ifndef EX_WAYS_H
 #define EX_WAYS_H
 
 #include "scene_program.h"
 
-enum { EX_WAY_ONCE = 0, EX_WAY_FORWARD, EX_WAY_FULL, EX_WAY_PATHS, EX_WAYS };
+enum { EX_WAY_ONCE = 0, EX_WAY_FORWARD, EX_WAY_CONVOLUTION, EX_WAY_FULL, EX_WAY_PATHS, EX_WAYS };
 enum { EX_WAYS_ROWS = 2 }; /* at most */
 
 /* A row of panels for each scene, and a column for each way. */
@@ -48,7 +48,8 @@ static inline sps_result ex_ways_render_paths(sps_context *context, const ex_way
 
 static inline sps_result ex_ways_render_way(sps_context *context, const ex_ways *ways, const sps_scene *scene,
                                             const sps_view *view, int way, const sps_image *image) {
-    static const sps_scattering kinds[EX_WAYS] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD, SPS_SCATTERING_FULL};
+    static const sps_scattering kinds[EX_WAYS] = {SPS_SCATTERING_OFF, SPS_SCATTERING_FORWARD,
+                                                   SPS_SCATTERING_CONVOLUTION, SPS_SCATTERING_FULL};
     sps_view seen = *view;
     if (way == EX_WAY_PATHS) return ex_ways_render_paths(context, ways, scene, view, image);
     seen.scattering = kinds[way];
@@ -73,7 +74,7 @@ static inline int ex_ways_render_panels(ex_session *session, const ex_ways *ways
 
 static inline int ex_ways_render(const ex_ways *ways, const sps_view *view, const ex_scene_options *options,
                                  ex_error *error) {
-    static const char *const names[EX_WAYS] = {"once", "forward", "full", "random paths (sps_reference)"};
+    static const char *const names[EX_WAYS] = {"once", "forward", "convolution", "full", "random paths (sps_reference)"};
     const sps_view panel = ex_scene_view(view, EX_WAYS, options);
     const int width = EX_WAYS * panel.width, height = ways->rows * panel.height;
     double seconds[EX_WAYS_ROWS][EX_WAYS];

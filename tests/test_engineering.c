@@ -1571,7 +1571,7 @@ static void test_scattering_option(void) {
         {"--mesh corner.obj --width 5 --height 4 --reference --out a.png", 0, NULL}, /* there is no gas */
         {THICK "--reference --scattering auto --out a.png", 1, "--scattering: view.scattering is SPS_SCATTERING_AUTO"},
         {THICK "--reference --scattering full --out a.png", 1, "(--samples N, or --scattering off)"},
-        {THICK "--scattering once --plan", 2, "--scattering: 'once' is not auto|off|forward|full"}};
+        {THICK "--scattering once --plan", 2, "--scattering: 'once' is not auto|off|ambient|forward|convolution|full"}};
     CHECK_COMPLAINTS(all);
     CHECK(same_shadows(THICK FEW, THICK "--scattering auto " FEW));
     CHECK(same_shadows(THICK FEW, THICK "--scattering full " FEW));
@@ -2024,7 +2024,7 @@ static void test_help(void) {
                                         "--no-shadows",
                                         "--reference",
                                         "--samples N",
-                                        "--scattering auto|off|forward|full",
+                                        "--scattering auto|off|ambient|forward|convolution|full",
                                         "--threads N",
                                         "--out FILE.png",
                                         "--pfm FILE.pfm",

@@ -20612,6 +20612,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
     const int gases = spsi_has_gas(frame), polygons = frame->meshes.triangle_count > 0;
     const int sweeps = report->sweep_count, lit = frame->lamps.count > 0;
     const int held = context->tree_held && spsi_faces_held(context, frame);
+    const int again = frame->view.scattering != SPS_SCATTERING_AMBIENT;
     const char *once = report->scatter_bound > 0 ? "view.scattering is auto: scatter_bound is within the tolerance"
                                                  : "view.scattering is off";
     spsi_plan_gather_pass(frame, reading, report);
@@ -20634,6 +20635,7 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
     spsi_plan_pass(report, SPS_PASS_FORWARD, spsi_scatters_forward(frame), "view.scattering asks for it",
                    !frame->matter.scatters                        ? "nothing scatters: albedo 0 or no extinction"
                    : frame->view.scattering == SPS_SCATTERING_OFF ? once
+                   : !again                                       ? "view.scattering does not ask for it"
                    : frame->lamps.shadow_count == 0               ? "no light casts shadows"
                                                                   : "gases scatter evenly: cells have all of it");
     spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lamps.shadow_count : 0,

@@ -624,6 +624,75 @@ static void test_refused(void) {
     }
 }
 
+/* --- ambient light in place of it --- */
+
+/* An even layer across the view, and particles in front of it if `mixed`. */
+static void start_ambient(check_scene *s, int mixed) {
+    check_clear(s, SIDE, SIDE);
+    check_add_volume(s, 16, 16, 16, check_box(-2, -2, -1, 2, 2, 1));
+    s->volume[0].read_fn = check_read_constant;
+    s->volume[0].user = (void *)(size_t)&one;
+    s->volume[0].extinction = 1;
+    check_color(s->volume[0].albedo, 0.9, 0.6, 0.3);
+    s->view.scattering = SPS_SCATTERING_AMBIENT;
+    if (mixed) check_color(check_add_swarm(s, 1)->albedo, 0.5, 0.5, 0.5);
+}
+
+/* A layer of optical depth t and albedo w shows w A (1 - exp(-t)) of its own ambient light A, beside the scene's. The
+   same gas without it in the scene's has the same picture; other grades, and random paths, do not see it. */
+static void test_ambient(void) {
+    check_scene s;
+    start_ambient(&s, 0);
+    check_color(s.volume[0].ambient, 0.5, 1, 2);
+    check_color(s.scene.ambient, 0.25, 0, 0);
+    check_render(context, &s, image_a);
+    for (int c = 0; c < 3; ++c) { /* the layer fades out at either end, but holds as much: t is 2 */
+        static const double sent[3] = {0.9 * 0.75, 0.6, 0.6};
+        CHECK_NEAR((double)image_a[4 * (SIDE * SIDE / 2 + SIDE / 2) + c], sent[c] * (1 - exp(-2)), 2e-3);
+    }
+    CHECK(check_march(context, &s, 0.25, image_b, NULL));
+    CHECK(check_largest(image_a, image_b, COUNT) < 2e-3);
+    check_color(s.volume[0].ambient, 0, 0, 0);
+    check_color(s.scene.ambient, 0.75, 1, 2);
+    check_render(context, &s, image_b);
+    CHECK(check_largest(image_a, image_b, COUNT) < 1e-6);
+    check_color(s.volume[0].ambient, 5, 5, 5);
+    for (int n = 0; n < 3; ++n) {
+        s.view.scattering = n == 0 ? SPS_SCATTERING_OFF : n == 1 ? SPS_SCATTERING_FORWARD : SPS_SCATTERING_CONVOLUTION;
+        check_render(context, &s, image_a);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    }
+}
+
+/* Each gas has its own: gases that are alike but for it are two. */
+static void test_ambient_of_each(void) {
+    sps_particles *swarm;
+    sps_plan_report report;
+    check_scene s;
+    start_ambient(&s, 1);
+    swarm = (sps_particles *)(size_t)s.scene.particles;
+    check_color(swarm->ambient, 0, 0, 3);
+    check_render(context, &s, image_a);
+    check_color(swarm->ambient, 0, 0, 0);
+    check_color(s.volume[0].ambient, 2, 0, 0);
+    check_render(context, &s, image_b);
+    check_color(swarm->ambient, 0, 0, 3);
+    check_render(context, &s, image_c);
+    for (int i = 0; i < COUNT; ++i)
+        if (i % 4 < 3) CHECK_NEAR((double)image_c[i], (double)image_a[i] + (double)image_b[i], 1e-5);
+    CHECK(image_a[2] > 0 && image_a[0] < 1e-6f && image_b[0] > 0 && image_b[2] < 1e-6f);
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
+    CHECK(report.pass[SPS_PASS_AMBIENT].runs == 1 && report.color_channels == 3);
+    CHECK(strstr(report.pass[SPS_PASS_FORWARD].reason, "does not ask") != NULL);
+    s.view.scattering = SPS_SCATTERING_OFF;
+    CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &report));
+    CHECK(report.pass[SPS_PASS_AMBIENT].runs == 0);
+    swarm->ambient[1] = -1;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "ambient");
+    swarm->ambient[1] = 0, s.volume[0].ambient[2] = NAN;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "ambient");
+}
+
 int main(void) {
     context = check_context(NULL);
     RUN(test_series);
@@ -645,6 +714,8 @@ int main(void) {
     RUN(test_colors);
     RUN(test_finite);
     RUN(test_refused);
+    RUN(test_ambient);
+    RUN(test_ambient_of_each);
     sps_destroy(context);
     return check_report();
 }

@@ -2039,7 +2039,7 @@ static void test_help(void) {
                                         "\nRendering.",
                                         "\nResults. ",
                                         "--volume before them"};
-    static char help[8000];
+    static char help[12000];
     CHECK(run_render("--help >help").status == 0);
     CHECK(read_file("help", help, sizeof help) > 1000);
     for (size_t i = 0; i < sizeof words / sizeof *words; ++i)

@@ -190,9 +190,10 @@ static void check_left_out(const outcome *o, const outcome *full, sps_pass pass)
 
 static void test_everything_runs(const outcome *full) {
     for (int i = 0; i < SPS_PASS_COUNT; ++i)
-        CHECK(runs(full, (sps_pass)i) == (i != SPS_PASS_GRADIENT && i != SPS_PASS_LIGHT_MAPS &&
-                                          i != SPS_PASS_PENUMBRAE && i != SPS_PASS_PROJECTORS && i != SPS_PASS_LAYERS &&
-                                          i != SPS_PASS_TEXTURES && i != SPS_PASS_FORWARD && i != SPS_PASS_CELLS));
+        CHECK(runs(full, (sps_pass)i) ==
+              (i != SPS_PASS_GRADIENT && i != SPS_PASS_LIGHT_MAPS && i != SPS_PASS_PENUMBRAE &&
+               i != SPS_PASS_PROJECTORS && i != SPS_PASS_LAYERS && i != SPS_PASS_TEXTURES && i != SPS_PASS_FORWARD &&
+               i != SPS_PASS_SPREADING && i != SPS_PASS_CELLS));
     CHECK(full->plan.sweep_count == 1 && full->plan.sheet_channels == 1 && full->plan.color_channels == 1);
     CHECK(full->plan.slab_count > 4 && full->plan.shadow_width > 4 && full->plan.shadow_height > 4);
     CHECK(full->stats.eye_fragments > 0 && full->stats.light_fragments > 0 && full->stats.pixels_of_polygons > 0);

@@ -743,18 +743,18 @@ typedef enum sps_scattering {
        scatter once. Cost: voxels splatted once more per light, a pass over its sheets per channel of color, and one
        more lookup per light beside those of FORWARD. [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
-    /* Any number of times in every direction, on a grid of cubic cells about all gas, for all lights at once: what
-       comes back, what leaves by the sides, what goes from gas to gas, and emission and ambient light that is
-       scattered. What keeps to the straight way is added as by FORWARD. See sps_view.scatter_size. The light in the
-       cells does not depend on the camera: it is held for the next call, and used there if nothing that it was made
-       from has changed, which takes a revision of every volume and mesh, and no light that throws an image. Opaque
-       polygons stop what goes from cell to cell and send it back in all directions, as they do with what lights and
-       ambient light send them; they reflect it in the picture, too, where ambient light is less by what gas keeps off.
-       All that by the mesh's own color, which shade_fn does not change, and not from polygon to polygon. Panes let it
-       pass as if they were not there. A light with an extent lights the cells from its centre. Cost: filling the cells
-       and a table per light, and some ten sweeps over them per channel of color, twice as many and rays through the
-       polygons where there are any; then a lookup of them per gas and channel beside those of shadows, and one per
-       surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
+    /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
+       far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
+       emission and ambient light that is scattered. What keeps to the straight way is added as by FORWARD. See
+       sps_view.scatter_size. The light in the cells does not depend on the camera: it is held for the next call, and
+       used there if nothing that it was made from has changed, which takes a revision of every volume and mesh, and no
+       light that throws an image. Opaque polygons stop what goes from cell to cell and send it back in all directions,
+       as they do with what lights and ambient light send them; they reflect it in the picture, too, where ambient light
+       is less by what gas keeps off. All that by the mesh's own color, which shade_fn does not change, and not from
+       polygon to polygon. Panes let it pass as if they were not there. A light with an extent lights the cells from its
+       centre. Cost: filling the cells and a table per light, and some ten sweeps over them per channel of color, twice
+       as many and rays through the polygons where there are any; then a lookup of them per gas and channel beside those
+       of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_FULL
 } sps_scattering;
 
@@ -4007,6 +4007,10 @@ typedef enum spsi_choice {
     SPSI_CHOICE_TABLE_AGAIN   /* a table: it serves the light in the cells, too */
 } spsi_choice;
 
+typedef struct spsi_bounds {
+    double low[3], high[3]; /* low > high: empty */
+} spsi_bounds;
+
 /* A light that is not black. */
 typedef struct spsi_lamp {
     int index;           /* in the scene's array, for error sentences */
@@ -4022,19 +4026,16 @@ typedef struct spsi_lamp {
     int point_count;
     const struct spsi_lamp *few; /* fewer points, from which gas takes its irradiance; at least one */
     int few_count;
-    int samples;             /* as the caller set it */
-    int shadows;             /* 1: it casts shadows */
-    int sliced;              /* 1: it shades gas by sheets, and so needs slabs that suit it */
-    int has_map;             /* 1: it shades gas by a transmittance map */
-    spsi_choice choice;      /* who chose between the two, and why */
-    int map_size;            /* texels on the map's longer side; 0: fitted to the gas */
-    int map_omnidirectional; /* 1: the map has six faces wherever the light is */
-    sps_tmap_settings map;   /* the map's settings, with the technique resolved */
+    int samples;                   /* as the caller set it */
+    int shadows;                   /* 1: it casts shadows */
+    int sliced;                    /* 1: it shades gas by sheets, and so needs slabs that suit it */
+    int has_map;                   /* 1: it shades gas by a transmittance map */
+    spsi_choice choice;            /* who chose between the two, and why */
+    int map_size;                  /* texels on the map's longer side; 0: fitted to the gas */
+    const spsi_bounds *map_bounds; /* of the gas that it serves, while other gas shades that, too; NULL: all */
+    int map_omnidirectional;       /* 1: the map has six faces wherever the light is */
+    sps_tmap_settings map;         /* the map's settings, with the technique resolved */
 } spsi_lamp;
-
-typedef struct spsi_bounds {
-    double low[3], high[3]; /* low > high: empty */
-} spsi_bounds;
 
 /* Parameters set by quality. */
 typedef struct spsi_accuracy {
@@ -4144,8 +4145,9 @@ typedef struct spsi_content {
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     const spsi_image *images;      /* that lights throw, >>projectors */
-    const spsi_cell_grid *cells;   /* NULL: light is not followed from cell to cell */
-    spsi_rays eye;                 /* the frame's, with depths relative to the middle of the content */
+    const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
+    int cell_grid_count;
+    spsi_rays eye; /* the frame's, with depths relative to the middle of the content */
 } spsi_content;
 
 /* The checked and resolved scene, complete before anything is read, and never written again except when lights' shadows
@@ -4760,6 +4762,7 @@ static sps_result spsi_check_sampling(sps_context *context, sps_object object, c
 #define SPSI_COVERAGE_MAX 8 /* along a side of a pixel: samples are bits of 64 */
 
 #define SPSI_CELL_SIDE_MOST 256 /* cells along the longest side of a grid */
+#define SPSI_CELL_GRIDS     4   /* grids of cells, at most, >>lighting */
 
 static int spsi_has_region(const int r[4]) { return r[0] || r[1] || r[2] || r[3]; }
 
@@ -8350,9 +8353,14 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
+/* Bounds of the gas that a light's map serves. */
+static const spsi_bounds *spsi_lamp_bounds(const spsi_frame *frame, const spsi_lamp *lamp) {
+    return lamp->map_bounds ? lamp->map_bounds : &frame->content->bounds;
+}
+
 /* Six grids of rays around a point light, whose texels have the desired size where the gas is farthest. */
 static int spsi_lamp_rays_around(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
-    const spsi_bounds *bounds = &frame->content->bounds;
+    const spsi_bounds *bounds = spsi_lamp_bounds(frame, lamp);
     const double texel = spsi_lamp_texel(frame, lamp);
     double farthest = 0;
     int size = lamp->map_size;
@@ -8367,7 +8375,7 @@ static int spsi_lamp_rays_around(const spsi_frame *frame, const spsi_lamp *lamp,
 /* Aims a light's transmittance map at the gas: one grid of rays if the light sees all of it within a cone, otherwise
    six. Returns the number of grids; 0: the light is too far from the world's origin to tell its rays apart. */
 static int spsi_lamp_rays(const spsi_frame *frame, const spsi_lamp *lamp, spsi_rays rays[SPSI_CUBE_FACES]) {
-    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp),
+    if (!lamp->map_omnidirectional && spsi_rays_fit(lamp, spsi_lamp_bounds(frame, lamp), spsi_lamp_texel(frame, lamp),
                                                     lamp->map_size, spsi_map_texels_most(frame, lamp), &rays[0]))
         return 1;
     return lamp->is_point ? spsi_lamp_rays_around(frame, lamp, rays) : 0;
@@ -13476,7 +13484,7 @@ static sps_result spsi_lamp_tmap_aim(sps_context *context, const spsi_frame *fra
         return spsi_fail_that(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_LIGHT, map->light, "shadow_map", 0,
                               SPSI_TEXELS_ALIKE);
     map->has_range = spsi_settings_have_range(&map->settings);
-    spsi_tmap_fit_range(map, &frame->content->bounds);
+    spsi_tmap_fit_range(map, spsi_lamp_bounds(frame, lamp));
     return spsi_tmap_resolve(map);
 }
 
@@ -16562,34 +16570,35 @@ typedef struct spsi_shader {
     const spsi_shadow *shadows; /* of the lights that the sweep carries */
     int shadow_count;
     const spsi_visible *visible;
-    const spsi_hit *hits;      /* those of `visible`, unless there are no polygons: NULL */
-    spsi_linear slab;          /* slab coordinate */
-    spsi_linear position[3];   /* world position, relative to `position_origin` */
-    double position_origin[3]; /* in the world */
-    spsi_linear cell[3];       /* place in the grid of cells, if there is one: whole numbers are cells' centres */
-    int unshadowed;            /* 1: the sweep also carries ambient light, emission, and lights that cast no shadows */
-    int first_slab;            /* of the current chunk */
-    int x_origin, y_origin;    /* first pixel of the buffers below */
-    int pitch;                 /* pixels per row of the buffers */
-    float *depth;              /* optical depth so far */
-    float *radiance[3];        /* radiance so far; grey: three times the same buffer */
-    float *distance;           /* distance so far, weighted by coverage; NULL: not wanted */
-    float end_depth;           /* optical depth of early ray termination */
+    const spsi_hit *hits;                 /* those of `visible`, unless there are no polygons: NULL */
+    spsi_linear slab;                     /* slab coordinate */
+    spsi_linear position[3];              /* world position, relative to `position_origin` */
+    double position_origin[3];            /* in the world */
+    spsi_linear cell[SPSI_CELL_GRIDS][3]; /* place in the grids of cells, if any: whole numbers are cells' centres */
+    int unshadowed;         /* 1: the sweep also carries ambient light, emission, and lights that cast no shadows */
+    int first_slab;         /* of the current chunk */
+    int x_origin, y_origin; /* first pixel of the buffers below */
+    int pitch;              /* pixels per row of the buffers */
+    float *depth;           /* optical depth so far */
+    float *radiance[3];     /* radiance so far; grey: three times the same buffer */
+    float *distance;        /* distance so far, weighted by coverage; NULL: not wanted */
+    float end_depth;        /* optical depth of early ray termination */
 } spsi_shader;
 
 /* The linear quantities that shading evaluates along the eye's rays. */
 static void spsi_shader_linears(const spsi_slabs *slabs, spsi_shader *shader) {
     const spsi_rays *eye = shader->eye;
-    const spsi_cell_grid *cells = shader->frame->content->cells;
+    const spsi_content *content = shader->frame->content;
     spsi_linear_of_slabs(eye, slabs, &shader->slab);
     spsi_ray_point(eye, 0.5 * eye->width, 0.5 * eye->height, eye->depth_reference, shader->position_origin);
     for (int i = 0; i < 3; ++i) {
         double axis[3] = {0, 0, 0};
         axis[i] = 1;
         spsi_linear_build(eye, axis, shader->position_origin, 0, &shader->position[i]);
-        if (!cells) continue;
-        axis[i] = 1 / cells->edge;
-        spsi_linear_build(eye, axis, cells->corner, -0.5, &shader->cell[i]);
+        for (int n = 0; n < content->cell_grid_count; ++n) {
+            axis[i] = 1 / content->cells[n].edge;
+            spsi_linear_build(eye, axis, content->cells[n].corner, -0.5, &shader->cell[n][i]);
+        }
     }
 }
 
@@ -17335,23 +17344,31 @@ static void spsi_add_shadowed(const spsi_shader *shader, const spsi_shadow *shad
     spsi_add_lamp(shader, p, part, shadow->lamp, &carried, sent);
 }
 
+/* Points of a part among a grid of cells. */
+typedef struct spsi_cell_place {
+    const spsi_cell_grid *grid;
+    spsi_v at[3];
+    spsi_m here, left; /* which of them are in this grid; which are in none so far */
+} spsi_cell_place;
+
 /* Adds what one material of a part sends of the light in the cells, at a place in their grid. Extinction is scaled on
    the way to the eye, too: more emission reaches it, and exp(-k t) - exp(-t) in all of the ambient light behind, where
    there is no polygon. */
 static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, int m,
-                                    const spsi_v at[3], const spsi_sent *into) {
+                                    const spsi_cell_place *place, const spsi_sent *into) {
     const spsi_frame *frame = shader->frame;
+    const spsi_cell_grid *grid = place->grid;
     const spsi_material *material = &frame->matter.materials[m];
     const spsi_sample *sample = &part->samples[m];
     const spsi_v start = spsi_add(part->before, into->ahead), end = spsi_add(part->after, into->ahead);
     const spsi_v gas = spsi_mul(sample->depth, spsi_sub(spsi_set(1), sample->surface));
     const spsi_v straight = spsi_mean_transmittance(start, end), zero = spsi_set(0);
     const spsi_m blocked = spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY));
-    const float peak = frame->content->cells->peak[m];
+    const float peak = grid->peak[m];
     for (int c = 0; c < frame->channels; ++c) {
         const spsi_v scale = spsi_sub(spsi_set(1), spsi_mul(sample->color[c], spsi_set(peak)));
         const spsi_v seen = spsi_mean_transmittance(spsi_mul(scale, start), spsi_mul(scale, end));
-        const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(frame->content->cells, m, c, at));
+        const spsi_v light = spsi_mul(sample->color[c], spsi_cells_lookup(grid, m, c, place->at));
         const spsi_v behind = spsi_select(blocked, zero, spsi_set(frame->ambient.radiance[c]));
         spsi_v sent = spsi_mul(gas, spsi_mul(light, seen));
         if (peak > 0) {
@@ -17359,20 +17376,43 @@ static void spsi_add_material_cells(const spsi_shader *shader, const spsi_pixels
             sent = spsi_fma(spsi_mul(gas, behind), spsi_sub(straight, spsi_mul(scale, seen)), sent);
             sent = spsi_fma(spsi_min(emitted, spsi_set(SPSI_RADIANCE_MAX)), spsi_sub(seen, straight), sent);
         }
-        into->again[c] = spsi_add(into->again[c], spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)));
+        sent = spsi_select(place->here, spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX)), zero);
+        into->again[c] = spsi_add(into->again[c], sent);
     }
 }
 
-/* The same for all materials. */
+/* Finds the n-th grid's place where a part has its middle: which of its points are there, and in no grid before. Gas
+   beyond all grids, by round-off, belongs to the last. */
+static void spsi_cell_place_build(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part, int n,
+                                  spsi_cell_place *place) {
+    const spsi_content *content = shader->frame->content;
+    const spsi_v low = spsi_set(-0.5f);
+    spsi_m inside = place->left;
+    place->grid = &content->cells[n];
+    for (int i = 0; i < 3; ++i) {
+        const spsi_v high = spsi_set((float)place->grid->size[i] - 0.5f);
+        place->at[i] = spsi_fma(part->middle, spsi_linear_slope(&shader->cell[n][i], p->line.at, (float)p->line.y),
+                                spsi_linear_base(&shader->cell[n][i], p->line.at, (float)p->line.y));
+        inside = spsi_and(inside, spsi_and(spsi_less(low, place->at[i]), spsi_less(place->at[i], high)));
+    }
+    place->here = n + 1 == content->cell_grid_count ? place->left : inside;
+    place->left = spsi_less(spsi_select(place->here, spsi_set(1), spsi_select(place->left, spsi_set(0), spsi_set(1))),
+                            spsi_set(0.5f));
+}
+
+/* The same for all materials, in all grids. */
 static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                            const spsi_sent *into) {
-    spsi_v at[3];
-    for (int i = 0; i < 3; ++i)
-        at[i] = spsi_fma(part->middle, spsi_linear_slope(&shader->cell[i], p->line.at, (float)p->line.y),
-                         spsi_linear_base(&shader->cell[i], p->line.at, (float)p->line.y));
-    for (int m = 0; m < shader->frame->matter.material_count; ++m)
-        if (shader->frame->matter.materials[m].scatters && spsi_bits(spsi_less(spsi_set(0), part->samples[m].depth)))
-            spsi_add_material_cells(shader, p, part, m, at, into);
+    spsi_cell_place place;
+    place.left = spsi_less(spsi_set(0), spsi_set(1));
+    for (int n = 0; n < shader->frame->content->cell_grid_count; ++n) {
+        spsi_cell_place_build(shader, p, part, n, &place);
+        if (!spsi_bits(place.here)) continue;
+        for (int m = 0; m < shader->frame->matter.material_count; ++m)
+            if (shader->frame->matter.materials[m].scatters &&
+                spsi_bits(spsi_less(spsi_set(0), part->samples[m].depth)))
+                spsi_add_material_cells(shader, p, part, m, &place, into);
+    }
 }
 
 /* Adds ambient light, emission, and the lights that cast no shadows. */
@@ -17623,7 +17663,11 @@ static void spsi_add_flux(const spsi_frame *frame, const spsi_surface *surface, 
     memcpy(normal, surface->normal, sizeof normal);
     if (!spsi_normalise(normal)) return;
     for (int c = 0; c < 3; ++c) {
-        if (c < cells->channels) irradiance = spsi_cells_irradiance(cells, c, surface->point, normal);
+        if (c < cells->channels) {
+            irradiance = 0;
+            for (int n = 0; n < frame->content->cell_grid_count; ++n)
+                irradiance += spsi_cells_irradiance(&cells[n], c, surface->point, normal);
+        }
         radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * irradiance / SPSI_PI), 0);
     }
 }
@@ -18183,6 +18227,7 @@ typedef struct spsi_cell_job {
     const spsi_frame *frame;
     const spsi_faces *faces;
     spsi_cell_grid *grid;
+    spsi_bounds bounds;   /* of the gas in it */
     int fine;             /* sheets' samples along a cell's half edge */
     spsi_sampling sheets; /* across z */
     float *samples;       /* per sample, two along each edge: optical depth along half an edge */
@@ -18201,13 +18246,94 @@ typedef struct spsi_cell_job {
 
 /* --- where cells are --- */
 
-/* Places the grid about the gas. Returns 0 if there is none. */
-static int spsi_cells_place(const spsi_frame *frame, spsi_cell_grid *grid) {
-    const spsi_bounds *bounds = &frame->content->bounds;
+#define SPSI_GROUPS_MOST  64  /* while they are found */
+#define SPSI_GROUPS_APART 2.0 /* from which distance on groups have grids of their own, per longest side */
+
+/* Groups of gas that are far apart. */
+typedef struct spsi_groups {
+    spsi_bounds list[SPSI_GROUPS_MOST];
+    int count;
+} spsi_groups;
+
+static double spsi_bounds_longest(const spsi_bounds *bounds) {
     double longest = 0;
+    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
+    return longest;
+}
+
+/* How far two groups are apart, per longest side of the larger one. */
+static double spsi_groups_apart(const spsi_bounds *a, const spsi_bounds *b) {
+    double square = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double gap = fmax(fmax(a->low[k] - b->high[k], b->low[k] - a->high[k]), 0);
+        square += gap * gap;
+    }
+    return sqrt(square) / fmax(fmax(spsi_bounds_longest(a), spsi_bounds_longest(b)), DBL_MIN);
+}
+
+static void spsi_bounds_join(spsi_bounds *bounds, const spsi_bounds *other) {
+    spsi_bounds_add(bounds, other->low);
+    spsi_bounds_add(bounds, other->high);
+}
+
+/* Joins the two groups that are least far apart. Returns 0 if all are farther apart than `far_apart`. */
+static int spsi_groups_join(spsi_groups *groups, double far_apart) {
+    int pair[2] = {-1, -1};
+    for (int i = 0; i < groups->count; ++i)
+        for (int k = 0; k < i; ++k) {
+            const double apart = spsi_groups_apart(&groups->list[i], &groups->list[k]);
+            if (!(apart < far_apart)) continue;
+            far_apart = apart;
+            pair[0] = k;
+            pair[1] = i;
+        }
+    if (pair[0] < 0) return 0;
+    spsi_bounds_join(&groups->list[pair[0]], &groups->list[pair[1]]);
+    groups->list[pair[1]] = groups->list[--groups->count];
+    return 1;
+}
+
+/* Adds a box: to the last group that took one, if that holds it, or to one near by. */
+static void spsi_groups_add(spsi_groups *groups, const spsi_bounds *box, int *last) {
+    if (*last >= 0 && spsi_bounds_hold(&groups->list[*last], box->low) &&
+        spsi_bounds_hold(&groups->list[*last], box->high))
+        return;
+    for (*last = 0; *last < groups->count; ++*last)
+        if (spsi_groups_apart(&groups->list[*last], box) < SPSI_GROUPS_APART) {
+            spsi_bounds_join(&groups->list[*last], box);
+            return;
+        }
+    if (groups->count == SPSI_GROUPS_MOST) spsi_groups_join(groups, HUGE_VAL);
+    *last = groups->count++;
+    groups->list[*last] = *box;
+}
+
+/* Groups all gas. Light from one group to another, which is left out, is at most 1 / 36 of what leaves it by one side:
+   seen from 2.5 sides away, a side covers 1 / 6 of a circle of the sky in width and height, and shines as its cosine.
+ */
+static void spsi_groups_build(const sps_context *context, const spsi_frame *frame, spsi_groups *groups) {
+    const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    int last = -1;
+    groups->count = 0;
+    for (int i = 0; i < context->brick_count; ++i) {
+        spsi_bounds box;
+        spsi_brick_bounds(frame, &bricks[i], &box);
+        spsi_groups_add(groups, &box, &last);
+    }
+    for (int i = 0; i < frame->content->particle_count; ++i) {
+        spsi_bounds box;
+        spsi_particle_bounds(&frame->content->particles[i], &box);
+        spsi_groups_add(groups, &box, &last);
+    }
+    while (spsi_groups_join(groups, groups->count > SPSI_CELL_GRIDS ? HUGE_VAL : SPSI_GROUPS_APART)) continue;
+}
+
+/* Places a grid about gas. Returns 0 if there is none. */
+static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, spsi_cell_grid *grid) {
+    double longest;
     memset(grid, 0, sizeof *grid);
     if (spsi_bounds_empty(bounds)) return 0;
-    for (int k = 0; k < 3; ++k) longest = fmax(longest, bounds->high[k] - bounds->low[k]);
+    longest = spsi_bounds_longest(bounds);
     if (!(longest > 0)) return 0;
     grid->edge = longest / frame->view.scatter_size;
     for (int k = 0; k < 3; ++k) {
@@ -18414,8 +18540,10 @@ static void spsi_cells_mean_scale(const spsi_cell_job *job) {
 
 /* --- light --- */
 
-/* Turns a light into one that has a table for cells, with texels as large as samples where it can. */
-static void spsi_cells_lamp(int cells, spsi_lamp *lamp) {
+/* Turns a light into one that has a table for cells, with texels as large as samples where it can. `served`: the gas
+   in them; NULL: all. */
+static void spsi_cells_lamp(int cells, const spsi_bounds *served, spsi_lamp *lamp) {
+    lamp->map_bounds = served;
     memset(&lamp->map, 0, sizeof lamp->map);
     lamp->map.technique = SPS_TMAP_TABLE;
     lamp->map_size = spsi_most(16, 2 * cells);
@@ -18428,7 +18556,7 @@ static sps_result spsi_cells_map(const spsi_cell_job *job, const spsi_lamp *lamp
                                  sps_tmap *map) {
     spsi_lamp coarse = *lamp;
     spsi_occluders occluders;
-    spsi_cells_lamp(job->frame->view.scatter_size, &coarse);
+    spsi_cells_lamp(job->frame->view.scatter_size, &job->bounds, &coarse);
     if (spsi_lamp_tmap_aim(job->context, job->frame, &coarse, map)) return job->context->result;
     memset(&occluders, 0, sizeof occluders);
     occluders.frame = job->frame;
@@ -18456,8 +18584,9 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
         spsi_shadow *shadow = &job->shadows[count];
         if (!frame->lamps.list[i].shadows) continue;
         shadow->lamp = &frame->lamps.list[i];
-        if (spsi_has_shadow_table(shadow->lamp) ? spsi_cells_own_map(job, shadow->lamp, &each, &maps[count])
-                                                : spsi_cells_map(job, shadow->lamp, &each, &maps[count]))
+        if (!maps[count].waits &&
+            (spsi_has_shadow_table(shadow->lamp) ? spsi_cells_own_map(job, shadow->lamp, &each, &maps[count])
+                                                 : spsi_cells_map(job, shadow->lamp, &each, &maps[count])))
             return job->context->result;
         shadow->kind = SPSI_SHADOW_MAP;
         shadow->tmap = &maps[count++];
@@ -18910,8 +19039,11 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
     memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
-    memset(maps, 0, (size_t)count * sizeof *maps);
-    for (int i = 0; i < count; ++i) maps[i].context = context;
+    for (int i = 0; i < count; ++i) {
+        if (context->cell_tmap_count == count && maps[i].waits) continue; /* made for an earlier grid */
+        memset(&maps[i], 0, sizeof maps[i]);
+        maps[i].context = context;
+    }
     context->cell_tmap_count = count;
     job->gas = spsi_has_shadow_tables(job->frame) ? spsi_gas_fingerprint(job->frame) : 0;
     spsi_cells_aim(job->grid, 1, &job->sheets.rays, &job->sheets.slabs);
@@ -19182,7 +19314,7 @@ static sps_result spsi_cells_solve_all(spsi_cell_job *job, const spsi_part_of_ca
 static size_t spsi_cells_map_bytes(const spsi_frame *frame, const spsi_lamp *lamp) {
     spsi_lamp coarse = *lamp;
     size_t held, filling;
-    spsi_cells_lamp(frame->view.scatter_size, &coarse);
+    spsi_cells_lamp(frame->view.scatter_size, NULL, &coarse);
     spsi_lamp_tmap_bytes(frame, &coarse, &held, &filling);
     return held + filling;
 }
@@ -19193,18 +19325,24 @@ static size_t spsi_cells_flux_floats(const spsi_cell_grid *grid) {
     return (flux > 0 ? flux + spsi_cell_patch_floats(grid) : 0) + 3;
 }
 
-/* Upper bound of the bytes for all cells: those of a cube. */
+/* Floats of a grid that is held: moments, depth, and what polygons receive; and of what is seen of it. */
+static size_t spsi_cell_grid_floats(const spsi_frame *frame, const spsi_cell_grid *grid, size_t *seen) {
+    *seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
+    return (size_t)(1 + grid->channels * grid->terms) * grid->count + spsi_cells_flux_floats(grid);
+}
+
+/* Upper bound of the bytes for all cells: those of cubes, one after the other. */
 static size_t spsi_cells_bytes(const spsi_frame *frame) {
     const int side = frame->view.scatter_size;
-    size_t floats, bytes = sizeof(spsi_cell_job) + sizeof(spsi_cell_grid);
+    size_t floats, bytes = sizeof(spsi_cell_job) + SPSI_CELL_GRIDS * sizeof(spsi_cell_grid), seen;
     spsi_cell_grid grid;
     spsi_cell_solver solver;
     memset(&grid, 0, sizeof grid);
     grid.size[0] = grid.size[1] = grid.size[2] = side;
     spsi_cells_lay_out(frame, &grid);
     floats = spsi_cell_job_floats(frame, &grid) * grid.count + spsi_cell_solver_size(&grid, &solver);
-    floats += (size_t)(1 + grid.channels * (grid.terms + frame->matter.material_count)) * grid.count;
-    floats += spsi_cells_flux_floats(&grid) + (grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0);
+    floats += SPSI_CELL_GRIDS * spsi_cell_grid_floats(frame, &grid, &seen);
+    floats += SPSI_CELL_GRIDS * seen + (grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0);
     for (int i = 0; i < frame->lamps.count; ++i)
         if (frame->lamps.list[i].shadows && !spsi_has_shadow_table(&frame->lamps.list[i]))
             bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
@@ -19248,19 +19386,22 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     return hash;
 }
 
-/* The same with the place of a grid of cells. */
-static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame,
-                                       const spsi_cell_grid *grid) {
-    const double place[] = {grid->corner[0], grid->corner[1], grid->corner[2], grid->edge};
+/* The same with the places of grids of cells. */
+static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_frame *frame, const spsi_cell_grid *grids,
+                                       int count) {
     uint64_t hash = spsi_scattered_fingerprint(context, frame);
-    if (!hash) return 0;
-    hash = spsi_fingerprint(hash, place, sizeof place);
-    return spsi_fingerprint(hash, grid->size, sizeof grid->size);
+    for (int n = 0; n < count && hash; ++n) {
+        const spsi_cell_grid *grid = &grids[n];
+        const double place[] = {grid->corner[0], grid->corner[1], grid->corner[2], grid->edge};
+        hash = spsi_fingerprint(hash, place, sizeof place);
+        hash = spsi_fingerprint(hash, grid->size, sizeof grid->size);
+    }
+    return hash;
 }
 
 /* Fills, lights and solves. */
 static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                  const spsi_part_of_call *part, spsi_cell_grid *grid) {
+                                  const spsi_bounds *bounds, const spsi_part_of_call *part, spsi_cell_grid *grid) {
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
     spsi_part_of_call third = *part;
     spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
@@ -19273,6 +19414,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     job->frame = frame;
     job->faces = faces;
     job->grid = grid;
+    job->bounds = *bounds;
     job->fine = spsi_samples_fineness(frame, 0.5 * grid->edge);
     job->samples = memory;
     job->scattered = job->samples + 8 * grid->count;
@@ -19287,42 +19429,99 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     return spsi_cells_solve_all(job, &third);
 }
 
-/* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
-static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                   const spsi_part_of_call *part) {
-    const double start = spsi_clock(context);
-    spsi_cell_grid *grid = (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, 1, sizeof *grid);
-    spsi_cell_look look;
-    uint64_t key;
-    size_t moments, seen, flux;
-    frame->content->cells = NULL;
-    if (!grid) return context->result;
-    if (!spsi_holds_gas(context, frame) || !spsi_cells_place(frame, grid)) return SPS_OK;
-    spsi_cells_lay_out(frame, grid);
-    key = spsi_cells_fingerprint(context, frame, grid);
-    if (!key || key != context->cells_held) context->cells_held = 0; /* buffers may be lost before there is new light */
-    moments = (size_t)(grid->channels * grid->terms) * grid->count;
-    seen = (size_t)(frame->matter.material_count * grid->channels) * grid->count;
-    flux = (size_t)(grid->channels * grid->flux_terms) * grid->count;
-    grid->moments = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS,
-                                          moments + grid->count + spsi_cells_flux_floats(grid), sizeof(float));
-    grid->seen = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
-    if (!grid->moments || !grid->seen) return context->result;
-    grid->depth = grid->moments + moments;
-    grid->scale = grid->depth + grid->count;
-    grid->flux = grid->scale + 3;
-    grid->patches = grid->flux + flux;
-    if (context->cells_held == 0) {
-        if (spsi_cells_make(context, frame, faces, part, grid)) return context->result;
-        context->cells_held = key;
-        context->stats.cells = (uint64_t)grid->size[0] * (uint64_t)grid->size[1] * (uint64_t)grid->size[2];
+/* Reserves the memory of all grids. */
+static sps_result spsi_cells_reserve(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grids, int count) {
+    size_t held = 0, seen = 0, own_seen;
+    float *memory, *look;
+    for (int n = 0; n < count; ++n) {
+        held += spsi_cell_grid_floats(frame, &grids[n], &own_seen);
+        seen += own_seen;
     }
-    memset(grid->seen, 0, seen * sizeof *grid->seen);
+    memory = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_MOMENTS, held, sizeof(float));
+    look = (float *)spsi_reserve(context, SPSI_BUFFER_CELL_SEEN, seen, sizeof(float));
+    if (!memory || !look) return context->result;
+    memset(look, 0, seen * sizeof *look);
+    for (int n = 0; n < count; ++n) {
+        spsi_cell_grid *grid = &grids[n];
+        const size_t channels = (size_t)grid->channels;
+        grid->moments = memory;
+        grid->seen = look;
+        memory += spsi_cell_grid_floats(frame, grid, &own_seen);
+        look += own_seen;
+        grid->depth = grid->moments + channels * (size_t)grid->terms * grid->count;
+        grid->scale = grid->depth + grid->count;
+        grid->flux = grid->scale + 3;
+        grid->patches = grid->flux + channels * (size_t)grid->flux_terms * grid->count;
+    }
+    return SPS_OK;
+}
+
+/* Places grids about all gas: one, or one about each of groups that are far apart. Returns their number. */
+static int spsi_cells_place_all(const sps_context *context, const spsi_frame *frame, spsi_groups *groups,
+                                spsi_cell_grid *grids) {
+    int count = 0;
+    spsi_groups_build(context, frame, groups);
+    if (groups->count == 1) groups->list[0] = frame->content->bounds;
+    for (int n = 0; n < groups->count; ++n) {
+        if (!spsi_cells_place(frame, &groups->list[n], &grids[count])) continue;
+        groups->list[count] = groups->list[n];
+        spsi_cells_lay_out(frame, &grids[count++]);
+    }
+    return count;
+}
+
+/* Sets the scale of extinction, which surfaces use, to the mean of all grids. */
+static void spsi_cells_share_scale(spsi_cell_grid *grids, int count) {
+    for (int c = 0; c < grids[0].channels && count > 1; ++c) {
+        double sum = 0, weight = 0;
+        for (int n = 0; n < count; ++n) {
+            double depth = 0;
+            for (size_t at = 0; at < grids[n].count; ++at) depth += (double)grids[n].depth[at];
+            depth *= grids[n].edge * grids[n].edge;
+            sum += depth * (double)grids[n].scale[c];
+            weight += depth;
+        }
+        for (int n = 0; n < count && weight > 0; ++n) grids[n].scale[c] = (float)(sum / weight);
+    }
+}
+
+/* Finds what the eye sees of a grid. */
+static void spsi_cells_look(sps_context *context, const spsi_frame *frame, spsi_cell_grid *grid) {
+    spsi_cell_look look;
     look.frame = frame;
     look.grid = grid;
     spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_look_task, &look);
     spsi_parallel(context, grid->size[1] * grid->size[2], spsi_cells_continue_task, &look);
-    frame->content->cells = grid;
+}
+
+/* Finds the light in the cells, unless it is held from the last call, and what the eye sees of it. */
+static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
+                                   const spsi_part_of_call *part) {
+    const double start = spsi_clock(context);
+    spsi_cell_grid *grids =
+        (spsi_cell_grid *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, SPSI_CELL_GRIDS, sizeof *grids);
+    spsi_part_of_call each = *part;
+    spsi_groups groups;
+    uint64_t key;
+    int count;
+    frame->content->cells = NULL;
+    if (!grids) return context->result;
+    if (!spsi_holds_gas(context, frame)) return SPS_OK;
+    count = spsi_cells_place_all(context, frame, &groups, grids);
+    if (count == 0) return SPS_OK;
+    key = spsi_cells_fingerprint(context, frame, grids, count);
+    if (!key || key != context->cells_held) context->cells_held = 0; /* buffers may be lost before there is new light */
+    if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
+    each.share /= count;
+    for (int n = 0; n < count && context->cells_held == 0; ++n, each.progress += each.share) {
+        if (spsi_cells_make(context, frame, faces, &groups.list[n], &each, &grids[n])) return context->result;
+        context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
+    }
+    if (context->stats.cells > 0) spsi_cells_share_scale(grids, count);
+    context->cells_held = key;
+    for (int n = 0; n < count; ++n) spsi_cells_look(context, frame, &grids[n]);
+    frame->content->cells = grids;
+    frame->content->cell_grid_count = count;
     context->stats.seconds_cells = spsi_clock(context) - start;
     return SPS_OK;
 }
@@ -19543,7 +19742,7 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
     const sps_tmap_settings *range = &spread->map.settings;
     spsi_lamp coarse = *lamp;
     double texel;
-    spsi_cells_lamp(frame->view.scatter_size, &coarse);
+    spsi_cells_lamp(frame->view.scatter_size, NULL, &coarse);
     spread->lamp = lamp;
     spread->channels = frame->channels;
     if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;

@@ -1492,6 +1492,97 @@ static void test_failures_between(void) {
     CHECK(n > 5 && hooks.live == 0);
 }
 
+/* --- gas that is far apart --- */
+
+static int grid_count(const sps_context *by) {
+    return ((const spsi_content *)by->buffers[SPSI_BUFFER_CONTENT].data)->cell_grid_count;
+}
+
+/* Two boxes along x, so many of their sides apart, under a sun along x: the second one in the first one's shadow.
+   The camera sees the n-th. */
+static void start_apart(check_scene *s, double apart, int n) {
+    check_clear(s, SIDE, SIDE);
+    memcpy(look_rows, unchanged, sizeof look_rows);
+    for (int i = 0; i < 2; ++i) {
+        const double x = i * (apart + 1) * 2;
+        check_add_puff(s, 4);
+        s->volume[i].placement = check_box(x - 1, -1, -1, x + 1, 1, 1);
+        s->volume[i].eval_fn = NULL;
+        s->volume[i].read_fn = check_read_constant;
+        s->volume[i].user = (void *)(size_t)&one;
+        s->volume[i].extinction = 1;
+        check_color(s->volume[i].albedo, 1, 1, 1);
+    }
+    check_add_directional(s, 1, 0.1, -0.2, 3);
+    check_set3(s->view.camera.position, n == 1 ? (apart + 1) * 2 : 0, 0, 6);
+    check_set3(s->view.camera.target, s->view.camera.position[0], 0, 0);
+    check_orthographic(&s->view.camera, 2.4);
+    s->view.scattering = SPS_SCATTERING_FULL;
+    s->view.scatter_size = 12;
+}
+
+/* Groups of gas that are far apart have grids of their own, as fine as if each were alone; those near by share one. */
+static void test_apart(void) {
+    for (int n = 0; n < 4; ++n) {
+        const double apart = n == 0 ? 1 : n == 1 ? 3 : n == 2 ? 12 : 200;
+        uint64_t made;
+        check_scene s;
+        start_apart(&s, apart, 1);
+        check_set3(s.light[0].direction, 0.1, -1, -0.2); /* neither shades the other */
+        check_render(context, &s, image_a);
+        made = cells_made(context);
+        CHECK(grid_count(context) == (n > 0 ? 2 : 1));
+        s.volume[0] = s.volume[1], s.scene.volume_count = 1;
+        check_render(context, &s, image_b);
+        CHECK((made == 2 * cells_made(context)) == (n > 0));
+        if (figures()) printf("apart %g: %.5f of %.5f\n", apart, mean_of(image_a), mean_of(image_b));
+        if (n > 0) CHECK_NEAR(mean_of(image_a), mean_of(image_b), 0.004 * mean_of(image_b));
+    }
+}
+
+/* Both against random paths: what one sends the other is left out, what it takes from the light is not. */
+static void test_apart_paths(void) {
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        start_apart(&s, 3, n);
+        check_paths(context, &s, n == 0 ? "apart, first" : "apart, second", n == 1 ? 100 : 40, 0.06);
+    }
+}
+
+/* Particles, too. More groups than there are grids share some; if these are then as long as the gaps between them, all
+   do. */
+static void test_many_groups(void) {
+    static sps_particle dots[40];
+    sps_particles set;
+    for (int n = 0; n < 3; ++n) {
+        check_scene s;
+        check_clear(&s, SIDE, SIDE);
+        memset(&set, 0, sizeof set);
+        for (int i = 0; i < 40; ++i) {
+            const double group = n == 0 ? i % 3 : n == 1 ? pow(4, i % 6) : i;
+            dots[i].position[0] = (float)(20 * group + 0.1 * (i / 7 % 3));
+            dots[i].position[1] = (float)(0.1 * (i % 4));
+            dots[i].position[2] = (float)(n == 2 ? 3 * i * i % 50 : 0);
+            dots[i].radius = 0.5f;
+            dots[i].optical_depth = 0.5f;
+        }
+        set.count = 40, set.read_fn = check_read_particles, set.user = dots;
+        check_color(set.albedo, 0.9, 0.8, 0.7);
+        s.scene.particles = &set, s.scene.particle_set_count = 1;
+        check_add_directional(&s, 0.3, -1, -0.4, 3);
+        check_set3(s.view.camera.position, n == 0 ? 20 : 60, 0, 100);
+        check_set3(s.view.camera.target, n == 0 ? 20 : 60, 0, 0);
+        check_orthographic(&s.view.camera, n == 2 ? 900 : 150);
+        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scatter_size = 8;
+        check_render(context, &s, image_a);
+        if (!CHECK(grid_count(context) == (n == 0 ? 3 : n == 1 ? 4 : 1)))
+            printf("    %d: %d grids\n", n, grid_count(context));
+        for (int i = 0; i < COUNT; ++i) CHECK(image_a[i] >= 0 && image_a[i] < 1e6f);
+        CHECK(mean_of(image_a) > 0);
+    }
+}
+
 /* --- the plan --- */
 
 static void test_plan(void) {
@@ -1514,11 +1605,11 @@ static void test_plan(void) {
                    stats.bytes_peak);
         if (!CHECK(stats.bytes_peak <= report.bytes))
             printf("    scene %d: %zu, planned %zu\n", n, stats.bytes_peak, report.bytes);
-        if (n == 4) { /* nothing but cells: the bound is a cube's, as the gas is */
+        if (n == 4) { /* nothing but cells: the bound is a cube's, as the gas is, whose light is held four times */
             static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,  SPSI_BUFFER_CELLS,
                                       SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN, SPSI_BUFFER_CELL_MOMENTS};
             size_t bytes = 0;
-            for (int i = 0; i < 6; ++i) bytes += by->buffers[own[i]].size;
+            for (int i = 0; i < 6; ++i) bytes += (i < 4 ? 1 : SPSI_CELL_GRIDS) * by->buffers[own[i]].size;
             if (figures()) printf("plan: %zu of %zu bytes for cells alone\n", bytes, report.pass[SPS_PASS_CELLS].bytes);
             CHECK(bytes <= report.pass[SPS_PASS_CELLS].bytes && bytes > report.pass[SPS_PASS_CELLS].bytes / 10 * 9);
         }
@@ -1591,6 +1682,9 @@ int main(void) {
     RUN(test_refused);
     RUN(test_failures);
     RUN(test_failures_between);
+    RUN(test_apart);
+    RUN(test_apart_paths);
+    RUN(test_many_groups);
     RUN(test_plan);
     RUN(test_qualities);
     sps_destroy(context);

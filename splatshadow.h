@@ -14622,8 +14622,9 @@ static size_t spsi_spread_light_floats(const spsi_spread_light *light) {
 /* Sets what texels are like. In a cone of rays whose slopes are x and y, with q = 1 + x^2 + y^2, a texel's solid angle
    W is q^-3/2 of the middle one's, and a step under one angle is longer along x by (1 + x^2)^1/2. Light that is even
    stays so if what texels send each other is alike: if the tilt is half the derivative of ln(W v), v being the
-   variance, q (1 + x^2) times q^0 to q^1/2 for the way through a sheet that is longer at a slant: light about a lamp in
-   even gas is then even to 5 %. */
+   variance, q (1
+   + x^2) times q^0 to q^1/2 for the way through a sheet that is longer at a slant. Light about a lamp in even gas is
+   then even to 5 %, with 48 texels across each face. */
 static void spsi_spread_texels(spsi_spread_light *light, const spsi_rays *rays) {
     double normal[3];
     memcpy(normal, rays->inverse[2], sizeof normal);
@@ -19746,6 +19747,10 @@ static sps_result spsi_spread_aim(sps_context *context, const spsi_frame *frame,
     spread->lamp = lamp;
     spread->channels = frame->channels;
     if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+    if (spread->map.face_count > 1) { /* twice as many around as across */
+        coarse.map_size = spsi_most(16, coarse.map_size / 2);
+        if (spsi_lamp_tmap_aim(context, frame, &coarse, &spread->map)) return context->result;
+    }
     texel = spsi_pixel_size_at(&spread->map.rays[0], 0.5 * (range->near_depth + range->far_depth));
     spread->sheet_count = (int)fmin(fmax(ceil((range->far_depth - range->near_depth) / fmax(texel, DBL_MIN)), 4),
                                     spsi_spread_sheets_most(coarse.map_size));

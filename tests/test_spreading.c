@@ -389,6 +389,7 @@ static void test_lamp_within(void) {
     check_random random = {9};
     check_scene s;
     start(&s, 2);
+    s.view.scatter_size = 48; /* texels across a face */
     check_add_point(&s, 0, 0, 0, 1);
     check_render(context, &s, image_a);
     CHECK(spread_of(context, 0)->map.face_count == SPSI_CUBE_FACES);

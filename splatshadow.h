@@ -876,8 +876,8 @@ typedef struct sps_plan_report {
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
-    /* SPS_SCATTERING_AUTO: as in sps_stats_report, if all gas is held from the last call; otherwise -1, and cells are
-       planned. */
+    /* SPS_SCATTERING_AUTO: as in sps_stats_report beside polygons, or if all gas is held from the last call; otherwise
+       -1, and cells are planned. */
     double scatter_bound;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls; /* exact */
     uint64_t voxels_read; /* exact, borders of blocks counted each time */
@@ -6114,13 +6114,18 @@ static double spsi_largest_albedo(const spsi_frame *frame) {
     return fmin((double)most, 1);
 }
 
+/* Whether polygons and gas send each other light, for which there is no bound. */
+static int spsi_polygons_scatter(const spsi_frame *frame) {
+    return frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits);
+}
+
 /* Decides what SPS_SCATTERING_AUTO is. What scatters a second time is at most x of what scatters once, and so on: x is
    the largest share that meets gas again, 1 - exp(-t), times the largest albedo. Sets the bound, x / (1 - x). There is
    none beside polygons, which may send gas as much as lights do. */
 static sps_result spsi_decide_scattering(sps_context *context, spsi_frame *frame, double *bound) {
     *bound = 0;
     if (frame->view.scattering != SPS_SCATTERING_AUTO) return SPS_OK;
-    if (frame->meshes.triangle_count > 0 && (frame->matter.scatters || frame->matter.emits)) {
+    if (spsi_polygons_scatter(frame)) {
         *bound = SPSI_BOUND_NONE;
     } else if (frame->matter.scatters || spsi_lights_polygons(frame)) {
         const double depth = spsi_densest_way(context, frame), x = -spsi_largest_albedo(frame) * expm1(-depth);
@@ -20469,6 +20474,14 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     return context->result;
 }
 
+/* Refuses what slabs cannot serve before light is followed through gas, which takes longest. */
+static sps_result spsi_sweeps_check(sps_context *context, const spsi_frame *frame) {
+    spsi_sweep sweep;
+    for (int n = 0; n < spsi_sweep_count(frame); ++n)
+        if (spsi_sweep_build(context, frame, n, 0, &sweep)) return context->result;
+    return SPS_OK;
+}
+
 static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, const sps_image *image) {
     const size_t pixels = (size_t)frame->view.region[2] * (size_t)frame->view.region[3];
     const double start = spsi_clock(context);
@@ -20497,7 +20510,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     picture.total = (float *)spsi_reserve(context, SPSI_BUFFER_TOTAL, pixels, spsi_total_floats(frame) * sizeof(float));
     run = (spsi_run *)spsi_reserve(context, SPSI_BUFFER_RUN, 1, spsi_run_bytes(context));
     if (!picture.total || !run || spsi_begin_total(context, frame, picture.total)) return context->result;
-    if (spsi_forward_tables(context, frame)) return context->result;
+    if (spsi_forward_tables(context, frame) || spsi_sweeps_check(context, frame)) return context->result;
     if (spsi_scatters_fully(frame) && spsi_cells_build(context, frame, &picture.faces, &cells)) return context->result;
     if (spsi_scatters_aside(frame) && spsi_spreads_build(context, frame, &picture.faces, &cells, &picture.spreads))
         return context->result;
@@ -20941,7 +20954,8 @@ static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_p
     uint64_t bricks;
     if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
-    if (!spsi_scatters_fully(frame) || (reading.held && frame->particles.set_count == 0))
+    if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
+        (reading.held && frame->particles.set_count == 0))
         if (spsi_decide_scattering(context, frame, &report->scatter_bound)) return context->result;
     spsi_plan_choices(context, frame);
     bricks = reading.held ? (uint64_t)context->brick_count : reading.bricks;

@@ -267,6 +267,13 @@ static void test_ambient(void) {
     CHECK(bound_of(&s) == 0);
     check_color(s.volume[0].albedo, 0.01, 0, 0);
     CHECK(bound_of(&s) == 1e6); /* the floor sends gas as much as the light does */
+    {
+        sps_context *by = check_context(NULL);
+        sps_plan_report report;
+        CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report)); /* that is known before gas is read */
+        CHECK(report.scatter_bound == 1e6 && strstr(report.pass[SPS_PASS_CELLS].reason, "above") != NULL);
+        sps_destroy(by);
+    }
     check_color(s.volume[0].albedo, 0, 0, 0);
     check_color(s.volume[0].emission, 0.1, 0, 0);
     CHECK(bound_of(&s) == 1e6); /* gas lights the floor */

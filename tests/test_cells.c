@@ -1402,6 +1402,12 @@ static void test_refused(void) {
     CHECK(image_a[0] == 7 && check_error_info(context, SPS_ERROR_UNSUPPORTED));
     settings.samples = 1;
     CHECK_OK(context, sps_reference(context, &s.scene, &s.view, &settings, &image));
+    start_plain(&s, SUN); /* sheets about a lamp amid gas: before any cell is filled */
+    s.light[0].kind = SPS_LIGHT_POINT;
+    check_set3(s.light[0].position, 0, 0, 0);
+    s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+    check_fails(context, &s, image_a, SPS_ERROR_UNSUPPORTED, "light");
+    CHECK(cells_made(context) == 0);
 }
 
 /* --- failures --- */

@@ -898,30 +898,78 @@ static void test_scaled(void) {
 enum { CLOUD = 32 };
 static float cloud[CLOUD * CLOUD * CLOUD];
 
-/* A cloud of albedo 1, of an optical depth of about 10, from behind, aside and in front. */
-static void test_clouds(void) {
-    static const double directions[3][3] = {{0.3, 0.1, 1}, {1, 0.2, 0}, {0.3, -0.4, -1}};
-    static const char *const names[] = {"from behind", "aside", "from the front"};
+/* A cloud of an optical depth of about 10, of albedo 1. */
+static void start_cloud(check_scene *s, const sps_lobe *lobes, int lobe_count, int view) {
+    static const double directions[6][3] = {{0.3, 0.1, 1}, {1, 0.2, 0},  {0.3, -0.4, -1},
+                                            {0.02, 0, 1},  {0, -1, 0.1}, {-0.6, 0.7, 0.5}};
     static check_array array = {cloud, {CLOUD, CLOUD, CLOUD}, 0, 0};
+    sps_volume *volume;
     check_lumps(cloud, CLOUD);
+    check_clear(s, SIDE, SIDE);
+    s->view.camera.ortho_height = 1.4;
+    volume = check_add_volume(s, CLOUD, CLOUD, CLOUD, check_box(-1, -1, -1, 1, 1, 1));
+    volume->read_fn = check_read_array, volume->user = &array;
+    volume->extinction = 10;
+    volume->lobes = lobes, volume->lobe_count = lobe_count;
+    check_color(volume->albedo, 1, 1, 1);
+    check_add_directional(s, directions[view][0], directions[view][1], directions[view][2], 1);
+    s->view.scattering = SPS_SCATTERING_FULL;
+}
+
+static const char *const cloud_views[] = {"from behind",       "aside",      "from the front",
+                                          "towards the light", "from above", "from below, behind"};
+
+/* From behind, aside and in front: means of pictures. */
+static void test_clouds(void) {
     for (int n = 0; n < 9; ++n) {
         const sps_lobe *const all[] = {NULL, &middle, &forward};
         char name[64];
         check_scene s;
-        sps_volume *volume;
         if (!check_long() && n % 4) continue; /* each direction and each lobe once */
-        check_clear(&s, SIDE, SIDE);
-        s.view.camera.ortho_height = 1.4;
-        volume = check_add_volume(&s, CLOUD, CLOUD, CLOUD, check_box(-1, -1, -1, 1, 1, 1));
-        volume->read_fn = check_read_array, volume->user = &array;
-        volume->extinction = 10;
-        volume->lobes = all[n / 3], volume->lobe_count = n / 3 > 0;
-        check_color(volume->albedo, 1, 1, 1);
-        check_add_directional(&s, directions[n % 3][0], directions[n % 3][1], directions[n % 3][2], 1);
+        start_cloud(&s, all[n / 3], n / 3 > 0, n % 3);
         s.view.quality = SPS_QUALITY_HIGH;
-        s.view.scattering = SPS_SCATTERING_FULL, s.view.scatter_size = check_long() ? 64 : 32;
-        snprintf(name, sizeof name, "cloud, g %g, %s", n < 3 ? 0 : (double)all[n / 3]->asymmetry, names[n % 3]);
+        s.view.scatter_size = check_long() ? 64 : 32;
+        snprintf(name, sizeof name, "cloud, g %g, %s", n < 3 ? 0 : (double)all[n / 3]->asymmetry, cloud_views[n % 3]);
         check_paths(context, &s, name, 20, 0.05);
+    }
+}
+
+/* The rms error of pixels in units of their mean, less what the paths' own noise has in it. */
+static double noiseless_error(const check_scene *s, int samples, double *noise) {
+    static float errors[3 * PIXELS];
+    sps_reference_settings settings;
+    sps_image image;
+    double square = 0, mean = 0, own = 0;
+    memset(&settings, 0, sizeof settings), memset(&image, 0, sizeof image);
+    settings.step = 0.5, settings.samples = samples, settings.seed = 1, settings.error = errors, image.rgba = image_b;
+    check_render(context, s, image_a);
+    CHECK_OK(context, sps_reference(context, &s->scene, &s->view, &settings, &image));
+    for (int i = 0; i < PIXELS; ++i) {
+        const double difference = (double)image_a[4 * i] - (double)image_b[4 * i], error = (double)errors[3 * i];
+        square += difference * difference;
+        own += error * error;
+        mean += (double)image_b[4 * i];
+    }
+    *noise = sqrt(own * PIXELS) / mean;
+    return sqrt(fmax(square - own, 0) * PIXELS) / mean;
+}
+
+/* Pixel by pixel, for all kinds of phase functions, from six sides; long. */
+static void test_cloud_pixels(void) {
+    static const sps_lobe lobes[][2] = {
+        {{-0.3f, 1}, {0, 0}}, {{0, 1}, {0, 0}},     {{0.3f, 1}, {0, 0}}, {{0.5f, 1}, {0, 0}},
+        {{0.75f, 1}, {0, 0}}, {{0.85f, 1}, {0, 0}}, {{0.9f, 1}, {0, 0}}, {{0.8f, 0.8f}, {-0.3f, 0.2f}}};
+    if (!check_long()) return;
+    for (int n = 0; n < 48; ++n) {
+        const sps_lobe *own = lobes[n / 6];
+        double noise, error;
+        check_scene s;
+        start_cloud(&s, own, 1 + (own[1].weight > 0), n % 6);
+        error = noiseless_error(&s, 2000, &noise);
+        if (figures())
+            printf("cloud, g %g, %s: rms error %.1f %% of the mean, noise %.1f %%\n", (double)own->asymmetry,
+                   cloud_views[n % 6], 100 * error, 100 * noise);
+        CHECK(error < 0.05 + noise);
     }
 }
 
@@ -1672,6 +1720,7 @@ int main(void) {
     RUN(test_turned);
     RUN(test_scaled);
     RUN(test_clouds);
+    RUN(test_cloud_pixels);
     RUN(test_paths);
     RUN(test_paths_unshadowed);
     RUN(test_paths_unlit);

@@ -227,6 +227,25 @@ static void test_energy(void) {
     }
 }
 
+/* Where no face adjoins, light leaves by all four sides alike, and nothing comes in. */
+static void test_sides(void) {
+    static float flux[2 * TEXELS];
+    const int middle = WIDE / 2, last = WIDE - 1;
+    trial t = trial_of(24, 1.5);
+    double edges[4], inner;
+    t.broad = 1;
+    t.reach = 10;
+    carry(&t, flux);
+    inner = (double)flux[middle * WIDE + middle];
+    edges[0] = (double)flux[middle * WIDE], edges[1] = (double)flux[middle * WIDE + last];
+    edges[2] = (double)flux[middle], edges[3] = (double)flux[last * WIDE + middle];
+    CHECK_NEAR(inner, 1 - exp(-1.5), 1e-5);
+    for (int i = 0; i < 4; ++i) {
+        CHECK(edges[i] < 0.97 * inner && edges[i] > 0.4 * inner);
+        CHECK_NEAR(edges[i], edges[0], 1e-5);
+    }
+}
+
 /* --- pictures --- */
 
 /* A box of even gas, seen from the side, that a thin beam crosses from left to right. */
@@ -381,6 +400,16 @@ static void test_plate(void) {
     CHECK(flux_at(context, 0, 0.3, -0.15, 0, NULL) > 0.05);
     CHECK(flux_at(context, 0, 0.3, 0.15, 0, NULL) > 2 * flux_at(context, 0, 0.3, -0.15, 0, NULL));
     CHECK(flux_at(context, 0, -0.7, -0.8, 0, NULL) > 0.3);
+    { /* the plate receives what there is before it, which ends within a sheet */
+        const double point[3] = {-0.5, -0.8, 0};
+        float lanes[SPSI_LANES];
+        spsi_v at[3], passed;
+        spsi_spread_place place;
+        spsi_spread_coordinates(spread_of(context, 0), point, at);
+        spsi_spread_find(spread_of(context, 0), at, &place);
+        spsi_store(lanes, spsi_spread_flux(spread_of(context, 0), 0, &place, &passed));
+        CHECK_NEAR((double)lanes[0], flux_at(context, 0, -0.56, -0.8, 0, NULL), 0.03);
+    }
     check_free_triangles(&faces);
 }
 
@@ -647,6 +676,7 @@ int main(void) {
     RUN(test_cone);
     RUN(test_walks);
     RUN(test_energy);
+    RUN(test_sides);
     RUN(test_sun);
     RUN(test_agreement);
     RUN(test_beam_paths);

@@ -139,6 +139,7 @@ PAPERS
     L. Carpenter, "The A-buffer, an Antialiased Hidden Surface Method", SIGGRAPH 1984 >>layers
     M. Zwicker et al., "EWA Splatting", IEEE TVCG 8(3), 2002 >>splat
     M. Olano, T. Greer, "Triangle Scan Conversion using 2D Homogeneous Coordinates", Graphics Hardware 1997 >>polygons
+    E. Haines, J. Wallace, "Shaft Culling for Efficient Ray-Cast Radiosity", EGWR 1991 >>surfaces
     I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", Interactive Ray Tracing 2007 >>trees
     E. R. Woodcock et al., "Techniques Used in the GEM Code for Monte Carlo Neutronics Calculations", 1965 >>paths
     J. Novak et al., "Residual Ratio Tracking for Estimating Attenuation in Participating Media", 2014 >>paths
@@ -8109,6 +8110,121 @@ static int spsi_faces_near(const spsi_faces *faces, const double centre[3], cons
         stack[top++] = node->first + 1;
     }
     return 0;
+}
+
+/* --- whether anything is between a point and rectangles --- */
+
+#define SPSI_SHAFTS        3   /* from a point to the sides of a box that it sees */
+#define SPSI_SHAFT_PLANES  5   /* of each: four through the point, one through the rectangle */
+#define SPSI_SHAFT_NODES   256 /* most that are looked at: more cost as much as rays */
+#define SPSI_SHAFTS_PLANES 16  /* of all: the last is the plane that the point is on */
+
+/* Shafts from a point on a face to rectangles, each across an axis [Haines and Wallace 1991], as far as they are above
+   the face. A box is outside a shaft if it is outside one of its planes: normal . (box - point) > reach. */
+typedef struct spsi_shafts {
+    double point[3], low[SPSI_SHAFTS][3], high[SPSI_SHAFTS][3]; /* rectangles: along their axis both are the same */
+    int own, count;                                             /* own: the face; count: of shafts */
+    float normal[3][SPSI_SHAFTS_PLANES], reach[SPSI_SHAFTS_PLANES];
+    float above[3], below[3]; /* the point relative to the tree's centre, plus and minus room for round-off */
+} spsi_shafts;
+
+/* Begins with no shaft. What is above the face by the round-off of floats only is not above it, or the triangles of a
+   flat floor would be above each other. `normal` is a unit vector. */
+static void spsi_shafts_begin(const spsi_faces *faces, int own, const double point[3], const double normal[3],
+                              spsi_shafts *shafts) {
+    double offset[3], room = 0, sum = 0;
+    memset(shafts, 0, sizeof *shafts);
+    memcpy(shafts->point, point, sizeof shafts->point);
+    shafts->own = own;
+    spsi_along(point, faces->tree.centre, -1, offset);
+    for (int k = 0; k < 3; ++k) room = fabs(offset[k]) > room ? fabs(offset[k]) : room;
+    room *= 3e-7;
+    for (int k = 0; k < 3; ++k) {
+        shafts->above[k] = (float)(offset[k] + room);
+        shafts->below[k] = (float)(offset[k] - room);
+        shafts->normal[k][SPSI_SHAFTS_PLANES - 1] = (float)-normal[k];
+        sum += fabs(normal[k]);
+    }
+    shafts->reach[SPSI_SHAFTS_PLANES - 1] = (float)(-3 * room * sum);
+}
+
+/* Adds the shaft to a rectangle across an axis, which the point is not in the plane of. */
+static void spsi_shafts_add(spsi_shafts *shafts, int axis, const double low[3], const double high[3]) {
+    const double way = low[axis] - shafts->point[axis];
+    int plane = shafts->count * SPSI_SHAFT_PLANES;
+    memcpy(shafts->low[shafts->count], low, 3 * sizeof *low);
+    memcpy(shafts->high[shafts->count++], high, 3 * sizeof *high);
+    shafts->normal[axis][plane] = way < 0 ? -1.0f : 1.0f;
+    shafts->reach[plane++] = (float)fabs(way);
+    for (int i = 1; i < 3; ++i) {
+        const int k = (axis + i) % 3;
+        shafts->normal[k][plane] = 1;
+        shafts->normal[axis][plane++] = (float)((shafts->point[k] - high[k]) / way);
+        shafts->normal[k][plane] = -1;
+        shafts->normal[axis][plane++] = (float)((low[k] - shafts->point[k]) / way);
+    }
+}
+
+/* Bit mask of the shafts that a box may meet, given relative to the tree's centre. */
+static int spsi_shafts_meet_box(const spsi_shafts *shafts, const float low[3], const float high[3]) {
+    int outside = 0, met = 0;
+    for (int n = 0; n < SPSI_SHAFTS_PLANES; n += SPSI_LANES) {
+        spsi_v least = spsi_set(0);
+        for (int k = 0; k < 3; ++k) {
+            const spsi_v normal = spsi_load(&shafts->normal[k][n]);
+            const spsi_v a = spsi_mul(normal, spsi_set(low[k] - shafts->above[k]));
+            const spsi_v b = spsi_mul(normal, spsi_set(high[k] - shafts->below[k]));
+            least = spsi_add(least, spsi_min(a, b));
+        }
+        outside |= spsi_bits(spsi_less(spsi_load(&shafts->reach[n]), least)) << n;
+    }
+    if (outside >> (SPSI_SHAFTS_PLANES - 1)) return 0;
+    for (int i = 0; i < shafts->count; ++i)
+        met |= !(outside >> (i * SPSI_SHAFT_PLANES) & ((1 << SPSI_SHAFT_PLANES) - 1)) << i;
+    return met;
+}
+
+/* Bit mask of the shafts in which an opaque face may stop rays: those that its box meets, and whose rectangle is not on
+   the same side of its plane as the point. An adjoining face in the same plane stops none, as in spsi_face_stops. */
+static int spsi_shafts_meet_face(const spsi_shafts *shafts, const spsi_faces *faces, int number) {
+    const spsi_face *face = &faces->list[number];
+    spsi_bounds bounds = spsi_nowhere;
+    spsi_tree_item box;
+    double plane[3], offset[3], room, side;
+    int near_by, met = 0;
+    if (number == shafts->own || spsi_face_is_translucent(face)) return 0;
+    for (int i = 0; i < 3; ++i) spsi_bounds_add(&bounds, face->position[i]);
+    spsi_tree_item_add(&box, faces->tree.centre, bounds.low, bounds.high);
+    near_by = spsi_shafts_meet_box(shafts, box.low, box.high);
+    spsi_face_plane(face, plane);
+    room = ((double)face->rounding + 16 * DBL_EPSILON * faces->extent) * spsi_reach_of(plane);
+    spsi_along(shafts->point, face->position[0], -1, offset);
+    side = spsi_dot(plane, offset);
+    if (!near_by || fabs(side) <= room) return 0;
+    for (int i = 0; i < 8 * shafts->count; ++i) {
+        const double *low = shafts->low[i / 8], *high = shafts->high[i / 8];
+        for (int k = 0; k < 3; ++k) offset[k] = (i >> k & 1 ? high : low)[k] - face->position[0][k];
+        if (spsi_dot(plane, offset) * (side > 0 ? 1 : -1) <= room) met |= 1 << i / 8;
+    }
+    return met & near_by;
+}
+
+/* Bit mask of the shafts in which there may be an opaque face. */
+static int spsi_shafts_meet(const spsi_shafts *shafts, const spsi_faces *faces) {
+    const int all = (1 << shafts->count) - 1;
+    int stack[SPSI_TREE_STACK], top = 0, seen = 0, met = 0;
+    if (faces->tree.count > 0 && shafts->count > 0) stack[top++] = 0;
+    while (top > 0 && met != all) {
+        const spsi_tree_node *node = &faces->tree.nodes[stack[--top]];
+        if (++seen > SPSI_SHAFT_NODES) return all;
+        if (!(spsi_shafts_meet_box(shafts, node->low, node->high) & ~met)) continue;
+        for (int i = 0; i < node->count; ++i)
+            met |= spsi_shafts_meet_face(shafts, faces, faces->tree.order[node->first + i]);
+        if (node->count > 0) continue;
+        stack[top++] = node->first;
+        stack[top++] = node->first + 1;
+    }
+    return met;
 }
 
 /* --- the nearest face on a ray --- */
@@ -16475,10 +16591,138 @@ static double spsi_cells_irradiance_within(const spsi_cell_grid *grid, int chann
     return all > 0 ? sum / all : 0;
 }
 
-/* The same of a surface outside. A patch before it counts as a disc, whose share of all that the surface sees is
-   cosine cosine' area / (pi distance^2 + area). */
+/* A surface that cells outside light, and what may be in the way. */
+typedef struct spsi_cell_sight {
+    const spsi_cell_grid *grid;
+    const spsi_faces *faces;
+    const spsi_surface *surface;
+    const double *normal; /* a unit vector */
+    int face;
+} spsi_cell_sight;
+
+/* Bit mask of the sides of the grid that a surface is before, with polygons that may be between. */
+static int spsi_cell_sight_near(const spsi_cell_sight *sight) {
+    const spsi_cell_grid *grid = sight->grid;
+    const double *point = sight->surface->point;
+    int sides[SPSI_SHAFTS], met, near_sides = 0;
+    spsi_shafts shafts;
+    spsi_shafts_begin(sight->faces, sight->face, sight->surface->start, sight->normal, &shafts);
+    for (int axis = 0; axis < 3; ++axis) {
+        const double extent = grid->edge * grid->size[axis], at = point[axis] - grid->corner[axis];
+        const int upper = at > extent;
+        double low[3], high[3];
+        if (at >= 0 && !upper) continue;
+        for (int k = 0; k < 3; ++k) {
+            low[k] = grid->corner[k];
+            high[k] = low[k] + grid->edge * grid->size[k];
+        }
+        low[axis] = high[axis] = low[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
+        sides[shafts.count] = 2 * axis + upper;
+        spsi_shafts_add(&shafts, axis, low, high);
+    }
+    met = spsi_shafts_meet(&shafts, sight->faces);
+    for (int i = 0; i < shafts.count; ++i) near_sides |= (met >> i & 1) << sides[i];
+    return near_sides;
+}
+
+/* The way from a surface to where one of a patch's four rays ends: next to the centres of the outermost cells, between
+   which links tell what is in the way. Along either edge of a side, no two rays of the same number end at the same
+   place, nor do the four of a patch: the edge of a shadow that is parallel to it takes them one by one. */
+static void spsi_cell_sight_ray(const spsi_cell_sight *sight, int patch, int number, double toward[3]) {
+    static const int reversed[SPSI_CELL_PATCHES] = {0, 4, 2, 6, 1, 5, 3, 7};
+    const spsi_cell_grid *grid = sight->grid;
+    const double *start = sight->surface->start;
+    const int axis = patch / SPSI_CELL_SIDE / 2, upper = patch / SPSI_CELL_SIDE % 2;
+    const int along[2] = {axis == 0 ? 1 : 0, axis == 2 ? 1 : 2}, bits[2] = {number % 2, number / 2};
+    const int at[2] = {patch % SPSI_CELL_PATCHES, patch / SPSI_CELL_PATCHES % SPSI_CELL_PATCHES};
+    toward[axis] = grid->corner[axis] - start[axis] + grid->edge * (upper ? grid->size[axis] - 0.51 : 0.51);
+    for (int i = 0; i < 2; ++i) {
+        const int k = along[i], first = spsi_cell_patch_first(at[i], grid->size[k]);
+        const int end = spsi_cell_patch_first(at[i] + 1, grid->size[k]);
+        const int part = (reversed[at[1 - i]] + SPSI_CELL_PATCHES / 2 * bits[i]) % SPSI_CELL_PATCHES;
+        const double shift = part + 0.25 * bits[i] + 0.5 * bits[1 - i] + 0.125;
+        toward[k] = grid->corner[k] - start[k] + grid->edge * (first + (end - first) * shift / SPSI_CELL_PATCHES);
+    }
+}
+
+/* Bit mask of a side's patches that the surface faces, as far as they send anything. */
+static uint64_t spsi_cell_sight_faced(const spsi_cell_sight *sight, int side) {
+    const spsi_cell_grid *grid = sight->grid;
+    uint64_t faced = 0;
+    for (int n = 0; n < SPSI_CELL_SIDE; ++n) {
+        const float *patch = grid->patches + side * SPSI_CELL_SIDE + n;
+        double facing = 0;
+        float sent = 0;
+        for (int k = 0; k < 3; ++k)
+            facing +=
+                sight->normal[k] * ((double)patch[k * SPSI_CELL_SHEET] + grid->corner[k] - sight->surface->point[k]);
+        for (int c = 0; c < grid->channels; ++c) sent += fabsf(patch[(4 + c) * SPSI_CELL_SHEET]);
+        if (facing > 0 && sent > 0) faced |= (uint64_t)1 << n;
+    }
+    return faced;
+}
+
+/* Traces one of the rays to each of a side's patches in a bit mask. Returns those that polygons stop. */
+static uint64_t spsi_cell_sight_trace(const spsi_cell_sight *sight, int side, uint64_t patches, int number) {
+    uint64_t hidden = 0;
+    for (int n = 0; n < SPSI_CELL_SIDE;) {
+        int patch[SPSI_PACKET], count = 0;
+        spsi_packet packet;
+        spsi_packet_begin(sight->faces, 0, 1, &packet);
+        for (; n < SPSI_CELL_SIDE && count < SPSI_PACKET; ++n) {
+            double toward[3];
+            if (!(patches >> n & 1)) continue;
+            spsi_cell_sight_ray(sight, side * SPSI_CELL_SIDE + n, number, toward);
+            spsi_packet_add(&sight->faces->tree, count, sight->face, sight->surface->start, toward, &packet);
+            patch[count++] = n;
+        }
+        if (count == 0) break;
+        spsi_packet_trace(sight->faces, &packet);
+        for (int i = 0; i < count; ++i) hidden |= (uint64_t)(~packet.open >> i & 1) << patch[i];
+    }
+    return hidden;
+}
+
+/* Patches of a side and those next to them, as bit masks. */
+static uint64_t spsi_cell_patches_about(uint64_t patches) {
+    const uint64_t first = (uint64_t)0x01010101 << 32 | 0x01010101; /* of each row */
+    const uint64_t row = patches | (patches << 1 & ~first) | (patches & ~first) >> 1;
+    return row | row << SPSI_CELL_PATCHES | row >> SPSI_CELL_PATCHES;
+}
+
+/* Sets how much of a side's patches the surface sees: one ray each, four where seen and hidden patches meet. Returns 1
+   if any is hidden. */
+static int spsi_cell_sight_side(const spsi_cell_sight *sight, int side, float *open) {
+    const uint64_t faced = spsi_cell_sight_faced(sight, side);
+    const uint64_t hidden = spsi_cell_sight_trace(sight, side, faced, 0), seen = faced & ~hidden;
+    const uint64_t edge = (spsi_cell_patches_about(hidden) & seen) | (spsi_cell_patches_about(seen) & hidden);
+    for (int n = 0; n < SPSI_CELL_SIDE && hidden; ++n)
+        if (hidden >> n & 1) open[n] = edge >> n & 1 ? 0.75f : 0;
+    for (int number = 1; number < 4 && edge; ++number) {
+        const uint64_t more = spsi_cell_sight_trace(sight, side, edge, number);
+        for (int n = 0; n < SPSI_CELL_SIDE; ++n)
+            if (more >> n & 1) open[n] -= 0.25f;
+    }
+    return hidden != 0;
+}
+
+/* Sets the share of each patch that a surface sees past opaque polygons. Returns 0 if it sees all of them. Without
+   polygons between a surface and the grid there are no rays. All surfaces have the same rays, so that shadows have fine
+   steps, not noise. */
+static int spsi_cells_sight(const spsi_cell_sight *sight, float open[SPSI_CELL_SHEET]) {
+    const int near_sides = spsi_cell_sight_near(sight);
+    int hidden = 0;
+    if (!near_sides) return 0;
+    for (int n = 0; n < SPSI_CELL_SHEET; ++n) open[n] = 1;
+    for (int side = 0; side < 6; ++side)
+        if (near_sides >> side & 1) hidden |= spsi_cell_sight_side(sight, side, open + side * SPSI_CELL_SIDE);
+    return hidden;
+}
+
+/* Irradiance of a surface outside. A patch before it counts as a disc, whose share of all that the surface sees is
+   cosine cosine' area / (pi distance^2 + area). `open`: the share of each that is seen; NULL: all of them. */
 static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int channel, const double point[3],
-                                            const double normal[3]) {
+                                            const double normal[3], const float *open) {
     const float *patch = grid->patches, *sent = patch + (4 + channel) * SPSI_CELL_SHEET;
     const spsi_v zero = spsi_set(0), one = spsi_set(1), least = spsi_set(1e-30f), pi = spsi_set((float)SPSI_PI);
     spsi_v all = zero, way[3];
@@ -16499,6 +16743,7 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
         share = spsi_mul(spsi_max(facing, zero), spsi_set((float)fabs(before)));
         share = spsi_min(spsi_div(share, square), one);
         share = spsi_mul(share, spsi_div(area, spsi_fma(pi, square, area)));
+        if (open) share = spsi_mul(share, spsi_load(open + n));
         all = spsi_fma(share, spsi_load(sent + n), all);
     }
     spsi_store(lanes, all);
@@ -16507,10 +16752,10 @@ static double spsi_cells_irradiance_outside(const spsi_cell_grid *grid, int chan
 }
 
 /* Irradiance of a surface by what cells send, where there are polygons. Within a patch's width of the grid it changes
-   from one to the other. `normal` is a unit vector. */
+   from one to the other; what hides some of the patches there hides as much of the cells. `normal` is a unit vector. */
 static double spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, const double point[3],
-                                    const double normal[3]) {
-    double square = 0, longest = 0, outside;
+                                    const double normal[3], const float *open) {
+    double square = 0, longest = 0, outside, within, all, seen;
     for (int k = 0; k < 3; ++k) {
         const double at = point[k] - grid->corner[k], extent = grid->edge * grid->size[k];
         const double off = fmax(fmax(-at, at - extent), 0);
@@ -16519,10 +16764,12 @@ static double spsi_cells_irradiance(const spsi_cell_grid *grid, int channel, con
     }
     outside = fmin(sqrt(square) * SPSI_CELL_PATCHES / longest, 1);
     if (!(outside > 0)) return spsi_cells_irradiance_within(grid, channel, point, normal);
-    if (outside < 1)
-        return (1 - outside) * spsi_cells_irradiance_within(grid, channel, point, normal) +
-               outside * spsi_cells_irradiance_outside(grid, channel, point, normal);
-    return spsi_cells_irradiance_outside(grid, channel, point, normal);
+    seen = spsi_cells_irradiance_outside(grid, channel, point, normal, open);
+    if (!(outside < 1)) return seen;
+    within = spsi_cells_irradiance_within(grid, channel, point, normal);
+    all = open ? spsi_cells_irradiance_outside(grid, channel, point, normal, NULL) : seen;
+    if (fabs(all) > 0) within *= fmax(0, fmin(seen / all, 1)); /* where gas takes ambient light, both are below 0 */
+    return (1 - outside) * within + outside * seen;
 }
 
 /* Looks up what is seen of a material in one channel, at a vector of places in cells; linear between their centres. */
@@ -17661,20 +17908,34 @@ static double spsi_straight_scale(const spsi_frame *frame, int c) {
     return cells ? (double)cells->scale[spsi_least(c, cells->channels - 1)] : 1;
 }
 
+/* Adds what cells of a grid send to a surface, by channel. */
+static void spsi_add_grid_irradiance(const spsi_shader *shader, const spsi_cell_grid *grid, const spsi_surface *surface,
+                                     const double normal[3], int face, double irradiance[3]) {
+    float patches[SPSI_CELL_SHEET];
+    spsi_cell_sight sight;
+    int hidden;
+    sight.grid = grid;
+    sight.faces = shader->faces;
+    sight.surface = surface;
+    sight.normal = normal;
+    sight.face = face;
+    hidden = spsi_cells_sight(&sight, patches);
+    for (int c = 0; c < grid->channels; ++c)
+        irradiance[c] += spsi_cells_irradiance(grid, c, surface->point, normal, hidden ? patches : NULL);
+}
+
 /* Adds what a surface reflects of the light that cells send; of ambient light they lack some. */
-static void spsi_add_flux(const spsi_frame *frame, const spsi_surface *surface, const double color[3],
+static void spsi_add_flux(const spsi_shader *shader, const spsi_surface *surface, int face, const double color[3],
                           float radiance[3]) {
-    const spsi_cell_grid *cells = frame->content->cells;
-    double normal[3], irradiance = 0;
+    const spsi_content *content = shader->frame->content;
+    double normal[3], irradiance[3] = {0, 0, 0};
     memcpy(normal, surface->normal, sizeof normal);
     if (!spsi_normalise(normal)) return;
+    for (int n = 0; n < content->cell_grid_count; ++n)
+        spsi_add_grid_irradiance(shader, &content->cells[n], surface, normal, face, irradiance);
     for (int c = 0; c < 3; ++c) {
-        if (c < cells->channels) {
-            irradiance = 0;
-            for (int n = 0; n < frame->content->cell_grid_count; ++n)
-                irradiance += spsi_cells_irradiance(&cells[n], c, surface->point, normal);
-        }
-        radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * irradiance / SPSI_PI), 0);
+        const double received = irradiance[spsi_least(c, content->cells->channels - 1)];
+        radiance[c] = spsi_higher(radiance[c] + (float)(color[c] * received / SPSI_PI), 0);
     }
 }
 
@@ -17711,7 +17972,8 @@ static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *p
     spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(frame, shader->visible->set, place), &look);
     for (int c = 0; c < 3; ++c)
         radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient.radiance[c] + look.emission[c] : 0;
-    if (shader->sweep->first && frame->content->cells) spsi_add_flux(frame, &surface, look.color, radiance);
+    if (shader->sweep->first && frame->content->cells)
+        spsi_add_flux(shader, &surface, place->hit->face, look.color, radiance);
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
@@ -19023,7 +19285,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
             normal[k] = (double)walls->normal[k * count + at];
         }
         sent = color * ambient + (double)walls->lit[own + at] - ambient;
-        if (spsi_normalise(normal)) sent += color / SPSI_PI * spsi_cells_irradiance(grid, c, point, normal);
+        if (spsi_normalise(normal)) sent += color / SPSI_PI * spsi_cells_irradiance(grid, c, point, normal, NULL);
         changed += fabs(sent - (double)walls->sent[at]);
         all += fabs(sent);
         walls->sent[at] = (float)sent;

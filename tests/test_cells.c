@@ -596,6 +596,196 @@ static void test_filling(void) {
     }
 }
 
+/* --- what is deposited --- */
+
+enum { DEPOSITS = 5, MOST_SAMPLES = 48 * 48 * 48 };
+static const char *const deposits[DEPOSITS] = {"upright", "turned", "sheared", "point", "flat"};
+static float deposited[MOST_SAMPLES], splatted[MOST_SAMPLES];
+static const double lump_width = 0.28;
+
+/* A lump of gas whose second derivatives are at most 1 / lump_width^2, in the middle. */
+static double lump(const void *user, const double p[3]) {
+    (void)user;
+    return exp(-0.5 * spsi_dot(p, p) / (lump_width * lump_width));
+}
+static const check_field lump_field = {lump, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+
+/* Gas in voxels of 0.5 to 0.8 samples: a lump whose voxels are upright, turned, or sheared, and in a point light's
+   sheets; and gas up to its faces, in voxels of a twelfth of a slab, in two chunks of slabs. */
+static void start_deposit(check_scene *s, int kind) {
+    static const double axes[2][3][3] = {{{1.6, 1.2, 0}, {-0.96, 1.28, 1.2}, {0.72, -0.96, 1.6}},
+                                         {{2, 0, 0}, {1, 2, 0.3}, {0.2, -0.4, 1.8}}};
+    sps_volume *volume;
+    check_clear(s, SIDE, SIDE);
+    volume = check_add_volume(s, 40, 40, 40, check_box(-1, -1, -1, 1, 1, 1));
+    volume->eval_fn = check_eval_field, volume->user = (void *)(size_t)&lump_field;
+    if (kind == 4) {
+        volume->size[0] = volume->size[1] = 24, volume->size[2] = 217; /* bricks end just before the second chunk */
+        volume->placement = check_box(-1, -1, -1.4, 1, 1, 1.4);
+        volume->eval_fn = NULL, volume->read_fn = check_read_constant, volume->user = (void *)(size_t)&one;
+    }
+    for (int k = 0; k < 3 && (kind == 1 || kind == 2); ++k)
+        for (int i = 0; i < 3; ++i) {
+            volume->placement.axis[k][i] = axes[kind - 1][k][i];
+            volume->placement.origin[i] -= 0.5 * axes[kind - 1][k][i] - (k == i ? 1 : 0);
+        }
+    volume->extinction = 3;
+    check_color(volume->albedo, 0.5, 0.5, 0.5);
+    check_add_directional(s, 0, 0, -1, 1);
+    if (kind == 3) s->scene.light_count = 0, check_add_point(s, 4, -5, 6, 80);
+    s->view.scattering = kind == 3 ? SPS_SCATTERING_CONVOLUTION : SPS_SCATTERING_FULL;
+    s->view.scatter_size = kind == 4 ? 9 : kind == 1 ? 24 : kind > 1 ? 18 + kind : 14;
+}
+
+/* Samples gas with the rays and slabs of sheets that were filled before. */
+static void sample_gas(const spsi_sampling *as, int deposit, float *out) {
+    static spsi_sampling sheets;
+    const size_t width = (size_t)as->rays.width, count = width * (size_t)(as->rays.height * as->slabs.count);
+    memset(&sheets, 0, sizeof sheets);
+    sheets.rays = as->rays, sheets.slabs = as->slabs;
+    memset(out, 0, MOST_SAMPLES * sizeof *out);
+    if (!CHECK(count <= MOST_SAMPLES) || !CHECK_OK(context, spsi_sampling_begin(context, as->frame, &sheets))) return;
+    CHECK(sheets.target.splatters[0].deposits == 1);
+    sheets.target.splatters[0].deposits = deposit;
+    for (int chunk = 0; chunk < spsi_chunk_count(&sheets.slabs); ++chunk) {
+        if (!spsi_sampling_advance(&sheets, chunk)) continue;
+        for (int i = 0; i < spsi_sampling_tiles(&sheets); ++i) {
+            spsi_tile tile;
+            const int slabs = spsi_sampling_tile(&sheets, i, 0, &tile);
+            for (int k = 0; k < slabs; ++k)
+                for (int y = tile.y0; y <= tile.y1; ++y)
+                    for (int x = tile.x0; x <= tile.x1; ++x)
+                        out[((size_t)(sheets.contents.first_slab + k) * (size_t)as->rays.height + (size_t)y) * width +
+                            (size_t)x] = tile.sheets[(size_t)k * tile.sheet_size +
+                                                     (size_t)((y - tile.y0) * tile.pitch + x - tile.x0)];
+        }
+    }
+}
+
+/* The place of a sample's middle, in world units and as t; its volume is the determinant times t^2 in perspective. */
+static double sample_place(const spsi_sampling *sheets, size_t sample, double point[3]) {
+    const spsi_rays *rays = &sheets->rays;
+    const size_t row = sample / (size_t)rays->width;
+    const double x = (double)(sample % (size_t)rays->width), y = (double)(row % (size_t)rays->height);
+    const double from = spsi_dot(sheets->slabs.normal, rays->origin), *c = rays->c;
+    const double s =
+        sheets->slabs.start + sheets->slabs.thickness * ((double)(row / (size_t)rays->height) + 0.5) - from;
+    double ray[3], t = s / spsi_dot(sheets->slabs.normal, c);
+    if (rays->perspective) {
+        for (int k = 0; k < 3; ++k) ray[k] = c[k] + x * rays->a[k] + y * rays->b[k];
+        t = s / spsi_dot(sheets->slabs.normal, ray);
+        spsi_along(rays->origin, ray, t, point);
+        return t * t;
+    }
+    for (int k = 0; k < 3; ++k) point[k] = rays->origin[k] + x * rays->a[k] + y * rays->b[k] + t * c[k];
+    return 1;
+}
+
+/* The most by which cells of a lump may differ, relative to its middle: half the difference between the variances that
+   footprints and deposits add, in world units, times the second derivative. Mixed ones, of which deposits have none,
+   are at most 1/e of that. 0.002 is for ripples: of footprints as wide as half a pixel, and of voxels that are turned.
+   A quarter is for perspective, whose pixels are wider behind the middle. */
+static double deposit_bound(const spsi_sampling *sheets, double *breadth) {
+    static const double origin[3] = {0, 0, 0};
+    const spsi_splatter *s = &sheets->target.splatters[0];
+    const int perspective = sheets->rays.perspective;
+    const double pitch = sheets->slabs.thickness;
+    double centre[3], ray[3], change[3][3], c[3][3] = {{0}}, sum = 0, unit[3], across, least;
+    spsi_project(&sheets->rays, origin, centre);
+    for (int axis = 0; axis < 3; ++axis)
+        for (int k = 0; k < 3; ++k) {
+            const double t = perspective ? centre[2] : 1, along = perspective ? (double)s->step[axis][2] : 0;
+            change[axis][k] = k < 2 ? ((double)s->step[axis][k] - centre[k] * along) / t : (double)s->slab_step[axis];
+        }
+    for (int i = 0; i < 27; ++i)
+        c[i / 9][i / 3 % 3] += SPSI_SIGMA * SPSI_SIGMA * change[i % 3][i / 9] * change[i % 3][i / 3 % 3];
+    across = 0.5 * (c[0][0] - c[1][1]);
+    least = 0.5 * (c[0][0] + c[1][1]) - sqrt(across * across + c[0][1] * c[0][1]);
+    unit[0] = unit[1] = spsi_length(sheets->rays.a) * (perspective ? centre[2] : 1) / lump_width;
+    spsi_ray_direction(&sheets->rays, centre[0], centre[1], ray); /* slabs are crossed along it */
+    unit[2] = pitch / lump_width * spsi_length(ray) / spsi_dot(sheets->slabs.normal, ray);
+    *breadth = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double own = k < 2 ? fmax(0, 0.25 - least) : 1.0 / 12;
+        const double square = c[k][k] / (SPSI_SIGMA * SPSI_SIGMA);
+        sum += fabs(c[k][k] + own - (2 + square) / 12) * unit[k] * unit[k];
+        for (int i = 0; i < k; ++i) sum += 2 * fabs(c[k][i]) / exp(1) * unit[k] * unit[i];
+        *breadth = fmax(*breadth, sqrt(square));
+    }
+    return 0.5 * sum * (perspective ? 1.25 : 1) + 2e-3;
+}
+
+/* The largest difference between cells of 2^3 samples, deposited and splatted, and the most that any cell holds. */
+static double cell_difference(const spsi_sampling *sheets, double *most) {
+    const int width = sheets->rays.width, height = sheets->rays.height;
+    double off = 0;
+    *most = 0;
+    for (int z = 0; z + 2 <= sheets->slabs.count; z += 2)
+        for (int y = 0; y + 2 <= height; y += 2)
+            for (int x = 0; x + 2 <= width; x += 2) {
+                double sums[2] = {0, 0};
+                for (int i = 0; i < 8; ++i) {
+                    const int at = ((z + (i >> 2)) * height + y + (i >> 1 & 1)) * width + x + (i & 1);
+                    sums[0] += (double)deposited[at] / 8;
+                    sums[1] += (double)splatted[at] / 8;
+                }
+                *most = fmax(*most, sums[1]);
+                off = fmax(off, fabs(sums[0] - sums[1]));
+            }
+    return off;
+}
+
+/* Voxels that are small against samples are deposited there, as good as splatted. They keep their mass and its first
+   moments, to rounding. In perspective, a sample's volume grows as t^2 through the variance of 1/4 that a deposit has
+   at most: a share of 3 / 4 (h / t)^2 of mass, and a shift of h^2 / (2 t), if samples are h long. */
+static void test_deposits(void) {
+    for (int kind = 0; kind < DEPOSITS; ++kind) {
+        double sums[4] = {0, 0, 0, 0}, exact_sums[4] = {0, 0, 0, 0}, mass = 0, most = 0, off = 0, bound, breadth;
+        double allowed = kind == 4 ? 1e-5 : 1e-6; /* some hundred voxels per sample, or a few */
+        const spsi_sampling *sheets;
+        check_scene s;
+        start_deposit(&s, kind);
+        check_render(context, &s, image_a);
+        sheets = kind == 3 ? &((const spsi_spread_job *)context->buffers[SPSI_BUFFER_CELL_JOB].data)->sheets
+                           : &job_of(context)->sheets;
+        sample_gas(sheets, 1, deposited);
+        sample_gas(sheets, 0, splatted);
+        bound = deposit_bound(sheets, &breadth);
+        if (kind == 3) {
+            const double t = sheets->slabs.start - spsi_dot(sheets->slabs.normal, sheets->rays.origin);
+            allowed = pow(sheets->slabs.thickness, 2) * (0.75 / (t * t) + 0.5 / t);
+        }
+        for (size_t i = 0; i < (size_t)(sheets->rays.width * sheets->rays.height * sheets->slabs.count); ++i) {
+            double point[3], volume = sample_place(sheets, i, point);
+            volume *= fabs(spsi_determinant(sheets->rays.a, sheets->rays.b, sheets->rays.c));
+            mass += volume * (double)splatted[i];
+            for (int k = 0; k < 4; ++k) sums[k] += volume * (double)deposited[i] * (k < 3 ? point[k] : 1);
+        }
+        off = cell_difference(sheets, &most);
+        for (int i = 0; i < context->brick_count; ++i) {
+            const spsi_brick *brick = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data + i;
+            const spsi_segment *segment = spsi_segment_at(context, brick->segment);
+            const spsi_lattice *lattice = &sheets->frame->lattices[0];
+            for (int n = brick->first; n < brick->first + brick->count; ++n) {
+                const double step[3] = {(double)segment->x[n], (double)segment->y[n], (double)segment->z[n]};
+                double at[3], point[3];
+                for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + step[k] + 0.5;
+                spsi_voxel_position(lattice, at, point);
+                for (int k = 0; k < 4; ++k)
+                    exact_sums[k] += lattice->voxel_volume * (double)segment->value[n] * (k < 3 ? point[k] : 1);
+            }
+        }
+        if (figures())
+            printf("deposited, %s: breadth %.3f, mass %.8f, splatted %.8f, off %.5f of %.5f\n", deposits[kind], breadth,
+                   sums[3] / exact_sums[3], mass / exact_sums[3], off / most, bound);
+        for (int k = kind == 4 ? 3 : 0; k < 4; ++k) CHECK_NEAR(sums[k], exact_sums[k], allowed * exact_sums[3]);
+        if (kind == 4) continue; /* footprints are cut off there */
+        CHECK_NEAR(mass, exact_sums[3], 1e-3 * exact_sums[3]);
+        CHECK(off > 0 && off < bound * most);
+        CHECK(breadth > 0.5 && breadth < (double)SPSI_DEPOSIT_MOST);
+    }
+}
+
 /* What lights send to each cell, by moment: irradiance / 4 pi, times the harmonics of its direction, times what gas on
    the way leaves. */
 static void test_lit(void) {
@@ -1316,10 +1506,11 @@ static void test_held_between(void) {
 
 static void test_workers(void) {
     static const int counts[] = {1, 2, 3, 7};
-    for (int n = 0; n < 2; ++n) {
+    for (int n = 0; n < 3; ++n) {
         check_scene s;
         start(&s, n ? MIXED : GAS, SUN);
         add_light(&s, WITHIN);
+        if (n == 2) s.view.scatter_size = 8; /* voxels are deposited */
         if (n) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
         check_color(s.scene.ambient, 0.1, 0.2, 0.3);
         check_render(context, &s, image_b);
@@ -1709,6 +1900,7 @@ int main(void) {
     RUN(test_furnace);
     RUN(test_nothing_given);
     RUN(test_filling);
+    RUN(test_deposits);
     RUN(test_lit);
     RUN(test_deep);
     RUN(test_lookups);

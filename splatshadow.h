@@ -2438,9 +2438,13 @@ static int spsi_phase_orders(const spsi_material *material) {
     return second > 0.25 ? 4 : 2;
 }
 
-/* The share of what a material scatters that its peak passes straight on, if this many orders are followed. */
+/* The share of what a material scatters that its peak passes straight on, if this many orders are followed: the first
+   moment that is not. The others, scaled to what is left, must not exceed 1 in magnitude, or light would grow from
+   event to event: phase functions with a sharp lobe backwards have next to no peak forwards. */
 static double spsi_phase_peak(const spsi_material *material, int orders) {
-    return orders > 1 ? spsi_phase_moment(material, orders) : 0;
+    double peak = orders > 1 ? spsi_phase_moment(material, orders) : 0;
+    for (int l = 1; l < orders; ++l) peak = fmin(peak, 0.5 * (1 + spsi_phase_moment(material, l)));
+    return peak;
 }
 
 /* Extinction only, for a vector of values. */
@@ -18651,16 +18655,14 @@ static int spsi_shade_pixels(const spsi_shading *shading, int x, int y, int widt
 
 /* ============================================================================================== >>lighting
    30 Filling the cells, and lighting them. Gas goes into sheets across z, two samples along a cell's edge, by the same
-   targets as the eye's: it is deposited where voxels are small against samples, and splatted elsewhere. Each light, with
-   a table of its own as fine as the samples, sends a sample
-     E exp(-k t) Y(d) / 4 pi
-   for each moment: t is the optical depth on the way of light, k the scale of the cell's extinction, d the direction.
-   Ambient light need not be carried: cells are solved for what they lack of it. With A from everywhere, a cell that
-   keeps w' of what it receives sends A less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white
-   sky, exactly. Cost: 27 additions or a footprint per voxel, a footprint more per light, and eight lookups per cell and
-   light.
-   Opaque polygons reflect E color / pi, where E is what lights and cells send there: a ray for each link that they
-   close, and one from there to each light. What polygons send to each other is left out, as it is elsewhere. */
+   targets as the eye's: it is deposited where voxels are small against samples, and splatted elsewhere. Each light,
+   with a table of its own as fine as the samples, sends a sample E exp(-k t) Y(d) / 4 pi for each moment: t is the
+   optical depth on the way of light, k the scale of the cell's extinction, d the direction. Ambient light need not be
+   carried: cells are solved for what they lack of it. With A from everywhere, a cell that keeps w' of what it receives
+   sends A less (1 - w') A, so that a cloud that absorbs nothing vanishes before a white sky, exactly. Cost: 27
+   additions or a footprint per voxel, a footprint more per light, and eight lookups per cell and light. Opaque polygons
+   reflect E color / pi, where E is what lights and cells send there: a ray for each link that they close, and one from
+   there to each light. What polygons send to each other is left out, as it is elsewhere. */
 
 /* Opaque polygons as cells see them: on the mean of those that close a cell's links. */
 typedef struct spsi_cell_walls {
@@ -19818,9 +19820,10 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
     const double numbers[] = {lamp->position[0],   lamp->position[1],        lamp->position[2],
                               lamp->direction[0],  lamp->direction[1],       lamp->direction[2],
                               lamp->extent.radius, (double)lamp->cone.scale, (double)lamp->cone.offset};
-    const int flags[] = {lamp->is_point,      lamp->falls_off,           lamp->shadows,       lamp->cone.exists,
-                         lamp->extent.exists, lamp->extent.is_disc,      lamp->few_count,     lamp->has_map,
-                         lamp->map_size,      lamp->map_omnidirectional, lamp->map.components};
+    const int flags[] = {
+        lamp->is_point,      lamp->falls_off,           lamp->shadows,        lamp->cone.exists,
+        lamp->extent.exists, lamp->extent.is_disc,      lamp->few_count,      lamp->has_map,
+        lamp->map_size,      lamp->map_omnidirectional, lamp->map.components, (int)lamp->map.technique};
     if (lamp->projection.exists || !hash) return 0;
     hash = spsi_fingerprint(hash, numbers, sizeof numbers);
     hash = spsi_fingerprint(hash, flags, sizeof flags);
@@ -19840,6 +19843,9 @@ static uint64_t spsi_scattered_fingerprint(const sps_context *context, const sps
     hash = spsi_fingerprint(hash, sizes, sizeof sizes);
     hash = spsi_fingerprint_word(hash, frame->meshes.count > 0 ? context->faces_held : 0);
     hash = spsi_fingerprint(hash, frame->ambient.radiance, sizeof frame->ambient.radiance);
+    for (int i = 0; i < frame->medium_count; ++i) hash = spsi_fingerprint(hash, &frame->media[i].channel, sizeof(int));
+    for (int i = 0; i < frame->particles.set_count; ++i)
+        hash = spsi_fingerprint(hash, &frame->particles.sets[i].channel, sizeof(int));
     for (int m = 0; m < frame->matter.material_count; ++m) {
         const spsi_material *material = &frame->matter.materials[m];
         hash = spsi_fingerprint(hash, material->albedo, sizeof material->albedo);
@@ -20094,9 +20100,12 @@ static void spsi_spread_light_task(void *data, int y, int worker) {
             const size_t texel = (size_t)y * (size_t)pitch + (size_t)x, at = (size_t)k * job->plane + texel;
             spsi_incident incident;
             spsi_cell_spot spot;
+            spsi_part middle; /* a texel has one direction: at a sheet's ends, a lamp amid gas may itself be */
             spsi_v filter[3];
             spsi_cell_spot_build(&job->shader, thickness, x, y, job->first + k, &spot);
-            spsi_lamp_at(&job->shader, &job->lamp, &spot.pixels, &spot.part, &incident);
+            middle = spot.part;
+            middle.half = spsi_set(0);
+            spsi_lamp_at(&job->shader, &job->lamp, &spot.pixels, &middle, &incident);
             spsi_spread_polygons(job, &spot, texel, at, filter);
             for (int c = 0; c < job->spread->channels; ++c)
                 spsi_store(job->source + (size_t)c * SPSI_CHUNK * job->plane + at,
@@ -20911,24 +20920,28 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
         SPSI_PROGRESS_GATHER + (spsi_scatters_fully(frame) || spsi_scatters_aside(frame) ? SPSI_PROGRESS_CELLS : 0);
     spsi_part_of_call part = {0, (1 - begin) / spsi_sweep_count(frame)};
     spsi_sweep sweep;
+    spsi_shadow *shadows;
     double start;
+    int count;
     part.progress = begin + n * part.share;
     memset(run, 0, sizeof *run);
     if (spsi_sweep_build(context, frame, n, 0, &sweep) || spsi_shadows_begin(context, picture, &sweep, n, run))
         return context->result;
     start = spsi_clock(context);
-    if (spsi_depth_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count) ||
-        spsi_pane_maps_build(context, frame, &picture->faces, run->shadows, run->shader.shadow_count))
+    shadows = run->shadows; /* a part that fails may leave the run without them */
+    count = run->shader.shadow_count;
+    if (spsi_depth_maps_build(context, frame, &picture->faces, shadows, count) ||
+        spsi_pane_maps_build(context, frame, &picture->faces, shadows, count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
     start = spsi_clock(context);
-    spsi_shadow_maps_build(context, frame, run->shadows, run->shader.shadow_count, &part);
+    spsi_shadow_maps_build(context, frame, shadows, count, &part);
     context->stats.seconds_light += spsi_clock(context) - start;
     part.share /= parts;
     for (int i = 0; i < parts && !context->result; ++i, part.progress += part.share)
         if (i == 0 || !spsi_sweep_build(context, frame, n, i, &sweep))
             spsi_render_part(context, picture, &sweep, run, &part);
-    spsi_shadow_maps_release(context, run->shadows, run->shader.shadow_count);
+    spsi_shadow_maps_release(context, shadows, count);
     return context->result;
 }
 

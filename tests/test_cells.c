@@ -1737,6 +1737,56 @@ static void test_failures_between(void) {
     CHECK(n > 5 && hooks.live == 0);
 }
 
+/* Light stays finite, whatever the lobe: sharp ones backwards, too, from thin gas to dense. */
+static void test_backward_lobes(void) {
+    static const float g[] = {-0.99f, -0.95f, -0.9f, -0.8f, 0.99f};
+    for (int n = 0; n < 10; ++n) {
+        const sps_lobe lobe = {g[n / 2], 1};
+        float most = 0;
+        check_scene s;
+        check_clear(&s, SIDE, SIDE);
+        check_set3(s.view.camera.position, 0, 0, 5);
+        check_orthographic(&s.view.camera, 2.2);
+        check_add_puff(&s, n % 2 ? 200 : 20);
+        s.volume[0].lobes = &lobe, s.volume[0].lobe_count = 1;
+        check_color(s.volume[0].albedo, 1, 1, 1);
+        check_add_directional(&s, 1, 0, -0.2, 1);
+        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scatter_size = 16;
+        check_render(context, &s, image_a);
+        for (int i = 0; i < COUNT; ++i) most = i % 4 < 3 && image_a[i] > most ? image_a[i] : most;
+        if (figures())
+            printf("lobe %g, %g: brightest %g\n", (double)lobe.asymmetry, n % 2 ? 200.0 : 20.0, (double)most);
+        CHECK(most > 0 && most < 1); /* a white wall sends 1 / pi */
+    }
+}
+
+/* Of three gases the last one takes the look of the second, or of the first: the list of looks stays as it is. */
+static void test_held_looks(void) {
+    sps_context *by = check_context(NULL);
+    for (int n = 0; n < 3; ++n) {
+        check_scene s;
+        check_clear(&s, SIDE, SIDE);
+        check_set3(s.view.camera.position, 0, 0, 5);
+        check_orthographic(&s.view.camera, 4);
+        for (int i = 0; i < 3; ++i) {
+            check_add_puff(&s, 4);
+            s.volume[i].placement = check_box(i - 2, -1, -1, i, 1, 1);
+            s.volume[i].revision = 1;
+            check_color(s.volume[i].albedo, i == 1 || (i == 2 && n == 1) ? 0.1 : 1, 0.5, i == 0 ? 0.1 : 0.9);
+            if (i == 2) check_color(s.volume[i].albedo, n == 1 ? 0.1 : 1, 0.5, n == 1 ? 0.9 : 0.1);
+        }
+        check_add_directional(&s, 0.3, -1, -0.4, 3);
+        s.view.scattering = SPS_SCATTERING_FULL;
+        s.view.scatter_size = 8;
+        check_render(by, &s, image_a);
+        CHECK(cells_made(by) > 0);
+        check_render(context, &s, image_b);
+        CHECK(same(image_a, image_b));
+    }
+    sps_destroy(by);
+}
+
 /* --- gas that is far apart --- */
 
 static int grid_count(const sps_context *by) {
@@ -1929,6 +1979,8 @@ int main(void) {
     RUN(test_refused);
     RUN(test_failures);
     RUN(test_failures_between);
+    RUN(test_backward_lobes);
+    RUN(test_held_looks);
     RUN(test_apart);
     RUN(test_apart_paths);
     RUN(test_many_groups);

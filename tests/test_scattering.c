@@ -693,6 +693,38 @@ static void test_ambient_of_each(void) {
     check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "ambient");
 }
 
+/* An allocation that fails at any point of a call that measures gas first, with a map beside the sheets: nothing leaks.
+ */
+static void test_failures(void) {
+    sps_tmap_settings settings;
+    check_hooks hooks;
+    sps_result result;
+    long n = 0;
+    memset(&settings, 0, sizeof settings), memset(&hooks, 0, sizeof hooks);
+    settings.technique = SPS_TMAP_COMPRESSED;
+    do {
+        sps_context *by = check_context(&hooks);
+        sps_image image;
+        check_scene s;
+        start_ambient(&s, 0);
+        s.view.width = s.view.height = 8;
+        s.view.scattering = SPS_SCATTERING_FORWARD;
+        check_add_directional(&s, 0.2, 0.1, 1, 1); /* from behind: by sheets, after a first pass */
+        s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+        check_add_directional(&s, 1, -1, 0, 1);
+        s.light[1].shadow_map = &settings, s.light[1].shadow_map_size = 16;
+        memset(&image, 0, sizeof image);
+        image.rgba = image_a;
+        hooks.fail_at = hooks.allocations + ++n;
+        result = sps_render(by, &s.scene, &s.view, &image);
+        hooks.fail_at = 0;
+        CHECK(result == SPS_OK || result == SPS_ERROR_MEMORY);
+        sps_destroy(by);
+        CHECK(hooks.live == 0);
+    } while (result != SPS_OK && n < 1000);
+    CHECK(n > 20);
+}
+
 int main(void) {
     context = check_context(NULL);
     RUN(test_series);
@@ -716,6 +748,7 @@ int main(void) {
     RUN(test_refused);
     RUN(test_ambient);
     RUN(test_ambient_of_each);
+    RUN(test_failures);
     sps_destroy(context);
     return check_report();
 }

@@ -309,10 +309,10 @@ typedef struct sps_volume {
        none has changed; otherwise all are read again. */
     uint64_t revision;
 
-    float extinction;      /* gas: per world unit at value 1, >= 0 */
-    float albedo[3];       /* gas: 0..1; all zero: absorbs only */
-    float emission[3];     /* gas: radiance per world unit at value 1, >= 0 */
-    float ambient[3];      /* radiance from all directions, >= 0, unshadowed: see SPS_SCATTERING_AMBIENT */
+    float extinction;  /* gas: per world unit at value 1, >= 0 */
+    float albedo[3];   /* gas: 0..1; all zero: absorbs only */
+    float emission[3]; /* gas: radiance per world unit at value 1, >= 0 */
+    float ambient[3];  /* with SPS_SCATTERING_AMBIENT only: radiance from all directions, >= 0, besides the scene's */
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 

@@ -63,11 +63,11 @@ CONTENTS (search for the tag)
 NOT INCLUDED
     No files, no windows, no threads of its own, no GPU. Light scatters as often as the scene calls for
     (SPS_SCATTERING_AUTO, the default): once in thin gas, otherwise fully (SPS_SCATTERING_FULL), in gas and between gas
-    and polygons; never from polygon to polygon. SPS_SCATTERING_OFF, once, is fastest, and FORWARD and CONVOLUTION lie
-    between. Ambient light has no shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no mirrors: light
-    passes translucent polygons straight on. Edges of polygons are sampled if sps_view.coverage_samples is set; edges of
-    their shadows, and those of a classified volume whose voxels are smaller than pixels, are not: render larger and
-    downsample where they matter. Gas is filtered: a pixel shows its mean.
+    and polygons; never from polygon to polygon. SPS_SCATTERING_OFF and AMBIENT, once, are fastest; FORWARD and
+    CONVOLUTION lie between. Ambient light has no shadows but those of gas under SPS_SCATTERING_FULL. No refraction, no
+    mirrors: light passes translucent polygons straight on. Edges of polygons are sampled if sps_view.coverage_samples
+    is set; edges of their shadows, and those of a classified volume whose voxels are smaller than pixels, are not:
+    render larger and downsample where they matter. Gas is filtered: a pixel shows its mean.
 
 CONVENTIONS
     World space is right-handed in the examples, but nothing depends on handedness. Lengths are in the caller's unit.
@@ -309,20 +309,19 @@ typedef struct sps_volume {
        none has changed; otherwise all are read again. */
     uint64_t revision;
 
-    float extinction;  /* gas: per world unit at value 1, >= 0 */
-    float albedo[3];   /* gas: 0..1; all zero: absorbs only */
-    float emission[3]; /* gas: radiance per world unit at value 1, >= 0 */
-    float ambient[3];  /* with SPS_SCATTERING_AMBIENT only: radiance from all directions, >= 0, besides the scene's */
+    float extinction;      /* gas: per world unit at value 1, >= 0 */
+    float albedo[3];       /* gas: 0..1; all zero: absorbs only */
+    float emission[3];     /* gas: radiance per world unit at value 1, >= 0 */
+    float ambient[3];      /* radiance from all directions, >= 0, besides the scene's; SPS_SCATTERING_AMBIENT only */
     const sps_lobe *lobes; /* NULL: isotropic */
     int lobe_count;        /* 0..8 */
 
-    const sps_transfer
-        *transfer;       /* NULL: gas; otherwise extinction, albedo and emission are ignored, the rest is not */
-    sps_shading shading; /* with a transfer function */
-    float gradient_full; /* change of value per voxel from which on shading is all surface; 0 means 0.05 */
-    float specular;      /* strength of the highlight, 0..1 */
-    float shininess;     /* Blinn-Phong exponent, 0 means 32 */
-    uint32_t end_canary; /* leave 0 */
+    const sps_transfer *transfer; /* NULL: gas; otherwise, of the above, only lobes and ambient count */
+    sps_shading shading;          /* with a transfer function */
+    float gradient_full;          /* change of value per voxel from which on shading is all surface; 0 means 0.05 */
+    float specular;               /* strength of the highlight, 0..1 */
+    float shininess;              /* Blinn-Phong exponent, 0 means 32 */
+    uint32_t end_canary;          /* leave 0 */
 } sps_volume;
 
 /* Storage of a voxel, in the machine's byte order. There is no default: 0 is an error. */
@@ -738,11 +737,12 @@ typedef enum sps_scattering {
        table per gas, and a lookup of it beside each one of a shadow. */
     SPS_SCATTERING_FORWARD,
     /* As FORWARD, but what scatters on its way from a light spreads sideways as it goes, from sheet to sheet across the
-       light's rays, so that a beam has a halo, and light reaches what lies beside it: a Gaussian, of the variance that
-       small angles give. Polygons receive it, and stop it. See sps_view.scatter_size; the light in the sheets is held
-       for the next call like that of FULL. A light with an extent spreads from its centre, and lights without shadows
-       scatter once. Cost: voxels splatted once more per light, a pass over its sheets per channel of color, and one
-       more lookup per light beside those of FORWARD. [Zhang & Crawfis; Eyges 1948] */
+       light's rays, so that a beam has a halo, and light reaches what lies beside it. The kernels are Gaussian; their
+       variance follows from the gas's phase function, whatever the number of sheets. Polygons receive this light, and
+       stop it. See sps_view.scatter_size; the light in the sheets is held for the next call like that of FULL. A light
+       with an extent spreads from its centre, and lights without shadows scatter once. Cost: voxels splatted once more
+       per light, a pass over its sheets per channel of color, and one more lookup per light beside those of FORWARD.
+       [Zhang & Crawfis; Eyges 1948] */
     SPS_SCATTERING_CONVOLUTION,
     /* Any number of times in every direction, on a grid of cubic cells about all gas, or up to four about gas that is
        far apart, for all lights at once: what comes back, what leaves by the sides, what goes from gas to gas, and
@@ -818,13 +818,14 @@ typedef struct sps_reference_settings {
        that is less. The error is second order in it. */
     double step;
     /* Random paths per pixel, up to 2^20. 0: light scatters as sps_view.scattering says, in its closed form, and
-       ambient light is shadowed by nothing. AUTO, the default, and FULL have no such form: they are
-       SPS_ERROR_UNSUPPORTED if gas scatters light, or emits or shades light on polygons; say OFF. Otherwise, whatever
-       that says, light scatters any number of times, in gas and between gas and polygons, though not from polygon to
-       polygon, and ambient light comes from infinity, through the gas and past the polygons. What the eye sees of light
-       that has scattered once is marched; the rest is an unbiased estimate, whose error falls with the square root of
-       their number. Polygons that only paths meet show the colors of their meshes, without shade_fn. Of translucent
-       triangles in one plane, a path that has passed one does not meet the others. */
+       ambient light is shadowed by nothing. AUTO, the default, FULL and CONVOLUTION have no such form. They are
+       SPS_ERROR_UNSUPPORTED: AUTO and FULL if gas scatters light, or emits or shades light on polygons, CONVOLUTION if
+       gas scatters light and a light casts shadows; say OFF. Otherwise, whatever that says, light scatters any number
+       of times, in gas and between gas and polygons, though not from polygon to polygon, and ambient light comes from
+       infinity, through the gas and past the polygons. What the eye sees of light that has scattered once is marched;
+       the rest is an unbiased estimate, whose error falls with the square root of their number. Polygons that only
+       paths meet show the colors of their meshes, without shade_fn. Of translucent triangles in one plane, a path that
+       has passed one does not meet the others. */
     int samples;
     uint64_t seed; /* of the paths: the same one gives the same image, whatever the number of workers */
     /* Optional, with 2 samples or more: three floats per pixel, pixels laid out as in the image: the standard error of
@@ -893,8 +894,8 @@ typedef struct sps_plan_report {
 typedef struct sps_stats_report {
     /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; passing their points
        to shade_fn; building their tree; tracing shadow rays through it; binning bricks and particles; the lights'
-       sheets; light from cell to cell; the eye's sheets, shading and the image; all of the call. Set by sps_render;
-       sps_reference and sps_tmap_finish set only seconds_total. */
+       sheets; light from cell to cell, or spreading from sheet to sheet; the eye's sheets, shading and the image; all
+       of the call. Set by sps_render; sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
@@ -918,7 +919,9 @@ typedef struct sps_stats_report {
     /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
        kept from the last call. */
     uint64_t table_patches_made, table_patches_held;
-    uint64_t cells;       /* in which light was followed; 0: that was held from the last call, or not asked for */
+    /* Cells in which light was followed; SPS_SCATTERING_CONVOLUTION: texels of all lights' sheets. 0: that light was
+       held from the last call, or not asked for. */
+    uint64_t cells;
     double scatter_bound; /* SPS_SCATTERING_AUTO: of what scatters again, per unit of what scatters once; at most 1e6 */
     /* Texels times planes times points of lights whose penumbrae gas is shaded by; 0: all light on gas was hard. */
     uint64_t soft_texels;
@@ -1019,12 +1022,12 @@ SPS_API sps_result sps_render(sps_context *context, const sps_scene *scene, cons
 /* Renders the same scene by brute force, in double precision, as a reference to measure against. Marches f(p) along
    each pixel's ray with a shadow ray per light at every sample, and intersects polygons and particles exactly: a step
    has the optical depth of the balls along it, lit as at its middle. With settings->samples, light that has scattered
-   more than once is added by random paths. No slicing limit: any light, any camera. Holds all voxels, triangles and
-   particles in memory, 68 bytes per particle, 144 bytes per pixel of the region, and 48 more with samples. Particles
-   smaller than a pixel are not widened. With coverage_samples, each of a pixel's rays is marched by itself, through gas
-   as well; only the background is that at the pixel's centre. shade_fn is called for the nearest polygons of all
-   pixels, then for those seen through these, and so on; all of it again for each sample. The image is written only if
-   SPS_OK is returned. Any sps_result can occur. */
+   more than once is added by random paths, which SPS_SCATTERING_AUTO, FULL and CONVOLUTION need. No slicing limit: any
+   light, any camera. Holds all voxels, triangles and particles in memory, 68 bytes per particle, 144 bytes per pixel of
+   the region, and 48 more with samples. Particles smaller than a pixel are not widened. With coverage_samples, each of
+   a pixel's rays is marched by itself, through gas as well; only the background is that at the pixel's centre. shade_fn
+   is called for the nearest polygons of all pixels, then for those seen through these, and so on; all of it again for
+   each sample. The image is written only if SPS_OK is returned. Any sps_result can occur. */
 SPS_API sps_result sps_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                  const sps_reference_settings *settings, const sps_image *image);
 
@@ -1759,7 +1762,7 @@ struct sps_context {
     int tree_held;          /* 1: the tree of these triangles is held too */
     int shadow_table_count; /* held from the last call, >>tmaps */
     int cell_tmap_count;    /* maps that are held for the sweeps of this call, >>lighting */
-    uint64_t cells_held;    /* fingerprint of what the light in the cells was made from; 0: none, >>lighting */
+    uint64_t cells_held;    /* fingerprint of what scattered light was made from; 0: none is held, >>lighting */
     double mesh_low[3], mesh_high[3];
 };
 
@@ -4689,10 +4692,7 @@ static sps_result spsi_check_scene(sps_context *context, const sps_scene *scene)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "particle_set_count",
                                scene->particle_set_count, "it must be 0, or positive with particles set");
     if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "ambient", scene->ambient)) return context->result;
-    if (spsi_bad_color(scene->background, SPSI_VALUE_MAX))
-        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_SCENE, -1, "background",
-                               (double)*spsi_bad_color(scene->background, SPSI_VALUE_MAX),
-                               "red, green and blue must be 0..1e18");
+    if (spsi_check_radiance(context, SPS_OBJECT_SCENE, -1, "background", scene->background)) return context->result;
     for (int i = 0; i < scene->volume_count; ++i)
         if (spsi_check_volume(context, &scene->volumes[i], i)) return context->result;
     for (int i = 0; i < scene->mesh_count; ++i)
@@ -14718,6 +14718,11 @@ typedef struct spsi_spreads {
     int count;
 } spsi_spreads;
 
+/* Thickness of a sheet in units of t. */
+static double spsi_spread_thickness(const spsi_spread *spread) {
+    return (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
+}
+
 static size_t spsi_spread_floats(const spsi_spread *spread) {
     return 2 * (size_t)spread->channels * (size_t)(spread->sheet_count + 1) * spread->plane;
 }
@@ -15014,7 +15019,7 @@ static void spsi_spread_find(const spsi_spread *spread, const spsi_v at[3], spsi
 /* These coordinates of one point, or of one a sheet before it. */
 static void spsi_spread_coordinates(const spsi_spread *spread, const double point[3], spsi_v at[3]) {
     const spsi_rays *rays = &spread->map.rays[0];
-    const double sheet = (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
+    const double sheet = spsi_spread_thickness(spread);
     double from[3], t, nearer;
     spsi_along(point, rays->origin, -1, from);
     t = spsi_dot(rays->inverse[2], from);
@@ -18692,6 +18697,7 @@ typedef struct spsi_cell_job {
     const spsi_faces *faces;
     spsi_cell_grid *grid;
     spsi_bounds bounds;   /* of the gas in it */
+    int later;            /* 1: lights' depth maps and pane maps, aimed at all gas, are those of an earlier grid */
     int fine;             /* sheets' samples along a cell's half edge */
     spsi_sampling sheets; /* across z */
     float *samples;       /* per sample, two along each edge: optical depth along half an edge */
@@ -18925,6 +18931,43 @@ static void spsi_cell_sample_at(const spsi_material *material, spsi_v sum, const
     }
 }
 
+/* A vector of the sheets' samples: slab k of the chunk, row y, columns x to at most `end`. */
+typedef struct spsi_sample_place {
+    int k, y, x, end;
+} spsi_sample_place;
+
+/* Receives what a material has at a place. */
+typedef void (*spsi_sample_fn)(const void *data, const spsi_sample_place *place, int material,
+                               const spsi_cell_sample *sample);
+
+/* Passes on what materials have at a place of a tile. */
+static void spsi_sampling_visit_place(const spsi_sampling *sheets, const spsi_tile *tile,
+                                      const spsi_sample_place *place, spsi_sample_fn sample_fn, const void *data) {
+    const spsi_row_slabs slabs = spsi_row_slabs_at(&sheets->shader, place->x, place->y);
+    const size_t sheet = (size_t)(place->k + sheets->target.shape.slab_margin) * tile->sheet_size;
+    const size_t at = sheet + (size_t)((place->y - tile->y0) * tile->pitch + place->x - tile->x0);
+    for (int m = 0; m < sheets->frame->matter.material_count; ++m) {
+        const spsi_v sum = spsi_sheet_sum(tile, m, at);
+        spsi_cell_sample sample;
+        if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
+        spsi_cell_sample_at(&sheets->frame->matter.materials[m], sum, &slabs, &sample);
+        sample_fn(data, place, m, &sample);
+    }
+}
+
+/* Fills the sheets of the tile of that number, and passes on what materials have in them. */
+static void spsi_sampling_visit(const spsi_sampling *sheets, int index, int worker, spsi_sample_fn sample_fn,
+                                const void *data) {
+    spsi_sample_place place;
+    spsi_tile tile;
+    const int count = spsi_sampling_tile(sheets, index, worker, &tile);
+    place.end = tile.x1;
+    for (place.k = 0; place.k < count; ++place.k)
+        for (place.y = tile.y0; place.y <= tile.y1; ++place.y)
+            for (place.x = tile.x0; place.x <= tile.x1; place.x += SPSI_LANES)
+                spsi_sampling_visit_place(sheets, &tile, &place, sample_fn, data);
+}
+
 /* Adds a vector of the sheets' samples to an array, divided by the samples that each entry covers along a row. */
 static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float share, spsi_v amount) {
     float lanes[SPSI_LANES];
@@ -18932,44 +18975,29 @@ static void spsi_cells_deposit(float *row, int x, int end, int per_entry, float 
     for (int i = 0; i < SPSI_LANES && x + i <= end; ++i) row[(x + i) / per_entry] += share * lanes[i];
 }
 
-/* Adds a slab of a tile to samples and cells. An entry's optical depth is that of the ways through it, side by side:
-   `fine` slabs one after the other make a sample, two samples a cell. */
-static void spsi_cells_add_slab(const spsi_cell_job *job, const spsi_tile *tile, int k, int slab) {
+/* Adds what material m has at a place to samples and cells. An entry's optical depth is that of the ways through it,
+   side by side: `fine` slabs one after the other make a sample, two samples a cell. */
+static void spsi_cells_add_sample(const void *data, const spsi_sample_place *place, int m,
+                                  const spsi_cell_sample *sample) {
+    const spsi_cell_job *job = (const spsi_cell_job *)data;
     const spsi_cell_grid *grid = job->grid;
-    const int fine = job->fine, margin = job->sheets.target.shape.slab_margin, channels = grid->channels;
+    const int fine = job->fine, slab = job->sheets.contents.first_slab + place->k, x = place->x, end = place->end;
     const float per_sample = 1.0f / (float)(fine * fine), per_cell = 0.25f * per_sample;
-    const size_t sample_row = 2 * (size_t)grid->pitch;
-    for (int y = tile->y0; y <= tile->y1; ++y) {
-        const size_t row = ((size_t)(slab / (2 * fine) * grid->size[1] + y / (2 * fine))) * (size_t)grid->pitch;
-        float *samples = job->samples + (size_t)(slab / fine * 2 * grid->size[1] + y / fine) * sample_row;
-        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
-            const spsi_row_slabs slabs = spsi_row_slabs_at(&job->sheets.shader, x, y);
-            const size_t at =
-                (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
-            for (int m = 0; m < job->frame->matter.material_count; ++m) {
-                const spsi_v sum = spsi_sheet_sum(tile, m, at);
-                spsi_cell_sample sample;
-                if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-                spsi_cell_sample_at(&job->frame->matter.materials[m], sum, &slabs, &sample);
-                spsi_cells_deposit(samples, x, tile->x1, fine, per_sample, sample.depth);
-                spsi_cells_deposit(grid->depth + row, x, tile->x1, 2 * fine, per_cell, sample.depth);
-                for (int c = 0; c < channels; ++c) {
-                    float *scattered = job->scattered + (size_t)(m * channels + c) * grid->count;
-                    float *emitted = job->emitted + (size_t)c * grid->count;
-                    spsi_cells_deposit(scattered + row, x, tile->x1, 2 * fine, per_cell, sample.scattered[c]);
-                    if (job->frame->matter.emits)
-                        spsi_cells_deposit(emitted + row, x, tile->x1, 2 * fine, per_cell, sample.emitted[c]);
-                }
-            }
-        }
+    const size_t sample_row = (size_t)(slab / fine * 2 * grid->size[1] + place->y / fine);
+    const size_t row = (size_t)(slab / (2 * fine) * grid->size[1] + place->y / (2 * fine)) * (size_t)grid->pitch;
+    spsi_cells_deposit(job->samples + 2 * sample_row * (size_t)grid->pitch, x, end, fine, per_sample, sample->depth);
+    spsi_cells_deposit(grid->depth + row, x, end, 2 * fine, per_cell, sample->depth);
+    for (int c = 0; c < grid->channels; ++c) {
+        float *scattered = job->scattered + (size_t)(m * grid->channels + c) * grid->count;
+        float *emitted = job->emitted + (size_t)c * grid->count;
+        spsi_cells_deposit(scattered + row, x, end, 2 * fine, per_cell, sample->scattered[c]);
+        if (job->frame->matter.emits) spsi_cells_deposit(emitted + row, x, end, 2 * fine, per_cell, sample->emitted[c]);
     }
 }
 
 static void spsi_cells_fill_task(void *data, int index, int worker) {
     const spsi_cell_job *job = (const spsi_cell_job *)data;
-    spsi_tile tile;
-    const int count = spsi_sampling_tile(&job->sheets, index, worker, &tile);
-    for (int k = 0; k < count; ++k) spsi_cells_add_slab(job, &tile, k, job->sheets.contents.first_slab + k);
+    spsi_sampling_visit(&job->sheets, index, worker, spsi_cells_add_sample, job);
 }
 
 /* Fills samples and cells. */
@@ -19040,7 +19068,8 @@ static sps_result spsi_cells_own_map(const spsi_cell_job *job, const spsi_lamp *
     return SPS_OK;
 }
 
-/* Lists the lights that cast shadows, with their tables, depth maps and pane maps. */
+/* Lists the lights that cast shadows, with their tables, depth maps and pane maps. Tables are a grid's own, unless they
+   are the light's; the other maps serve all grids. */
 static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
     spsi_part_of_call each = *part;
@@ -19058,8 +19087,8 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
         shadow->tmap = &maps[count++];
         each.progress += each.share;
     }
-    if (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, count) ||
-        spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, count))
+    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, count) ||
+                        spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, count)))
         return job->context->result;
     for (int i = 0; i < count; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
     return SPS_OK;
@@ -19504,9 +19533,9 @@ static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *
     job->shadows = (spsi_shadow *)spsi_reserve(context, SPSI_BUFFER_SHADOWS, (size_t)count, sizeof *job->shadows);
     maps = (sps_tmap *)spsi_reserve(context, SPSI_BUFFER_CELL_TMAPS, (size_t)count, sizeof *maps);
     if (!job->shadows || !maps) return context->result;
-    memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
+    if (!job->later) memset(job->shadows, 0, (size_t)count * sizeof *job->shadows);
     for (int i = 0; i < count; ++i) {
-        if (context->cell_tmap_count == count && maps[i].waits) continue; /* made for an earlier grid */
+        if (job->later && maps[i].waits) continue; /* made for an earlier grid */
         memset(&maps[i], 0, sizeof maps[i]);
         maps[i].context = context;
     }
@@ -19831,7 +19860,7 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
     return spsi_fingerprint(hash, lamp->color, sizeof lamp->color);
 }
 
-/* A hash of all that light scattered in gas depends on, but for where it is kept; 0 if some of it may change without
+/* A hash of all that light scattered in gas depends on, except where it is kept; 0 if some of it may change without
    notice. */
 static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
     const double knobs[] = {frame->view.slab, frame->accuracy.cut, frame->accuracy.shadow_texels};
@@ -19869,9 +19898,18 @@ static uint64_t spsi_cells_fingerprint(const sps_context *context, const spsi_fr
     return hash;
 }
 
-/* Fills, lights and solves. */
+/* Whether light is held that was made from what `key` stands for. From here on none is, until its maker sets
+   cells_held: a call that fails may leave any part of it in the buffers. */
+static int spsi_scattered_take(sps_context *context, uint64_t key) {
+    const int held = key != 0 && key == context->cells_held;
+    context->cells_held = 0;
+    return held;
+}
+
+/* Fills, lights and solves. `later`: 1 for grids after the first. */
 static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                  const spsi_bounds *bounds, const spsi_part_of_call *part, spsi_cell_grid *grid) {
+                                  const spsi_bounds *bounds, int later, const spsi_part_of_call *part,
+                                  spsi_cell_grid *grid) {
     const size_t channels = (size_t)grid->channels, floats = spsi_cell_job_floats(frame, grid) * grid->count;
     spsi_part_of_call third = *part;
     spsi_cell_job *job = (spsi_cell_job *)spsi_reserve(context, SPSI_BUFFER_CELL_JOB, 1, sizeof *job);
@@ -19885,6 +19923,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     job->faces = faces;
     job->grid = grid;
     job->bounds = *bounds;
+    job->later = later;
     job->fine = spsi_samples_fineness(frame, 0.5 * grid->edge);
     job->samples = memory;
     job->scattered = job->samples + 8 * grid->count;
@@ -19973,21 +20012,21 @@ static sps_result spsi_cells_build(sps_context *context, const spsi_frame *frame
     spsi_part_of_call each = *part;
     spsi_groups groups;
     uint64_t key;
-    int count;
+    int count, held;
     frame->content->cells = NULL;
     if (!grids) return context->result;
     if (!spsi_holds_gas(context, frame)) return SPS_OK;
     count = spsi_cells_place_all(context, frame, &groups, grids);
     if (count == 0) return SPS_OK;
     key = spsi_cells_fingerprint(context, frame, grids, count);
-    if (!key || key != context->cells_held) context->cells_held = 0; /* buffers may be lost before there is new light */
+    held = spsi_scattered_take(context, key);
     if (spsi_cells_reserve(context, frame, grids, count)) return context->result;
     each.share /= count;
-    for (int n = 0; n < count && context->cells_held == 0; ++n, each.progress += each.share) {
-        if (spsi_cells_make(context, frame, faces, &groups.list[n], &each, &grids[n])) return context->result;
+    for (int n = 0; n < count && !held; ++n, each.progress += each.share) {
+        if (spsi_cells_make(context, frame, faces, &groups.list[n], n > 0, &each, &grids[n])) return context->result;
         context->stats.cells += (uint64_t)grids[n].size[0] * (uint64_t)grids[n].size[1] * (uint64_t)grids[n].size[2];
     }
-    if (context->stats.cells > 0) spsi_cells_share_scale(grids, count);
+    if (!held) spsi_cells_share_scale(grids, count);
     context->cells_held = key;
     for (int n = 0; n < count; ++n) spsi_cells_look(context, frame, &grids[n]);
     frame->content->cells = grids;
@@ -20024,46 +20063,27 @@ static size_t spsi_spread_chunk_floats(const spsi_spread_job *job) {
     return ((size_t)(2 + 4 * job->spread->channels) * SPSI_CHUNK + (size_t)job->spread->channels) * job->plane;
 }
 
-/* Adds a slab of a tile to the chunk's sheets. */
-static void spsi_spread_add_slab(const spsi_spread_job *job, const spsi_tile *tile, int k) {
-    const int fine = job->fine, margin = job->sheets.target.shape.slab_margin, channels = job->spread->channels;
+/* Adds what material m has at a place to the chunk's sheets. */
+static void spsi_spread_add_sample(const void *data, const spsi_sample_place *place, int m,
+                                   const spsi_cell_sample *sample) {
+    const spsi_spread_job *job = (const spsi_spread_job *)data;
+    const spsi_material *material = &job->frame->matter.materials[m];
+    const int fine = job->fine, x = place->x, end = place->end;
     const float per_texel = 1.0f / (float)(fine * fine);
-    const size_t sheet = (size_t)(k / fine) * job->plane, all = SPSI_CHUNK * job->plane;
-    for (int y = tile->y0; y <= tile->y1; ++y) {
-        const size_t row = sheet + (size_t)(y / fine) * (size_t)job->spread->pitch;
-        for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
-            const spsi_row_slabs slabs = spsi_row_slabs_at(&job->sheets.shader, x, y);
-            const size_t at =
-                (size_t)(k + margin) * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
-            for (int m = 0; m < job->frame->matter.material_count; ++m) {
-                const spsi_material *material = &job->frame->matter.materials[m];
-                const spsi_v sum = spsi_sheet_sum(tile, m, at);
-                const spsi_v turn = spsi_set((float)(1 - spsi_phase_moment(material, 2)));
-                spsi_cell_sample sample;
-                if (!spsi_bits(spsi_less(spsi_set(0), sum))) continue;
-                spsi_cell_sample_at(material, sum, &slabs, &sample);
-                spsi_cells_deposit(job->depth + row, x, tile->x1, fine, per_texel, sample.depth);
-                for (int c = 0; c < channels && material->scatters; ++c) {
-                    const size_t own = (size_t)c * all + row;
-                    spsi_cells_deposit(job->scattered + own, x, tile->x1, fine, per_texel, sample.scattered[c]);
-                    spsi_cells_deposit(job->turned + own, x, tile->x1, fine, per_texel,
-                                       spsi_mul(turn, sample.scattered[c]));
-                }
-            }
-        }
+    const spsi_v turn = spsi_set((float)(1 - spsi_phase_moment(material, 2)));
+    const size_t row = (size_t)(place->k / fine) * job->plane + (size_t)(place->y / fine) * (size_t)job->spread->pitch;
+    spsi_cells_deposit(job->depth + row, x, end, fine, per_texel, sample->depth);
+    for (int c = 0; c < job->spread->channels && material->scatters; ++c) {
+        const size_t own = (size_t)c * SPSI_CHUNK * job->plane + row;
+        const spsi_v turned = spsi_mul(turn, sample->scattered[c]);
+        spsi_cells_deposit(job->scattered + own, x, end, fine, per_texel, sample->scattered[c]);
+        spsi_cells_deposit(job->turned + own, x, end, fine, per_texel, turned);
     }
 }
 
 static void spsi_spread_fill_task(void *data, int index, int worker) {
     const spsi_spread_job *job = (const spsi_spread_job *)data;
-    spsi_tile tile;
-    const int count = spsi_sampling_tile(&job->sheets, index, worker, &tile);
-    for (int k = 0; k < count; ++k) spsi_spread_add_slab(job, &tile, k);
-}
-
-/* Thickness of a sheet in units of t. */
-static double spsi_spread_thickness(const spsi_spread *spread) {
-    return (spread->map.settings.far_depth - spread->map.settings.near_depth) / spread->sheet_count;
+    spsi_sampling_visit(&job->sheets, index, worker, spsi_spread_add_sample, job);
 }
 
 /* What polygons leave of a light at a vector of texels of a sheet, by channel, and of light that has scattered before
@@ -20279,7 +20299,8 @@ static sps_result spsi_spreads_make(sps_context *context, const spsi_frame *fram
         job->faces = faces;
         job->shadow = shadows[i];
         memset(spread->flux, 0, spsi_spread_floats(spread) * sizeof(float));
-        context->stats.cells += (uint64_t)spread->sheet_count * spread->plane;
+        context->stats.cells +=
+            (uint64_t)spread->sheet_count * (uint64_t)spread->map.face_count * spsi_ray_count(&spread->map.rays[0]);
         face.share /= spread->map.face_count;
         for (job->face = 0; job->face < spread->map.face_count; ++job->face, face.progress += face.share)
             if (spsi_spread_face(job, memory, &face)) return context->result;
@@ -20294,11 +20315,11 @@ static sps_result spsi_spreads_build(sps_context *context, const spsi_frame *fra
     const size_t count = (size_t)frame->lamps.shadow_count;
     const double start = spsi_clock(context);
     const uint64_t key = spsi_scattered_fingerprint(context, frame);
-    const int held = key != 0 && key == context->cells_held;
     size_t floats = 0;
     float *memory;
+    int held;
     if (!spsi_holds_gas(context, frame) || spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
-    context->cells_held = 0; /* after a failure, nothing is */
+    held = spsi_scattered_take(context, key);
     spreads->list = (spsi_spread *)spsi_reserve(context, SPSI_BUFFER_CELL_GRID, count, sizeof *spreads->list);
     if (!spreads->list) return context->result;
     memset(spreads->list, 0, count * sizeof *spreads->list);

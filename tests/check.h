@@ -582,6 +582,82 @@ static inline void check_fails(sps_context *context, const check_scene *s, float
     CHECK(rgba[0] == 7);
 }
 
+/* Whether two images of the scene's view have the same bits. */
+static inline int check_same(const check_scene *s, const float *a, const float *b) {
+    return memcmp(a, b, 4 * sizeof *a * (size_t)s->view.width * (size_t)s->view.height) == 0;
+}
+
+/* Renders with a context that has all defaults. */
+static inline void check_render_plain(const check_scene *s, float *rgba) {
+    sps_context *by = check_context(NULL);
+    check_render(by, s, rgba);
+    sps_destroy(by);
+}
+
+/* Any number of workers, in any order, renders the same bits. Both arrays hold an image of the view. */
+static inline void check_workers(const check_scene *s, float *rgba, float *exact) {
+    static const int counts[] = {1, 2, 3, 7};
+    check_render_plain(s, exact);
+    for (int i = 0; i < 4; ++i) {
+        check_hooks hooks;
+        sps_context *by;
+        memset(&hooks, 0, sizeof hooks);
+        hooks.worker_count = counts[i], hooks.order = (uint64_t)i;
+        by = check_context(&hooks);
+        check_render(by, s, rgba);
+        if (!CHECK(check_same(s, rgba, exact))) printf("    with %d workers\n", counts[i]);
+        sps_destroy(by);
+        CHECK(hooks.live == 0);
+    }
+}
+
+/* Renders what may fail, which must leave the image untouched. */
+static inline sps_result check_try(sps_context *context, const check_scene *s, float *rgba) {
+    sps_result result;
+    sps_image image;
+    memset(&image, 0, sizeof image);
+    image.rgba = rgba;
+    rgba[0] = 7;
+    result = sps_render(context, &s->scene, &s->view, &image);
+    CHECK(result == SPS_OK || rgba[0] == 7);
+    return result;
+}
+
+/* Any allocation may fail, or, with `cancels`, any call of progress_fn may cancel: an error, no image, nothing left in
+   memory, and the next two calls show what they should. Each one is tried, or, with `sparse` above 0, fewer and fewer:
+   after the n-th, n / sparse are left out. Both arrays hold an image of the view. Returns how many there are. */
+static inline long check_failing(const check_scene *s, int cancels, int sparse, float *rgba, float *exact) {
+    check_hooks hooks;
+    check_cancel cancel = {0, 0};
+    sps_config config;
+    sps_result result;
+    long at = 0;
+    memset(&hooks, 0, sizeof hooks);
+    check_render_plain(s, exact);
+    do {
+        sps_context *by;
+        config = check_config(&hooks);
+        config.progress_fn = check_cancel_at, config.progress_user = &cancel;
+        by = sps_create(&config, NULL);
+        at += sparse > 0 ? 1 + at / sparse : 1;
+        hooks.fail_at = cancels ? 0 : hooks.allocations + at;
+        cancel.calls = 0, cancel.at = cancels ? at : 0;
+        result = check_try(by, s, rgba);
+        hooks.fail_at = cancel.at = 0;
+        if (result != SPS_OK) {
+            CHECK(result == (cancels ? SPS_ERROR_CANCELLED : SPS_ERROR_MEMORY));
+            CHECK(check_try(by, s, rgba) == SPS_OK);
+        }
+        CHECK(check_same(s, rgba, exact));
+        CHECK(check_try(by, s, rgba) == SPS_OK && check_same(s, rgba, exact));
+        sps_destroy(by);
+        CHECK(hooks.live == 0);
+    } while (result != SPS_OK && at < 100000);
+    if (getenv("CHECK_FIGURES"))
+        printf("%s: up to %ld\n", cancels ? "calls that cancel" : "allocations that fail", at - 1);
+    return at - 1;
+}
+
 /* sps_reference in steps of that many voxels, light scattered once. */
 static inline sps_result check_reference(sps_context *context, const sps_scene *scene, const sps_view *view,
                                          double step, const sps_image *image) {

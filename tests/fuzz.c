@@ -503,7 +503,7 @@ static int steady(const scenery *x) {
 }
 
 /* The same scene by seven workers in a shuffled order, in a context that is used for everything. */
-static void check_workers(const scenery *x, long number, sps_context *used) {
+static void compare_workers(const scenery *x, long number, sps_context *used) {
     sps_result result;
     memcpy(again, rgba, sizeof again);
     result = render(used, x, 0);
@@ -606,7 +606,7 @@ static void fuzz(long number, sps_context *used) {
     }
     if (result == SPS_OK && steady(&x) && x.s.view.width > 0 && x.s.view.height > 0) {
         for (int i = 0; i < VOLUMES; ++i) x.s.volume[i].revision = 0; /* the used context holds other voxels */
-        check_workers(&x, number, used);
+        compare_workers(&x, number, used);
     }
     if (one_in(6) && small_enough_to_march(&x)) {
         result = render(context, &x, 1);

@@ -715,58 +715,25 @@ static void test_scaled(void) {
 /* --- workers, memory --- */
 
 static void test_workers(void) {
-    static const int counts[] = {1, 3};
     for (int n = 0; n < 2; ++n) {
         check_scene s;
         start(&s, &forward);
         add_place(&s, n ? ROOF : COLORS);
         check_color(s.scene.ambient, 0.1, 0.2, 0.3);
-        check_render(context, &s, image_b);
-        for (int i = 0; i < 2; ++i) {
-            check_hooks hooks;
-            sps_context *by;
-            memset(&hooks, 0, sizeof hooks);
-            hooks.worker_count = counts[i], hooks.order = (uint64_t)i;
-            by = check_context(&hooks);
-            check_render(by, &s, image_a);
-            CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
-            sps_destroy(by);
-            CHECK(hooks.live == 0);
-        }
+        check_workers(&s, image_a, image_b);
     }
 }
 
-/* Any allocation may fail: an error, no image, and the next call shows what it should. */
 static void test_failures(void) {
-    enum { SMALL = 8 };
-    const size_t bytes = 4 * SMALL * SMALL * sizeof(float);
-    check_hooks hooks;
-    sps_result result;
-    long n = 2; /* the first allocation is the context */
     check_scene s;
     start(&s, NULL);
     add_place(&s, SKY);
-    s.view.width = s.view.height = SMALL;
+    s.view.width = s.view.height = 8;
     s.view.quality = SPS_QUALITY_DRAFT;
     s.view.scatter_size = 6;
+    s.volume[0].revision = s.mesh[0].revision = 1;
     for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 8;
-    check_render(context, &s, image_b);
-    memset(&hooks, 0, sizeof hooks);
-    do {
-        sps_image image;
-        sps_context *by = check_context(&hooks);
-        memset(&image, 0, sizeof image);
-        image.rgba = image_a, image_a[0] = 7;
-        hooks.fail_at = hooks.allocations + n++ - 1;
-        result = sps_render(by, &s.scene, &s.view, &image);
-        hooks.fail_at = 0;
-        if (result != SPS_OK) CHECK(result == SPS_ERROR_MEMORY && image_a[0] == 7);
-        check_render(by, &s, image_a);
-        CHECK(memcmp(image_a, image_b, bytes) == 0);
-        sps_destroy(by);
-        CHECK(hooks.live == 0);
-    } while (result != SPS_OK && n < 1000);
-    CHECK(n > 20);
+    CHECK(check_failing(&s, 0, 0, image_a, image_b) > 17);
 }
 
 /* What cells and polygons about them take is planned; a tree is planned where only the sky lights them, too. */

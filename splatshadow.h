@@ -15822,7 +15822,8 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
    The peak of a phase function, f = P[orders], passes light straight on: extinction is scaled by k = 1 - w f, albedo is
    w' = w (1 - f) / k, and r[l] = (P[l] - f) / (1 - f). [Wiscombe 1977, delta-M]
    The equations are solved by multigrid: cells of twice the edge correct what sweeps converge too slowly for, since a
-   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; 6 to 9 sweeps.
+   sweep carries light once from scattering to scattering. Cost: 50 steps per cell, sweep and moment; 3 or 4 sweeps of
+   the finest level, 5 to 8 beside polygons.
    An opaque polygon closes the links between cells whose centres it separates: nothing enters there but what it sends
    itself, which is swept alone, as the light of one more lamp. */
 
@@ -15833,7 +15834,7 @@ static spsi_v spsi_forward_channel(const spsi_material *material, int channel, s
 #define SPSI_CELL_TERMS      16 /* moments of four orders */
 #define SPSI_CELL_LEVELS     9  /* 256 cells, halved down to one */
 #define SPSI_CELL_ALONG      21 /* directions that rise along z */
-#define SPSI_CELL_BEAMS      13 /* most directions that a row of cells is swept in at once */
+#define SPSI_CELL_BEAMS      17 /* most directions that a row of cells is swept in at once */
 
 /* A direction in which light is carried. */
 typedef struct spsi_cell_direction {
@@ -15860,6 +15861,12 @@ typedef struct spsi_cell_level {
 
 /* Entries of a row of cells. Lookups read two columns. */
 static int spsi_cell_pitch(int cells) { return spsi_most(2, (cells + SPSI_LANES - 1) / SPSI_LANES * SPSI_LANES); }
+
+/* Floats from one array of cells to the next. If these were a multiple of 4096 bytes, a cell's entries in all arrays
+   would share one set of a cache, which has fewer places than a level has arrays: five lines more keep them apart. */
+static size_t spsi_cell_stride(size_t cells) {
+    return cells < 4096 ? cells : cells + (1024 + 80 - cells % 1024) % 1024;
+}
 
 typedef struct spsi_cell_solver {
     sps_context *context;
@@ -15940,11 +15947,7 @@ typedef struct spsi_cell_beams {
 static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, const spsi_cell_beams *beams,
                                     const float *const before[2], float *moments, int terms) {
     for (size_t at = row; at < row + (size_t)level->pitch; at += SPSI_LANES) {
-        spsi_v sent[SPSI_CELL_TERMS], sum[SPSI_CELL_TERMS], through[SPSI_CELL_LENGTHS], average[SPSI_CELL_LENGTHS];
-        for (int i = 0; i < SPSI_CELL_LENGTHS; ++i) {
-            through[i] = spsi_load(level->through[i] + at);
-            average[i] = spsi_load(level->average[i] + at);
-        }
+        spsi_v sent[SPSI_CELL_TERMS], sum[SPSI_CELL_TERMS];
         for (int t = 0; t < terms; ++t) {
             const size_t term = (size_t)t * level->count + at;
             sent[t] = spsi_load(level->sent + term);
@@ -15953,11 +15956,13 @@ static inline void spsi_cell_row_of(const spsi_cell_level *level, size_t row, co
         }
         for (int i = 0; i < beams->count; ++i) {
             const spsi_cell_direction *direction = beams->direction[i];
+            const spsi_v through = spsi_load(level->through[direction->length] + at);
+            const spsi_v average = spsi_load(level->average[direction->length] + at);
             spsi_v s = sent[0], more;
             for (int t = 1; t < terms; ++t) s = spsi_fma(sent[t], spsi_set(direction->harmonic[t]), s);
             more = spsi_sub(spsi_load(beams->in[i] + (at - row)), s);
-            spsi_store(beams->out[i] + (at - row), spsi_fma(more, through[direction->length], s));
-            s = spsi_mul(spsi_fma(more, average[direction->length], s), spsi_set(direction->weight));
+            spsi_store(beams->out[i] + (at - row), spsi_fma(more, through, s));
+            s = spsi_mul(spsi_fma(more, average, s), spsi_set(direction->weight));
             sum[0] = spsi_add(sum[0], s);
             for (int t = 1; t < terms; ++t) sum[t] = spsi_fma(s, spsi_set(direction->harmonic[t]), sum[t]);
         }
@@ -15973,19 +15978,20 @@ static void spsi_cell_row(const spsi_cell_level *level, size_t row, const spsi_c
     if (terms == SPSI_CELL_TERMS) spsi_cell_row_of(level, row, beams, before, moments, SPSI_CELL_TERMS);
 }
 
-/* Floats of a row of radiance, with room for what enters from either side, and of a plane with a row on either side. */
-static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)level->pitch + 2 * SPSI_LANES; }
+/* Floats of a row of radiance, which begins with a vector of nothing, as the next row does: what enters from either
+   side; and of a plane with a row on either side. */
+static size_t spsi_cell_row_floats(const spsi_cell_level *level) { return (size_t)level->pitch + SPSI_LANES; }
 static size_t spsi_cell_plane_floats(const spsi_cell_level *level) {
-    return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2);
+    return spsi_cell_row_floats(level) * (size_t)(level->size[1] + 2) + SPSI_LANES;
 }
 
-/* Floats of what sweeps along z keep: two planes for each direction, rows for those at a slant, and one for each of the
-   others that may enter closed cells. */
+/* Floats of what sweeps along z keep: two planes for each direction, rows for the eight at a slant that are swept at
+   once, two of what cells send, and one for each of the nine others, which may enter closed cells. */
 static size_t spsi_cell_along_floats(const spsi_cell_level *level) {
-    return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + (5 + 9) * spsi_cell_row_floats(level);
+    return 2 * SPSI_CELL_ALONG * spsi_cell_plane_floats(level) + 19 * spsi_cell_row_floats(level);
 }
 
-#define SPSI_CELL_ROWS 9 /* of radiance per plane of cells, for directions within it */
+#define SPSI_CELL_ROWS 16 /* of radiance per plane of cells, for directions within it */
 
 /* Floats of a solver's scratch: for sweeps both ways along z, or for rows within each plane of cells. */
 static size_t spsi_cell_scratch_floats(const spsi_cell_level *finest) {
@@ -16010,24 +16016,32 @@ static spsi_cell_pass spsi_cell_pass_of(const spsi_cell_solver *solver, const sp
     return pass;
 }
 
-/* Closed links of a row of cells; NULL: all are open. Those from outside matter only for what polygons send. */
-static const uint32_t *spsi_cell_row_closed(const spsi_cell_pass *pass, size_t row) {
+/* The distance between cells of a row whose links may be closed, from the first one on; 0: all are open. Those from
+   outside matter only for what polygons send; of a row within the grid, only both ends have such. */
+static int spsi_cell_row_closed(const spsi_cell_pass *pass, size_t row) {
     const spsi_cell_level *level = pass->level;
-    const int walled = level->closed ? level->walled[row / (size_t)level->pitch] : 0;
-    return walled == 1 || (walled && pass->walls) ? level->closed + row : NULL;
+    const int number = (int)(row / (size_t)level->pitch), y = number % level->size[1], z = number / level->size[1];
+    const int walled = level->closed ? level->walled[number] : 0;
+    if (!walled || (walled == 2 && !pass->walls)) return 0;
+    if (walled == 1 || y == 0 || y == level->size[1] - 1 || z == 0 || z == level->size[2] - 1) return 1;
+    return spsi_most(1, level->size[0] - 1);
 }
 
 /* What enters a row of cells from their neighbours, given what has left those: a copy in `own`, where links are
    closed. */
 static const float *spsi_cell_row_enters(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
                                          const float *in, float *own) {
-    const uint32_t *closed = spsi_cell_row_closed(pass, row);
     const int link = spsi_cell_link(direction->step[0], direction->step[1], direction->step[2]);
-    if (!closed) return in;
-    for (int x = 0; x < pass->level->pitch; ++x) {
-        const float wall = pass->walls ? pass->walls[row + (size_t)x] : 0;
-        own[x] = closed[x] >> link & 1 ? wall : in[x];
-    }
+    const int stride = spsi_cell_row_closed(pass, row), size = pass->level->size[0];
+    const uint32_t *closed = pass->level->closed;
+    int x = 0;
+    if (!stride) return in;
+    closed += row;
+    while (x < size && !(closed[x] >> link & 1)) x += stride;
+    if (x >= size) return in;
+    for (int n = 0; n < pass->level->pitch; n += SPSI_LANES) spsi_store(own + n, spsi_load(in + n));
+    for (; x < size; x += stride)
+        if (closed[x] >> link & 1) own[x] = pass->walls ? pass->walls[row + (size_t)x] : 0;
     return own;
 }
 
@@ -16043,53 +16057,86 @@ static void spsi_cell_row_sent(const spsi_cell_level *level, size_t row, const s
     }
 }
 
-/* Whether the link by which light in a direction enters a cell from a neighbour, `step` cells before, is closed. From
-   outside the grid, light at a slant has links of its own. */
-static int spsi_cell_shut(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row, int x,
-                          const int step[3]) {
+/* The links by which light in a direction enters the cells of a row from neighbours, `step` cells before: those within
+   the grid, and that of the cell at `end`, whose neighbour is outside. From there, light at a slant has links of its
+   own. */
+typedef struct spsi_cell_links {
+    const uint32_t *closed[2]; /* NULL: all are open */
+    int bit[2], end;
+} spsi_cell_links;
+
+static spsi_cell_links spsi_cell_links_of(const spsi_cell_pass *pass, const spsi_cell_direction *direction, size_t row,
+                                          const int step[3]) {
     const spsi_cell_level *level = pass->level;
-    const int number = (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT;
-    const int y = (int)(row / (size_t)level->pitch) % level->size[1], before = x - step[0], aside = y - step[1];
-    const int z = (int)(row / (size_t)level->pitch) / level->size[1] - step[2];
-    const int leaves =
-        before < 0 || before >= level->size[0] || aside < 0 || aside >= level->size[1] || z < 0 || z >= level->size[2];
-    if (direction->axis >= 0 && leaves) return level->outside && level->outside[row + (size_t)x] >> number & 1;
-    return level->closed[row + (size_t)x] >> spsi_cell_link(step[0], step[1], step[2]) & 1;
+    const int number = (int)(row / (size_t)level->pitch);
+    const int y = number % level->size[1] - step[1], z = number / level->size[1] - step[2];
+    const int leaves = y < 0 || y >= level->size[1] || z < 0 || z >= level->size[2];
+    spsi_cell_links links;
+    links.end = step[0] == 0 ? -1 : step[0] > 0 ? 0 : level->size[0] - 1;
+    for (int i = 0; i < 2; ++i) {
+        const int outside = direction->axis >= 0 && (i == 1 || leaves);
+        const uint32_t *closed = outside ? level->outside : level->closed;
+        links.closed[i] = closed ? closed + row : NULL;
+        links.bit[i] = outside ? (int)(direction - pass->solver->directions) - SPSI_CELL_STRAIGHT
+                               : spsi_cell_link(step[0], step[1], step[2]);
+    }
+    return links;
 }
 
-/* spsi_cell_row_follow where links are closed. */
+static inline int spsi_cell_shut(const spsi_cell_links *links, int x) {
+    const int outside = x == links->end;
+    return links->closed[outside] && links->closed[outside][x] >> links->bit[outside] & 1;
+}
+
+/* spsi_cell_rows_follow for one of the directions, where links within the row are closed. */
 static void spsi_cell_row_follow_closed(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
-                                        float *sent, float share, float *in) {
+                                        const float *sent, float share, float *in) {
     const spsi_cell_level *level = pass->level;
     const int back = direction->step[0] < 0, step[3] = {direction->step[0], 0, 0};
     const float *through = level->through[direction->length] + row;
+    const spsi_cell_links links = spsi_cell_links_of(pass, direction, row, step);
     float radiance = 0;
     for (int n = 0; n < level->pitch; ++n) {
         const int x = back ? level->pitch - 1 - n : n;
         const float wall = pass->walls ? pass->walls[row + (size_t)x] : 0;
-        in[x] += share * (spsi_cell_shut(pass, direction, row, x, step) ? wall : radiance);
+        in[x] += share * (spsi_cell_shut(&links, x) ? wall : radiance);
         radiance = sent[x] + (in[x] - sent[x]) * through[x];
     }
 }
 
-/* The radiance that enters each cell of a row: what is in `in` already, and `share` of what leaves the cell before it,
-   in the direction of step x. `sent` is overwritten by what would leave without the latter, which keeps what each cell
-   waits for down to one multiplication. */
-static void spsi_cell_row_follow(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction,
-                                 float *sent, float share, float *in) {
+/* Adds what polygons outside the grid send into a row's end. */
+static void spsi_cell_row_end(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *direction, float share,
+                              float *in) {
+    const int step[3] = {direction->step[0], 0, 0};
+    const spsi_cell_links links = spsi_cell_links_of(pass, direction, row, step);
+    if (spsi_cell_shut(&links, links.end)) in[links.end] += share * pass->walls[row + (size_t)links.end];
+}
+
+/* The radiance that enters each cell of a row in two directions, the first with a step back along x, the second with
+   one ahead: what is in `in` already, and `share` of what leaves the cell before it. Each cell waits for that one; two
+   directions at once hide half of the time. `sent`: two scratch rows. */
+static void spsi_cell_rows_follow(const spsi_cell_pass *pass, size_t row, const spsi_cell_direction *const direction[2],
+                                  float share, float *const sent[2], float *const in[2]) {
     const spsi_cell_level *level = pass->level;
-    const int back = direction->step[0] < 0;
-    const float *through = level->through[direction->length] + row;
-    float radiance = 0;
-    if (spsi_cell_row_closed(pass, row)) {
-        spsi_cell_row_follow_closed(pass, row, direction, sent, share, in);
-        return;
+    const int last = level->pitch - 1, stride = spsi_cell_row_closed(pass, row);
+    const float *through = level->through[direction[0]->length] + row;
+    float back = 0, ahead = 0;
+    for (int i = 0; i < 2; ++i) {
+        spsi_cell_row_sent(level, row, direction[i], pass->solver->terms, sent[i]);
+        if (stride == 1) spsi_cell_row_follow_closed(pass, row, direction[i], sent[i], share, in[i]);
+        if (stride > 1) spsi_cell_row_end(pass, row, direction[i], share, in[i]);
     }
-    for (int x = 0; x < level->pitch; ++x) sent[x] += (in[x] - sent[x]) * through[x];
-    for (int n = 0; n < level->pitch; ++n) {
-        const int x = back ? level->pitch - 1 - n : n;
-        in[x] += share * radiance;
-        radiance = sent[x] + share * through[x] * radiance;
+    if (stride == 1) return;
+    for (int x = 0; x <= last; x += SPSI_LANES)
+        for (int i = 0; i < 2; ++i) { /* what would leave without what is added: a multiplication is left to wait for */
+            const spsi_v s = spsi_load(sent[i] + x), more = spsi_sub(spsi_load(in[i] + x), s);
+            spsi_store(sent[i] + x, spsi_fma(more, spsi_load(through + x), s));
+        }
+    for (int x = 0; x <= last; ++x) {
+        in[0][last - x] += share * back;
+        in[1][x] += share * ahead;
+        back = sent[0][last - x] + share * through[last - x] * back;
+        ahead = sent[1][x] + share * through[x] * ahead;
     }
 }
 
@@ -16178,77 +16225,101 @@ static float *spsi_cell_along_row(const spsi_cell_along *along, int direction, i
            (size_t)(y + 1) * spsi_cell_row_floats(level) + SPSI_LANES;
 }
 
-/* Puts right what enters the closed cells of a row at a slant, from four cells: `near_row` and `far_row` straight on
-   (except along x, where the first is followed in turn), and a step along x aside. */
-static void spsi_cell_along_slant_closed(const spsi_cell_along *along, const spsi_cell_direction *direction, size_t row,
-                                         const float *near_row, const float *far_row, const float *beside, float *in) {
-    static const float shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
-    const spsi_cell_pass *pass = along->pass;
-    const uint32_t *closed = spsi_cell_row_closed(pass, row), *outside = pass->level->outside;
+/* Rows of cells from which light comes at a slant, a third of the way between four cells: straight on, except along x,
+   and a step along x aside. */
+typedef struct spsi_cell_slant {
+    const spsi_cell_direction *direction;
+    size_t row;                               /* that is entered */
+    const float *near_row, *far_row, *beside; /* what has left them */
+} spsi_cell_slant;
+
+static const float spsi_cell_shares[4] = {4.0f / 9, 2.0f / 9, 2.0f / 9, 1.0f / 9};
+
+/* Puts right what enters the closed cells of a row at a slant. Along x, the cell straight on is followed in turn. */
+static void spsi_cell_slant_closed(const spsi_cell_pass *pass, const spsi_cell_slant *slant, float *in) {
+    const uint32_t *closed = pass->level->closed, *outside = pass->level->outside;
+    const int stride = spsi_cell_row_closed(pass, slant->row);
+    const spsi_cell_direction *direction = slant->direction;
     const int x = direction->step[0], y = direction->step[1], z = direction->step[2], axis = direction->axis;
     const int near_y = axis == 2 ? 0 : y, near_z = axis == 2 ? z : 0;
     const int steps[4][3] = {
         {0, near_y, near_z}, {x, near_y, near_z}, {axis == 0 ? x : 0, axis == 0 ? 0 : y, z}, {x, y, z}};
-    if (!closed) return;
-    for (int n = 0; n < pass->level->size[0]; ++n) {
-        const float *sides = axis == 0 ? beside - x : far_row, wall = pass->walls ? pass->walls[row + (size_t)n] : 0;
-        const float from[4] = {near_row[n], near_row[n - x], sides[n], far_row[n - x]};
-        if (!closed[n] && !(outside && outside[row + (size_t)n])) continue;
+    const float *from[4] = {slant->near_row, slant->near_row - x, axis == 0 ? slant->beside - x : slant->far_row,
+                            slant->far_row - x};
+    spsi_cell_links links[4];
+    int found = 0;
+    for (int n = 0; n < pass->level->size[0] && stride; n += stride) {
+        const size_t at = slant->row + (size_t)n;
+        const float wall = pass->walls ? pass->walls[at] : 0;
+        if (!closed[at] && !(outside && outside[at])) continue;
+        for (int k = 0; k < 4 && !found; ++k) links[k] = spsi_cell_links_of(pass, direction, slant->row, steps[k]);
+        found = 1;
         in[n] = 0;
         for (int k = axis == 0 ? 1 : 0; k < 4; ++k)
-            in[n] += shares[k] * (spsi_cell_shut(pass, direction, row, n, steps[k]) ? wall : from[k]);
+            in[n] += spsi_cell_shares[k] * (spsi_cell_shut(&links[k], n) ? wall : from[k][n]);
     }
 }
 
-/* The radiance that enters row y at a slant. It comes from a third of the way between four cells. */
+/* The radiance that enters row y at a slant; along x, without what comes straight on. */
 static void spsi_cell_along_slant(const spsi_cell_along *along, int i, int y, float *in) {
     const spsi_cell_level *level = along->pass->level;
     const spsi_cell_direction *direction = along->directions[i];
     const int x = direction->step[0], back = y - direction->step[1];
-    const float *far_row = spsi_cell_along_row(along, i, 1, back), *beside = spsi_cell_along_row(along, i, 1, y);
-    const float *near_row = direction->axis == 2 ? beside : spsi_cell_along_row(along, i, 0, back);
-    const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
-    float *sent = along->rows + 4 * spsi_cell_row_floats(level);
-    if (direction->axis > 0) {
-        for (int n = 0; n < level->pitch; ++n)
-            in[n] = 4.0f / 9 * near_row[n] + 2.0f / 9 * (near_row[n - x] + far_row[n]) + 1.0f / 9 * far_row[n - x];
-        spsi_cell_along_slant_closed(along, direction, row, near_row, far_row, beside, in);
-        return;
+    const spsi_v most = spsi_set(spsi_cell_shares[0]), some = spsi_set(spsi_cell_shares[1]);
+    const spsi_v least = spsi_set(spsi_cell_shares[3]);
+    spsi_cell_slant slant;
+    slant.direction = direction;
+    slant.row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
+    slant.far_row = spsi_cell_along_row(along, i, 1, back);
+    slant.beside = spsi_cell_along_row(along, i, 1, y);
+    slant.near_row = direction->axis == 2 ? slant.beside : spsi_cell_along_row(along, i, 0, back);
+    for (int n = 0; n < level->pitch; n += SPSI_LANES) {
+        const spsi_v aside = spsi_load(slant.near_row + n - x), corner = spsi_load(slant.far_row + n - x);
+        const spsi_v side = spsi_load(direction->axis > 0 ? slant.far_row + n : slant.beside + n - x);
+        spsi_v sum = spsi_fma(some, spsi_add(aside, side), spsi_mul(least, corner));
+        if (direction->axis > 0) sum = spsi_fma(most, spsi_load(slant.near_row + n), sum);
+        spsi_store(in + n, sum);
     }
-    for (int n = 0; n < level->pitch; ++n)
-        in[n] = 2.0f / 9 * (near_row[n - x] + beside[n - x]) + 1.0f / 9 * far_row[n - x];
-    spsi_cell_along_slant_closed(along, direction, row, near_row, far_row, beside, in);
-    spsi_cell_row_sent(level, row, direction, along->pass->solver->terms, sent);
-    spsi_cell_row_follow(along->pass, row, direction, sent, 4.0f / 9, in);
+    spsi_cell_slant_closed(along->pass, &slant, in);
+}
+
+/* Sets what enters row y in some directions, which leave it in the plane's buffers. The last two take three steps along
+   x, back and ahead. */
+static void spsi_cell_along_enter(const spsi_cell_along *along, int first, int y, spsi_cell_beams *beams) {
+    const spsi_cell_level *level = along->pass->level;
+    const size_t pitch = spsi_cell_row_floats(level),
+                 row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
+    float *const sent[2] = {along->rows + 8 * pitch, along->rows + 9 * pitch};
+    float *slanted[8] = {NULL, NULL};
+    int slants = 0;
+    for (int k = 0; k < beams->count; ++k) {
+        const spsi_cell_direction *direction = along->directions[first + k];
+        const float *left;
+        beams->direction[k] = direction;
+        beams->out[k] = spsi_cell_along_row(along, first + k, 0, y);
+        if (direction->axis >= 0) {
+            slanted[slants] = along->rows + (size_t)slants * pitch;
+            spsi_cell_along_slant(along, first + k, y, slanted[slants]);
+            beams->in[k] = slanted[slants++];
+            continue;
+        }
+        left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
+        beams->in[k] = spsi_cell_row_enters(along->pass, row, direction, left, along->rows + (size_t)(10 + k) * pitch);
+    }
+    spsi_cell_rows_follow(along->pass, row, &beams->direction[beams->count - 2], spsi_cell_shares[0], sent,
+                          &slanted[slants - 2]);
 }
 
 /* Sweeps some directions through the plane, in rising or falling order of rows; the first ones begin the moments. */
 static void spsi_cell_along_sweep(const spsi_cell_along *along, int first, int count, int falls) {
     const spsi_cell_level *level = along->pass->level;
-    const size_t pitch = spsi_cell_row_floats(level);
     float *moments = level->moments[along->index];
     const float *const before[2] = {first > 0 ? moments : NULL, NULL};
     spsi_cell_beams beams;
     beams.count = count;
     for (int n = 0; n < level->size[1]; ++n) {
         const int y = falls ? level->size[1] - 1 - n : n;
-        const size_t row = (size_t)(along->z * level->size[1] + y) * (size_t)level->pitch;
-        float *slanted = along->rows;
-        for (int k = 0; k < count; ++k) {
-            const spsi_cell_direction *direction = along->directions[first + k];
-            const float *left;
-            beams.direction[k] = direction;
-            beams.out[k] = spsi_cell_along_row(along, first + k, 0, y);
-            if (direction->axis < 0) {
-                left = spsi_cell_along_row(along, first + k, 1, y - direction->step[1]) - direction->step[0];
-                beams.in[k] =
-                    spsi_cell_row_enters(along->pass, row, direction, left, along->rows + (size_t)(5 + k) * pitch);
-                continue;
-            }
-            spsi_cell_along_slant(along, first + k, y, slanted);
-            beams.in[k] = slanted;
-            slanted += pitch;
-        }
+        spsi_cell_along_enter(along, first, y, &beams);
         spsi_cell_row_swept(along->pass, along->index, y, along->z, &beams, before, moments);
     }
 }
@@ -16263,28 +16334,38 @@ static void spsi_cells_along_task(void *data, int index, int worker) {
     for (along.number = 0; along.number < planes; ++along.number) {
         along.z = index ? along.number : planes - 1 - along.number;
         spsi_cell_along_sweep(&along, 0, SPSI_CELL_BEAMS, 0);
-        spsi_cell_along_sweep(&along, SPSI_CELL_BEAMS, 4, 0);
-        spsi_cell_along_sweep(&along, SPSI_CELL_BEAMS + 4, 4, 1);
+        spsi_cell_along_sweep(&along, SPSI_CELL_BEAMS, 4, 1);
     }
 }
 
-/* Sweeps the three directions that fall (first 9) or rise (14) along y, within plane z. */
-static void spsi_cells_across(const spsi_cell_pass *pass, int z, int first, const float *const before[2], float *rows) {
+/* Sweeps the directions without a step along z, within plane z: the three that fall along y, or the others, of which
+   the first two go along x. */
+static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, const float *const before[2], float *rows) {
     const spsi_cell_level *level = pass->level;
-    const size_t row = spsi_cell_row_floats(level);
+    const spsi_cell_direction *directions = &pass->solver->directions[falls ? 9 : 12];
+    const size_t pitch = spsi_cell_row_floats(level);
+    float *const in[2] = {rows + 9 * pitch, rows + 10 * pitch}, *const sent[2] = {rows + 11 * pitch, rows + 12 * pitch};
     spsi_cell_beams beams;
-    memset(rows, 0, 6 * row * sizeof *rows);
-    beams.count = 3;
+    memset(rows, 0, 6 * pitch * sizeof *rows);
+    rows += SPSI_LANES;
+    beams.count = falls ? 3 : 5;
     for (int n = 0; n < level->size[1]; ++n) {
-        const int y = first == 9 ? level->size[1] - 1 - n : n;
-        const size_t at = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
-        for (int i = 0; i < 3; ++i) {
-            const float *left = rows + (size_t)(2 * i + n % 2) * row + SPSI_LANES;
-            beams.direction[i] = &pass->solver->directions[first + i];
-            left -= beams.direction[i]->step[0];
-            beams.in[i] = spsi_cell_row_enters(pass, at, beams.direction[i], left, rows + (size_t)(6 + i) * row);
-            beams.out[i] = rows + (size_t)(2 * i + 1 - n % 2) * row + SPSI_LANES;
+        const int y = falls ? level->size[1] - 1 - n : n;
+        const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
+        for (int i = 0; i < beams.count; ++i) {
+            const int k = falls ? i : i - 2;
+            const float *left = rows + (size_t)(2 * k + n % 2) * pitch - directions[i].step[0];
+            beams.direction[i] = &directions[i];
+            if (k < 0) {
+                memset(in[i], 0, pitch * sizeof *rows);
+                beams.in[i] = in[i];
+                beams.out[i] = rows + (size_t)(13 + i) * pitch;
+                continue;
+            }
+            beams.in[i] = spsi_cell_row_enters(pass, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
+            beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
         }
+        if (!falls) spsi_cell_rows_follow(pass, row, beams.direction, 1, sent, in);
         spsi_cell_row_swept(pass, 2, y, z, &beams, before, level->moments[0]);
     }
 }
@@ -16293,27 +16374,11 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int first, cons
 static void spsi_cells_plane_task(void *data, int z, int worker) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
-    const size_t row = spsi_cell_row_floats(level);
     const float *const both[2] = {level->moments[0], level->moments[1]}, *const one[2] = {level->moments[0], NULL};
-    float *rows = pass->solver->scratch + SPSI_CELL_ROWS * row * (size_t)z;
-    spsi_cell_beams beams;
+    float *rows = pass->solver->scratch + SPSI_CELL_ROWS * spsi_cell_row_floats(level) * (size_t)z;
     (void)worker;
-    spsi_cells_across(pass, z, 9, both, rows);
-    spsi_cells_across(pass, z, 14, one, rows);
-    beams.count = 2;
-    for (int y = 0; y < level->size[1]; ++y) {
-        const size_t at = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
-        for (int i = 0; i < 2; ++i) {
-            float *own = rows + (size_t)(3 * i) * row;
-            beams.direction[i] = &pass->solver->directions[12 + i];
-            beams.in[i] = own;
-            beams.out[i] = own + row;
-            memset(own, 0, row * sizeof *own);
-            spsi_cell_row_sent(level, at, beams.direction[i], pass->solver->terms, own + 2 * row);
-            spsi_cell_row_follow(pass, at, beams.direction[i], own + 2 * row, 1, own);
-        }
-        spsi_cell_row_swept(pass, 2, y, z, &beams, one, level->moments[0]);
-    }
+    spsi_cells_across(pass, z, 1, both, rows);
+    spsi_cells_across(pass, z, 0, one, rows);
 }
 
 static void spsi_cells_carry(spsi_cell_pass *pass) {
@@ -16345,29 +16410,47 @@ static void spsi_cells_sweep_walls(const spsi_cell_solver *solver, const spsi_ce
 
 /* --- the equations --- */
 
-/* The share of what a cell sends that is its own mean: what crosses it has left (1 - exp(-t)) / t. */
-static inline spsi_v spsi_cell_own(const spsi_cell_level *level, size_t at) {
+/* Of what a cell sends in moments of one degree, what it does not receive itself and scatter again. Of its own mean,
+   the share 1 - (1 - exp(-t)) / t has not left it. */
+static inline spsi_v spsi_cell_unkept(const spsi_cell_level *level, const float *keep, size_t at) {
     static const float share[SPSI_CELL_LENGTHS] = {24.0f / 315, 768.0f / 2835, 216.0f / 1280, 351384.0f / 725760};
     spsi_v own = spsi_set(0);
     for (int i = 0; i < SPSI_CELL_LENGTHS; ++i)
         own = spsi_fma(spsi_sub(spsi_set(1), spsi_load(level->average[i] + at)), spsi_set(share[i]), own);
-    return own;
+    return spsi_max(spsi_sub(spsi_set(1), spsi_mul(spsi_load(keep + at), own)), spsi_set(1e-6f));
 }
 
-/* After a sweep: what each cell of a plane sends too little, as a residual in moments[1]. */
+/* After a sweep: what each cell of a plane sends too little, as a residual in moments[1], and the plane's balance. */
 static void spsi_cells_miss_task(void *data, int z, int worker) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
+    const size_t end = first + (size_t)(level->size[1] * level->pitch);
+    double *balance = pass->solver->balance + 2 * z;
+    spsi_v missing = spsi_set(0), all = missing;
+    float lanes[2][SPSI_LANES];
     (void)worker;
     for (int t = 0; t < pass->solver->terms; ++t) {
         const float *keep = level->keep[spsi_term_degree(t)];
-        for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
+        for (size_t at = first; at < end; at += SPSI_LANES) {
             const size_t term = (size_t)t * level->count + at;
             const spsi_v wanted =
                 spsi_fma(spsi_load(keep + at), spsi_load(level->moments[0] + term), spsi_load(level->given + term));
-            spsi_store(level->moments[1] + term, spsi_sub(wanted, spsi_load(level->sent + term)));
+            const spsi_v sent = spsi_load(level->sent + term), miss = spsi_sub(wanted, sent);
+            spsi_store(level->moments[1] + term, miss);
+            if (t == 0) {
+                const spsi_v share = spsi_min(spsi_load(level->depth + at), spsi_set(1));
+                missing = spsi_fma(spsi_abs(miss), share, missing);
+                all = spsi_fma(spsi_abs(sent), share, all);
+            }
         }
+    }
+    spsi_store(lanes[0], missing);
+    spsi_store(lanes[1], all);
+    balance[0] = balance[1] = 0;
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        balance[0] += (double)lanes[0][i];
+        balance[1] += (double)lanes[1][i];
     }
 }
 
@@ -16376,31 +16459,14 @@ static void spsi_cells_mend_task(void *data, int z, int worker) {
     const spsi_cell_pass *pass = (const spsi_cell_pass *)data;
     const spsi_cell_level *level = pass->level;
     const size_t first = (size_t)z * (size_t)(level->size[1] * level->pitch);
-    const size_t end = first + (size_t)(level->size[1] * level->pitch);
-    double *balance = pass->solver->balance + 2 * z;
-    spsi_v missing = spsi_set(0), sent = missing;
-    float lanes[2][SPSI_LANES];
     spsi_cells_miss_task(data, z, worker);
-    for (size_t at = first; at < end; at += SPSI_LANES) {
-        const spsi_v own = spsi_cell_own(level, at), depth = spsi_load(level->depth + at);
-        for (int t = 0; t < pass->solver->terms; ++t) {
-            const size_t term = (size_t)t * level->count + at;
-            const spsi_v keep = spsi_load(level->keep[spsi_term_degree(t)] + at),
-                         miss = spsi_load(level->moments[1] + term);
-            const spsi_v left = spsi_max(spsi_sub(spsi_set(1), spsi_mul(keep, own)), spsi_set(1e-6f));
-            const spsi_v more = spsi_add(spsi_load(level->sent + term), spsi_div(miss, left));
-            spsi_store(level->sent + term, more);
-            if (t > 0) continue;
-            missing = spsi_fma(spsi_abs(miss), spsi_min(depth, spsi_set(1)), missing);
-            sent = spsi_fma(spsi_abs(more), spsi_min(depth, spsi_set(1)), sent);
+    for (int t = 0; t < pass->solver->terms; ++t) {
+        const float *keep = level->keep[spsi_term_degree(t)], *miss = level->moments[1] + (size_t)t * level->count;
+        float *sent = level->sent + (size_t)t * level->count;
+        for (size_t at = first; at < first + (size_t)(level->size[1] * level->pitch); at += SPSI_LANES) {
+            const spsi_v more = spsi_div(spsi_load(miss + at), spsi_cell_unkept(level, keep, at));
+            spsi_store(sent + at, spsi_add(spsi_load(sent + at), more));
         }
-    }
-    spsi_store(lanes[0], missing);
-    spsi_store(lanes[1], sent);
-    balance[0] = balance[1] = 0;
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        balance[0] += (double)lanes[0][i];
-        balance[1] += (double)lanes[1][i];
     }
 }
 
@@ -16477,28 +16543,49 @@ static int spsi_cell_beside(int x, int size) {
     return beside < 0 || beside >= size ? x / 2 : beside;
 }
 
-/* Adds to what a plane of cells sends: what it misses, and what comes back of it by way of the coarse cells, whose
-   moments are interpolated linearly. */
+/* The four rows of coarse cells about a fine one, of one term of one of their arrays. */
+typedef struct spsi_cell_rows {
+    const float *row[4];
+} spsi_cell_rows;
+
+static spsi_cell_rows spsi_cell_rows_about(const spsi_cell_level *coarse, const float *term, int y, int z) {
+    const int planes[2] = {z / 2, spsi_cell_beside(z, coarse->size[2])};
+    const int lines[2] = {y / 2, spsi_cell_beside(y, coarse->size[1])};
+    spsi_cell_rows rows;
+    for (int i = 0; i < 4; ++i)
+        rows.row[i] = term + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
+    return rows;
+}
+
+/* Interpolates linearly between the centres of coarse cells. */
+static inline float spsi_cell_rows_at(const spsi_cell_rows *rows, int x, int size) {
+    const float *const *row = rows->row;
+    const int near_by = x / 2, beside = spsi_cell_beside(x, size);
+    const float here = 9 * row[0][near_by] + 3 * (row[1][near_by] + row[2][near_by]) + row[3][near_by];
+    const float next = 9 * row[0][beside] + 3 * (row[1][beside] + row[2][beside]) + row[3][beside];
+    return (3 * here + next) * (1.0f / 64);
+}
+
+/* Adds to what a plane of cells sends what it misses: as much of it as coarse cells represent, and what they find comes
+   back of that; and the rest, which a cell by itself puts right: what it sends more, it receives in part. */
 static void spsi_cells_correct_task(void *data, int z, int worker) {
     const spsi_cell_step *step = (const spsi_cell_step *)data;
     const spsi_cell_level *fine = step->fine, *coarse = step->coarse;
-    const int planes[2] = {z / 2, spsi_cell_beside(z, coarse->size[2])};
     (void)worker;
     for (int t = 0; t < step->solver->terms; ++t)
         for (int y = 0; y < fine->size[1]; ++y) {
-            const int lines[2] = {y / 2, spsi_cell_beside(y, coarse->size[1])};
-            const float *moments = coarse->moments[0] + (size_t)t * coarse->count, *rows[4];
-            const size_t at = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
-            const float *keep = fine->keep[spsi_term_degree(t)] + at;
-            const float *miss = fine->moments[1] + (size_t)t * fine->count + at;
-            float *sent = fine->sent + (size_t)t * fine->count + at;
-            for (int i = 0; i < 4; ++i)
-                rows[i] = moments + (size_t)(planes[i >> 1] * coarse->size[1] + lines[i & 1]) * (size_t)coarse->pitch;
+            const size_t term = (size_t)t * coarse->count, row = (size_t)(z * fine->size[1] + y) * (size_t)fine->pitch;
+            const spsi_cell_rows moments = spsi_cell_rows_about(coarse, coarse->moments[0] + term, y, z);
+            const spsi_cell_rows given = spsi_cell_rows_about(coarse, coarse->given + term, y, z);
+            const float *keep = fine->keep[spsi_term_degree(t)];
+            const float *miss = fine->moments[1] + (size_t)t * fine->count + row;
+            float *sent = fine->sent + (size_t)t * fine->count + row, unkept[SPSI_LANES];
             for (int x = 0; x < fine->size[0]; ++x) {
-                const int near_by = x / 2, beside = spsi_cell_beside(x, coarse->size[0]);
-                const float here = 9 * rows[0][near_by] + 3 * (rows[1][near_by] + rows[2][near_by]) + rows[3][near_by];
-                const float next = 9 * rows[0][beside] + 3 * (rows[1][beside] + rows[2][beside]) + rows[3][beside];
-                sent[x] += miss[x] + keep[x] * (3 * here + next) * (1.0f / 64);
+                const float smooth = spsi_cell_rows_at(&given, x, coarse->size[0]);
+                const float back = spsi_cell_rows_at(&moments, x, coarse->size[0]);
+                const size_t at = row + (size_t)x;
+                if (x % SPSI_LANES == 0) spsi_store(unkept, spsi_cell_unkept(fine, keep, at));
+                sent[x] += smooth + keep[at] * back + (miss[x] - smooth) / unkept[x % SPSI_LANES];
             }
         }
 }
@@ -16520,10 +16607,10 @@ static void spsi_cells_ways_task(void *data, int z, int worker) {
 /* --- solving --- */
 
 #define SPSI_CELL_BALANCE 5e-4 /* of what cells send: what may be missing */
-#define SPSI_CELL_CYCLES  6    /* at most */
-#define SPSI_CELL_REPEATS 12   /* sweeps of the coarsest level, which has at most 4 cells along its longest side */
+#define SPSI_CELL_CYCLES  8    /* at most */
+#define SPSI_CELL_REPEATS 4    /* sweeps of the coarsest level, which has at most 4 cells along its longest side */
 
-/* The share of what a level's cells send that was missing at its last mending. */
+/* The share of what a level's cells send that was missing after its last sweep. */
 static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     double missing = 0, sent = 0;
     for (int z = 0; z < level->size[2]; ++z) {
@@ -16533,24 +16620,26 @@ static double spsi_cells_imbalance(const spsi_cell_solver *solver, const spsi_ce
     return sent > 0 ? missing / sent : 0;
 }
 
-static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+/* Sweeps a level, and finds what its cells miss; of the finest one also what leaves it. */
+static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_level *level) {
     spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     if (level == &solver->levels[0])
         spsi_cells_sweep_out(solver);
     else
         spsi_cells_sweep(solver, level);
-    spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
-}
-
-static void spsi_cells_miss(const spsi_cell_solver *solver, const spsi_cell_level *level) {
-    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
     spsi_parallel(solver->context, level->size[2], spsi_cells_miss_task, &pass);
 }
 
-/* Mends a level; the coarsest one as often as it takes. Otherwise measures what it misses still, and corrects what it
-   sends by two such cycles of the next coarser level. `started`: 1: what it misses is there already. Recursion is as
-   deep as there are levels. */
-static void spsi_cells_cycle(const spsi_cell_solver *solver, int n, int started) {
+static void spsi_cells_mend(const spsi_cell_solver *solver, const spsi_cell_level *level) {
+    spsi_cell_pass pass = spsi_cell_pass_of(solver, level);
+    spsi_cells_sweep(solver, level);
+    spsi_parallel(solver->context, level->size[2], spsi_cells_mend_task, &pass);
+}
+
+/* Corrects what a level sends, given what it misses, by two cycles of the next coarser one; the coarsest is mended as
+   often as it takes. Coarse levels are mended before they are corrected, which halves the number of cycles; the finest
+   converges as fast without. Recursion is as deep as there are levels. */
+static void spsi_cells_cycle(const spsi_cell_solver *solver, int n) {
     const spsi_cell_level *level = &solver->levels[n];
     spsi_cell_step step;
     if (n == solver->level_count - 1) {
@@ -16560,13 +16649,9 @@ static void spsi_cells_cycle(const spsi_cell_solver *solver, int n, int started)
     step.solver = solver;
     step.fine = level;
     step.coarse = &solver->levels[n + 1];
-    if (!started) {
-        spsi_cells_mend(solver, level);
-        spsi_cells_sweep(solver, level);
-        spsi_cells_miss(solver, level);
-    }
+    if (n > 0) spsi_cells_miss(solver, level);
     spsi_parallel(solver->context, step.coarse->size[2], spsi_cells_restrict_task, &step);
-    for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1, 0);
+    for (int i = 0; i < 2; ++i) spsi_cells_cycle(solver, n + 1);
     spsi_cells_sweep(solver, step.coarse);
     spsi_parallel(solver->context, level->size[2], spsi_cells_correct_task, &step);
 }
@@ -16584,9 +16669,9 @@ static void spsi_cells_levels(const spsi_cell_solver *solver) {
     }
 }
 
-/* Solves for what cells of the finest level send, whose depth, keep and given are set. Moments are those before it was
-   mended last. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1: cells send
-   what they did before more was given. */
+/* Solves for what cells of the finest level send, whose depth, keep and given are set; moments, and what leaves, are
+   those of what is sent. Before anything is sent, all that is given is missing: coarse levels begin. `started`: 1:
+   cells send what they did before more was given. */
 static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, const spsi_part_of_call *part) {
     const spsi_cell_level *finest = &solver->levels[0];
     const size_t bytes = (size_t)solver->terms * finest->count * sizeof(float);
@@ -16594,18 +16679,15 @@ static sps_result spsi_cells_solve(const spsi_cell_solver *solver, int started, 
         spsi_cells_levels(solver);
         spsi_copy(solver->context, finest->moments[1], finest->given, bytes);
         memset(finest->sent, 0, bytes);
-        spsi_cells_cycle(solver, 0, 1);
+        spsi_cells_cycle(solver, 0);
     }
-    for (int i = 0; i < SPSI_CELL_CYCLES; ++i) {
-        if (spsi_progress(solver->context, spsi_part_done(part, (double)i / SPSI_CELL_CYCLES)))
+    for (int i = 0;; ++i) {
+        if (spsi_progress(solver->context, spsi_part_done(part, (double)i / (SPSI_CELL_CYCLES + 1))))
             return solver->context->result;
-        spsi_cells_mend(solver, finest);
-        if (spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) break;
-        spsi_cells_sweep(solver, finest);
         spsi_cells_miss(solver, finest);
-        spsi_cells_cycle(solver, 0, 1);
+        if (i == SPSI_CELL_CYCLES || spsi_cells_imbalance(solver, finest) < SPSI_CELL_BALANCE) return SPS_OK;
+        spsi_cells_cycle(solver, 0);
     }
-    return SPS_OK;
 }
 
 /* --- what the eye looks up --- */
@@ -18817,7 +18899,7 @@ static int spsi_cells_place(const spsi_frame *frame, const spsi_bounds *bounds, 
 /* Sets what follows from the size. */
 static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     grid->pitch = spsi_cell_pitch(grid->size[0]);
-    grid->count = (size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]);
+    grid->count = spsi_cell_stride((size_t)grid->pitch * (size_t)spsi_most(2, grid->size[1] * grid->size[2]));
     grid->orders = frame->meshes.count > 0 ? spsi_most(2, frame->matter.orders) : frame->matter.orders;
     grid->terms = grid->orders * grid->orders;
     grid->flux_terms = frame->meshes.count > 0 ? spsi_least(9, grid->terms) : 0;
@@ -19647,7 +19729,8 @@ static size_t spsi_cell_solver_size(const spsi_cell_grid *grid, spsi_cell_solver
             longest = spsi_most(longest, level->size[k]);
         }
         level->pitch = spsi_cell_pitch(level->size[0]);
-        level->count = n == 0 ? grid->count : (size_t)level->pitch * (size_t)(level->size[1] * level->size[2]);
+        level->count = spsi_cell_stride((size_t)level->pitch * (size_t)(level->size[1] * level->size[2]));
+        if (n == 0) level->count = grid->count;
         floats += spsi_cell_level_floats(level, grid->orders);
         if (longest <= 4) break;
     }
@@ -19775,7 +19858,6 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
         each.progress += each.share;
         if (!plain || !spsi_cells_reflect(job, own->channel, plain)) break;
     }
-    spsi_cells_sweep_out(solver);
     if (plain) spsi_cells_take_flux(job, own->channel);
     spsi_copy(job->context, light, found, moments * sizeof(float));
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];

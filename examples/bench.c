@@ -7,7 +7,7 @@
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
    bench scattering light scattered once, forward and in every direction: times
-   bench paths      multiple scattering by random paths, error against time
+   bench paths      multiple scattering by random paths and by each grade, error against time
    bench maps       making and querying transmittance maps alone
    bench accuracy   the tables of error against time alone */
 
@@ -1624,39 +1624,94 @@ static void bench_scattering(void) {
     for (int k = 0; k < GRADES; ++k) ex_session_end(&sessions[k]);
 }
 
-/* What the standard error of multiple scattering costs: the blob over a plane, in a sun and under a sky. */
-static void bench_paths(void) {
-    enum { SIDE = 96, TRIALS = 4 };
-    static float error[3 * SIDE * SIDE];
+/* --- random paths --- */
+
+enum { PATHS_SIDE = 96, PATHS_TRIALS = 5, PATHS_VALUES = 3 * PATHS_SIDE * PATHS_SIDE };
+
+/* A picture by the most paths, the standard errors of its pixels, and the time of the paths alone, without that to
+   march light that scatters once. */
+typedef struct walked {
+    float rgba[4 * PATHS_SIDE * PATHS_SIDE], error[PATHS_VALUES];
+    double seconds, mean, relative; /* error, of the mean radiance */
+} walked;
+
+/* The blob over a plane, in a sun and under a sky, with an optical depth of 9 through its middle. */
+static void paths_frame(frame *f, const sps_lobe *lobe) {
+    blob_frame(f, 64, PATHS_SIDE);
+    for (int c = 0; c < 3; ++c) f->scene.ambient[c] = 0.5f;
+    f->volume.extinction = 10;
+    f->volume.lobes = lobe, f->volume.lobe_count = 1;
+}
+
+/* What the standard error of multiple scattering costs. */
+static void bench_walks(ex_session *session, frame *f, walked *w) {
     sps_reference_settings settings = {.step = 0.5, .seed = 1};
-    ex_session session;
     sps_image image;
-    frame f;
-    ex_session_measure(&session, program, WORKERS);
+    double once = 0;
     memset(&image, 0, sizeof image);
-    blob_frame(&f, 64, SIDE);
-    for (int c = 0; c < 3; ++c) f.scene.ambient[c] = 0.5f;
-    image.rgba = f.rgba;
-    printf("\nMultiple scattering by random paths: a blob of 64^3 voxels over a plane, %d x %d, 2 workers\n\n", SIDE,
-           SIDE);
-    printf("| paths a pixel | s | standard error, of the mean radiance |\n|---|---|---|\n");
-    for (int i = 0; i <= TRIALS; ++i) {
-        double squares = 0, mean = 0, seconds;
+    image.rgba = f->rgba;
+    for (int i = 0; i < PATHS_TRIALS; ++i) {
+        double squares = 0, seconds;
         const double start = ex_now(NULL);
         settings.samples = i > 0 ? 1 << 2 * i : 0;
-        settings.error = i > 0 ? error : NULL;
-        ex_stop_unless_ok(sps_reference(session.context, &f.scene, &f.view, &settings, &image), program, &session);
+        settings.error = i > 0 ? w->error : NULL;
+        ex_stop_unless_ok(sps_reference(session->context, &f->scene, &f->view, &settings, &image), program, session);
         seconds = ex_now(NULL) - start;
-        for (int k = 0; k < SIDE * SIDE; ++k) {
-            mean += (double)f.rgba[4 * k + 1] / (SIDE * SIDE);
-            squares += pow((double)error[3 * k + 1], 2) / (SIDE * SIDE);
+        once = i == 0 ? seconds : once;
+        w->seconds = seconds - once, w->mean = 0;
+        for (int k = 0; k < PATHS_VALUES; ++k) {
+            w->mean += (double)f->rgba[k / 3 * 4 + k % 3] / PATHS_VALUES;
+            squares += pow((double)w->error[k], 2) / PATHS_VALUES;
         }
+        w->relative = sqrt(squares) / w->mean;
         if (i == 0)
-            printf("| 0 (light scatters once) | %.2f | |\n", seconds);
+            printf("| marching light that scatters once | %.2f | | |\n", seconds);
         else
-            printf("| %d | %.2f | %.2f %% |\n", settings.samples, seconds, 100 * sqrt(squares) / mean);
+            printf("| %d paths a pixel besides | %.2f | %.2f %% | |\n", settings.samples, w->seconds,
+                   100 * w->relative);
+        fflush(stdout);
     }
-    frame_end(&f);
+    memcpy(w->rgba, f->rgba, sizeof w->rgba);
+}
+
+/* The root mean square error of a grade, that of the paths taken off, and its time with light made anew; beside them
+   the time of as many paths as have that error, which falls with the root of their number. */
+static void bench_against_walks(ex_session *session, frame *f, const walked *w, const char *name,
+                                sps_scattering scattering) {
+    enum { ROUNDS = 5 };
+    double seconds[ROUNDS], squares = 0, error;
+    sps_view view = f->view;
+    view.scattering = scattering;
+    f->mesh.revision = 0;
+    for (int r = 0; r < ROUNDS; ++r) seconds[r] = render_seconds(session, f, &view);
+    for (int k = 0; k < PATHS_VALUES; ++k) {
+        const int at = k / 3 * 4 + k % 3;
+        squares += (pow((double)f->rgba[at] - (double)w->rgba[at], 2) - pow((double)w->error[k], 2)) / PATHS_VALUES;
+    }
+    error = sqrt(fmax(squares, 0)) / w->mean;
+    printf("| %s | %.3f | %.2f %% | %.3g |\n", name, ex_percentile(seconds, ROUNDS, 0.5), 100 * error,
+           w->seconds * pow(w->relative / error, 2));
+    fflush(stdout);
+}
+
+static void bench_paths(void) {
+    static const sps_lobe lobes[2] = {{0, 1}, {0.75f, 1}};
+    static walked w;
+    ex_session session;
+    ex_session_measure(&session, program, WORKERS);
+    for (int i = 0; i < 2; ++i) {
+        frame f;
+        paths_frame(&f, &lobes[i]);
+        printf("\nMultiple scattering: a blob of 64^3 voxels, of asymmetry %g, over a plane, %d x %d, 2 workers\n\n",
+               (double)lobes[i].asymmetry, PATHS_SIDE, PATHS_SIDE);
+        printf("| | s | error, of the mean radiance | paths of that error, s |\n|---|---|---|---|\n");
+        bench_walks(&session, &f, &w);
+        bench_against_walks(&session, &f, &w, "once", SPS_SCATTERING_OFF);
+        bench_against_walks(&session, &f, &w, "forward", SPS_SCATTERING_FORWARD);
+        bench_against_walks(&session, &f, &w, "convolution", SPS_SCATTERING_CONVOLUTION);
+        bench_against_walks(&session, &f, &w, "full", SPS_SCATTERING_FULL);
+        frame_end(&f);
+    }
     ex_session_end(&session);
 }
 

@@ -130,9 +130,10 @@ maps: build/maps
 
 # Every tests/test_NAME.c is a program that includes the implementation, prints `N passed, N failed` as its last line
 # and exits with 0 if none failed. It is built once for each configuration that lists it, and run in the top folder. A
-# configuration whose compiler is not available is skipped, with a message.
+# configuration whose compiler is not available is skipped, with a message. Long ones come first, since make runs them
+# in this order, and what is short fills the cores at the end.
 TESTS = $(patsubst tests/%.c,%,$(wildcard tests/test_*.c))
-CONFIGURATIONS ?= native sanitized wide_sanitized cpp baseline readme clang glsl hlsl
+CONFIGURATIONS ?= wide_sanitized sanitized readme baseline cpp glsl hlsl native
 
 # -O1: half the time to compile, and tests run 4 % slower; the long tests have -O2 and -O3, too
 COMPILE_native    = gcc $(STANDARD) -O1 -march=native
@@ -142,7 +143,8 @@ COMPILE_baseline  = gcc $(STANDARD) $(if $(SPLATSHADOW_LONG),-O2,-O1)
 COMPILE_plain     = gcc $(STANDARD) -O2 -DSPS_NO_SIMD
 COMPILE_unoptimized = gcc $(STANDARD) -O0 -march=native
 COMPILE_threads   = clang $(STANDARD) -O1 -g -fsanitize=thread -march=native
-# As in the README; and the ways in which compilers contract a * b + c, which differ between all of these
+# As in the README; and the ways in which compilers contract a * b + c, which differ between these and the sanitized
+# ones, except that clang is as wide_sanitized
 COMPILE_readme    = cc -O3 -march=native
 COMPILE_fused     = gcc $(STANDARD) -O1 -march=native -ffp-contract=fast
 COMPILE_clang     = clang -O1 -march=native
@@ -168,6 +170,12 @@ ifdef SPLATSHADOW_LONG
 $(foreach configuration,$(filter-out native glsl hlsl,$(CONFIGURATIONS)),$(eval TESTS_$(configuration) = $$(TESTS) fuzz))
 endif
 
+# Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
+# against its declarations alone; tests/mutants.awk writes both out.
+SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads
+SPLIT_CPP = cpp glsl hlsl
+code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
+
 # The header by itself, with every warning an error: compiler_standard_variant; examples likewise. In C99 to an object,
 # since some misuse of vector intrinsics is only found there; otherwise a syntax check is enough, except for the object
 # that header.link links.
@@ -187,6 +195,7 @@ CHECK_VARIANTS = plain sse2 face
 endif
 CHECKS = $(foreach c,$(CHECK_COMPILERS),$(foreach s,$(CHECK_STANDARDS),$(foreach v,$(CHECK_VARIANTS),$(c)_$(s)_$(v)))) $(STATIC_CHECKS)
 EXAMPLE_CHECKS = $(foreach c,gcc $(if $(SPLATSHADOW_LONG),clang),$(foreach e,$(EXAMPLES:build/%=%),$(c)_$(e))) $(if $(SPLATSHADOW_LONG),,clang_hello)
+HELLO_RUNS = gcc $(if $(SPLATSHADOW_LONG),clang)
 
 part = $(word $(1),$(subst _, ,$(2)))
 language = $(if $(findstring ++,$(1)),-x c++ -std=$(1) $(WARNINGS),-x c -std=$(1) $(WARNINGS_C)) -Werror
@@ -199,6 +208,7 @@ test:
 	@command -v pkg-config >/dev/null && command -v cmake >/dev/null || { $(call fetch,pkg-config cmake); }
 	@rm -rf build/tests && mkdir -p build/tests
 	@test -f $(STB)/stb_image_write.h || echo "skipped: all examples but hello: install libstb-dev"
+	@$(MAKE) -s --no-print-directory -j$(JOBS) -k objects >/dev/null 2>&1 || true
 	@$(MAKE) -s --no-print-directory -j$(JOBS) -k run-tests
 	@awk '$(SUMMARY)' build/tests/*.log
 
@@ -217,8 +227,9 @@ SUMMARY = function close_log() { passed += p; failed += f; if (status != 0 && f 
 can_build = { echo 'int main(void) { return 0; }' > build/tests/probe_$(1).c && \
 	$(COMPILE_$(1)) build/tests/probe_$(1).c -o build/tests/probe_$(1) && build/tests/probe_$(1); } >/dev/null 2>&1
 
-# Only the inner make of `test` has these targets: it tests what is available after missing packages were fetched.
-ifneq ($(filter run-tests,$(MAKECMDGOALS)),)
+# Only the inner makes of `test` have these targets: they test what is available after missing packages were fetched.
+ifneq ($(filter objects run-tests,$(MAKECMDGOALS)),)
+skipped = $(if $(filter run-tests,$(MAKECMDGOALS)),$(info skipped: $(1)))
 READY := $(shell $(foreach c,$(CONFIGURATIONS),$(call can_build,$(c)) && echo $(c);))
 THERE := $(foreach c,$(CHECK_COMPILERS),$(shell command -v $(c) >/dev/null && echo $(c)))
 CPP_THERE := $(shell command -v g++ >/dev/null && echo gcc) $(filter clang,$(THERE))
@@ -229,27 +240,36 @@ READY_EXAMPLES = $(foreach k,$(if $(STB_THERE),$(EXAMPLE_CHECKS),$(filter %_hell
 	$(if $(filter $(call part,1,$(k)),$(THERE)),$(k)))
 SHADER_COMPILERS = glslangValidator glslc dxc
 SHADER_COMPILERS_THERE := $(foreach c,$(SHADER_COMPILERS),$(shell command -v $(c) >/dev/null && echo $(c)))
-$(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(info skipped: configuration $(c): install $(firstword $(COMPILE_$(c))) and its sanitizer runtime))
-$(foreach c,$(filter-out $(THERE) $(if $(TCC_THERE),tcc),$(CHECK_COMPILERS) tcc),$(info skipped: warnings of $(c): install it))
-$(foreach c,$(filter-out $(SHADER_COMPILERS_THERE),$(SHADER_COMPILERS)),$(info skipped: examples/shaders/ by $(c): install it))
+$(foreach c,$(filter-out $(READY),$(CONFIGURATIONS)),$(call skipped,configuration $(c): install $(firstword $(COMPILE_$(c))) and its sanitizer runtime))
+$(foreach c,$(filter-out $(THERE) $(if $(TCC_THERE),tcc),$(CHECK_COMPILERS) tcc),$(call skipped,warnings of $(c): install it))
+$(foreach c,$(filter-out $(SHADER_COMPILERS_THERE),$(SHADER_COMPILERS)),$(call skipped,examples/shaders/ by $(c): install it))
 
 INSTALL_CHECKS = $(if $(THERE),make pkg-config cmake)
 INSTALL_CHECKS_THERE := $(foreach c,$(INSTALL_CHECKS),$(shell command -v $(c) >/dev/null && echo $(c)))
-$(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(info skipped: the quick start by $(c): install it))
+$(foreach c,$(filter-out $(INSTALL_CHECKS_THERE),$(INSTALL_CHECKS)),$(call skipped,the quick start by $(c): install it))
 
 # Tests that run the command line, which is linked with the native configuration's header
 $(if $(STB_THERE),$(if $(filter native,$(READY)),$(foreach c,$(READY),$(eval build/tests/$(c).test_engineering.log build/tests/$(c).test_files.log: build/tests/render))))
+
+# The program in plain C that test_simd compares itself with, compiled once for several configurations
+$(if $(SPLATSHADOW_LONG),,$(foreach c,$(filter native baseline,$(READY)),\
+	$(eval build/tests/$(c).test_simd.log: build/tests/simd_plain) \
+	$(eval build/tests/$(c).test_simd.log: export SIMD_PLAIN = build/tests/simd_plain)))
 
 # The test that runs the steps of the tutorial, which are linked with the native configuration's header
 READY_STEPS = $(if $(STB_THERE),$(if $(filter native,$(READY)),$(STEPS:%=build/tests/step.%.log)))
 $(foreach c,$(READY),$(eval build/tests/$(c).test_tutorial.log: $(READY_STEPS)))
 
-.PHONY: run-tests
-run-tests: $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
+# What tests wait for. It is built before: make comes back to a test that had to wait only after all others, although
+# some of these take long.
+.PHONY: objects run-tests
+objects: $(foreach c,$(filter $(SPLIT),$(READY)),$(call code,$(c))) \
+	$(if $(filter native baseline,$(READY)),build/tests/simd_plain) $(if $(STB_THERE),$(if $(filter native,$(READY)),build/tests/render))
+run-tests: $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log) $(foreach c,$(READY),$(TESTS_$(c):%=build/tests/$(c).%.log)) \
 	$(READY_CHECKS:%=build/tests/header.%.log) $(READY_EXAMPLES:%=build/tests/example.%.log) $(READY_STEPS) \
 	$(if $(filter native cpp,$(READY)),build/tests/header.link.log) build/tests/mutants.log \
 	$(if $(filter gcc,$(THERE)),build/tests/header.fast_math.log) build/tests/header.empty.log $(if $(TCC_THERE),build/tests/header.tcc.log) \
-	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log) $(INSTALL_CHECKS_THERE:%=build/tests/install.%.log)
+	$(SHADER_COMPILERS_THERE:%=build/tests/shaders.%.log)
 endif
 
 # $(call run,name,command): the command's output and exit status in build/tests/name.log; shown if it failed.
@@ -262,11 +282,6 @@ build/tests/$(1).%.log: tests/%.c $$(HEADERS) $$(wildcard tests/*.h examples/sha
 	@$$(call run,$(1).$$*,$$(COMPILE_$(1)) -Wall $$(INCLUDES) -Iexamples -Itests $$< -o build/tests/$(1).$$* $$(LIBRARIES) && build/tests/$(1).$$*)
 endef
 
-# Where many tests run in one configuration, the header is compiled once, with every function visible, and each test
-# against its declarations alone; tests/mutants.awk writes both out.
-SPLIT = native sanitized wide_sanitized cpp glsl hlsl unoptimized threads
-SPLIT_CPP = cpp glsl hlsl
-code = build/tests/$(if $(filter $(SPLIT_CPP),$(1)),cpp,$(1)).code.o
 .PRECIOUS: build/tests/%.code.o
 build/tests/%.code.o: build/tests/weak.h
 	@$(COMPILE_$*) -w -DSPLATSHADOW_IMPLEMENTATION $(if $(filter cpp,$*),,-x c) -c $< -o $@
@@ -321,16 +336,17 @@ build/tests/header.fast_math.log: splatshadow.h
 		done) && $(ONE_PASSED))
 
 # Examples are checked for syntax and warnings, against the header's declarations; the long tests build them with all of
-# it. The quick start is also run, compiled as its readers would; its picture must have 256 * 256 * 3 numbers, not all
-# of them 0.
+# it. The quick start is also run, compiled by gcc as its readers would; its picture must have 256 * 256 * 3 numbers, not
+# all of them 0.
 EXAMPLE_HEADER = $(if $(SPLATSHADOW_LONG),,-Ibuild/tests/faces)
 EXAMPLE_OUTPUT = $(if $(SPLATSHADOW_LONG),-O0 -o build/tests/example.$(1) $(LIBRARIES),-fsyntax-only)
 
 build/tests/example.%.log: $(HEADERS) build/tests/faces/splatshadow.h
-	@$(call run,example.$*,$(call part,1,$*) $(call language,c99) -D_POSIX_C_SOURCE=200809L $(EXAMPLE_HEADER) $(INCLUDES) \
+	@$(call run,example.$*,$(call part,1,$*) $(if $(filter %_hello,$*),-std=c99 -Wall -Werror,$(call language,c99)) \
+		-D_POSIX_C_SOURCE=200809L $(EXAMPLE_HEADER) $(INCLUDES) \
 		examples/$(patsubst $(call part,1,$*)_%,%,$*).c $(call EXAMPLE_OUTPUT,$*) && $(ONE_PASSED))
 
-build/tests/example.%_hello.log: examples/hello.c splatshadow.h
+$(HELLO_RUNS:%=build/tests/example.%_hello.log): build/tests/example.%_hello.log: examples/hello.c splatshadow.h
 	@$(call run,example.$*_hello,$* $(STANDARD) -O1 -Wall -Werror -I. $< -o build/tests/example.$*_hello $(LIBRARIES) && \
 		build/tests/example.$*_hello | awk 'NR > 1 { for (i = 1; i <= NF; ++i) { ++numbers; bright += $$i > 99 } } \
 		END { exit numbers != 256 * 256 * 3 || bright < 256 }' && $(ONE_PASSED))
@@ -343,6 +359,9 @@ build/tests/step.%.log: examples/tutorial/%.c $(HEADERS) $(wildcard examples/sha
 
 build/tests/render: examples/render.c $(HEADERS) build/tests/native.code.o build/tests/faces/splatshadow.h
 	@$(COMPILE_native) -Ibuild/tests/faces $(INCLUDES) $< build/tests/native.code.o -o $@ $(LIBRARIES)
+
+build/tests/simd_plain: tests/test_simd.c tests/check.h splatshadow.h
+	@$(CC) -std=c99 -O1 -ffp-contract=off -DSPS_NO_SIMD -w -I. $< -o $@ -lm
 
 # The implementation in one object, C as well as C++, and a plain user of it in another.
 LINK_USER = printf '\#include "splatshadow.h"\nint main(void) { return sps_version() != SPS_VERSION; }\n' > link_user.c

@@ -1119,4 +1119,36 @@ static inline sps_result measure_edges(sps_context *context, const random_scene 
     return result;
 }
 
+/* --------------------------------------------------------------------------------------- light from cell to cell */
+
+enum { CELLS_SIDE = 24 }; /* cells, and pixels where they are compared with random paths */
+
+/* Whether paths reflect light from surfaces of volumes, which cells do not know. */
+static inline int has_surfaces(const int levels[FEATURES]) {
+    return levels[VOLUME] == VOLUME_SURFACE || levels[VOLUME] == VOLUME_CURVE || levels[SECOND] == SECOND_SURFACE ||
+           levels[SECOND] == SECOND_TWO;
+}
+
+/* Whether the scene's polygons hide ambient light from what is seen, which only paths know. */
+static inline int hides_ambient(int mesh) { return mesh != MESH_NONE && mesh != MESH_GROUND; }
+
+/* Makes the scene small, and takes from it what cells do not see: panes and textures, and ambient light where polygons
+   hide it. */
+static inline void prepare_cells(random_scene *x, int pixels) {
+    sps_view *view = &x->s.view;
+    for (int i = 0; i < x->s.scene.mesh_count; ++i) {
+        x->s.mesh[i].shade_fn = NULL;
+        check_translucent(&x->s.mesh[i], 0);
+    }
+    if (hides_ambient(x->levels[MESH])) check_color(x->s.scene.ambient, 0, 0, 0);
+    view->width = view->height = pixels;
+    if (x->levels[OUTPUT] == OUTPUT_REGION) {
+        view->region[0] = pixels / 4, view->region[1] = pixels / 6;
+        view->region[2] = view->region[3] = pixels - pixels / 4;
+    }
+    view->coverage_samples = 0;
+    view->quality = SPS_QUALITY_HIGH;
+    view->scattering = SPS_SCATTERING_FULL, view->scatter_size = CELLS_SIDE;
+}
+
 #endif /* RANDOM_SCENE_H */

@@ -39,13 +39,7 @@ static const struct {
     {1, 966, LAMP},
 };
 
-enum {
-    WORST = 10,
-    CUT = 4,
-    CELLS_SIDE = 24,
-    QUICK = 8
-}; /* CUT: pixels at polygons' edges
-that may be left out; CELLS_SIDE: pixels and cells where light goes from cell to cell */
+enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */
 
 /* Scenes of seed 1 that run without COUNT: a varied choice, none of which takes long. */
 static const int quick[QUICK] = {0, 7, 62, 19, 29, 41, 52, 91};
@@ -160,34 +154,12 @@ static void soak_edges(sps_context *context, const random_scene *x, long number)
                100 * error.light, error.coverage);
 }
 
-/* Whether paths reflect light from surfaces of volumes, which cells do not know. */
-static int has_surfaces(const int levels[FEATURES]) {
-    return levels[VOLUME] == VOLUME_SURFACE || levels[VOLUME] == VOLUME_CURVE || levels[SECOND] == SECOND_SURFACE ||
-           levels[SECOND] == SECOND_TWO;
-}
-
-/* Makes the scene small, and takes from it what cells do not see: panes and textures, and the shadows of polygons in
-   ambient light, which only paths have. */
-static void prepare_cells(random_scene *x, const int levels[FEATURES]) {
-    sps_view *view = &x->s.view;
-    for (int i = 0; i < x->s.scene.mesh_count; ++i) {
-        x->s.mesh[i].shade_fn = NULL;
-        check_translucent(&x->s.mesh[i], 0);
-    }
-    if (levels[MESH] != MESH_NONE && levels[MESH] != MESH_GROUND) check_color(x->s.scene.ambient, 0, 0, 0);
-    view->width = view->height = CELLS_SIDE;
-    memset(view->region, 0, sizeof view->region);
-    view->coverage_samples = 0;
-    view->quality = SPS_QUALITY_HIGH;
-    view->scattering = SPS_SCATTERING_FULL, view->scatter_size = CELLS_SIDE;
-}
-
 /* Every fifth scene again, with light from cell to cell, against random paths. Changes the scene. */
 static void soak_cells(sps_context *context, random_scene *x, const int levels[FEATURES], long number) {
     char name[48];
     sps_plan_report plan;
     if (number % 5 != 2 || has_surfaces(levels)) return;
-    prepare_cells(x, levels);
+    prepare_cells(x, CELLS_SIDE);
     if (sps_plan(context, &x->s.scene, &x->s.view, &plan) == SPS_ERROR_UNSUPPORTED) return;
     snprintf(name, sizeof name, "scene %ld, cells", number);
     check_paths(context, &x->s, name, 32, 0.05);

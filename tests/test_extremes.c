@@ -49,14 +49,19 @@ static sps_result render_fresh(const check_scene *s, float *pixels) {
 static const float *middle(const float *pixels) { return pixels + 4 * (SIDE / 2 * SIDE + SIDE / 2); }
 static double optical_depth(const float *pixel) { return -log1p(-(double)pixel[3]); }
 
-/* The largest difference from the reference, divided by the reference's largest radiance. */
+/* The largest difference from the reference, divided by the reference's largest radiance. Under sanitizers, of some
+   rows in the middle. */
 static double error_of(const check_scene *s, const float *pixels) {
+    const int first = check_memory_only() ? SIDE / 2 : 0, rows = check_memory_only() ? SIDE / 8 : SIDE;
+    const size_t count = (size_t)(4 * SIDE * rows);
     sps_context *context = check_context(NULL);
+    check_scene part = *s;
     double most = 0;
-    check_march(context, s, 0.5, other, NULL);
+    part.view.region[1] = first, part.view.region[2] = SIDE, part.view.region[3] = rows;
+    check_march(context, &part, 0.5, other, NULL);
     sps_destroy(context);
-    for (int i = 0; i < 4 * PIXELS; ++i) most = fmax(most, (double)other[i]);
-    return check_largest(pixels, other, 4 * PIXELS) / most;
+    for (size_t i = 0; i < count; ++i) most = fmax(most, (double)other[i]);
+    return check_largest(pixels + 4 * SIDE * first, other, count) / most;
 }
 
 static float one_value = 1;

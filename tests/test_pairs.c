@@ -8,11 +8,18 @@
    that is refused, or in which nothing is seen, does not count, and others are tried. The test fails if a pair is left.
    Incompatible pairs are in scene_exclusions, with reasons, apart from those of a feature that is absent: a field, a
    source and a placement need a volume; a source of shadows, a side and other lights need a light. With PAIRS_ALL in
-   the environment, every scene's errors and levels are printed. */
+   the environment, every scene's errors and levels are printed.
+
+   sps_reference has light from cell to cell, SPS_SCATTERING_FULL, only as random paths, which are noisy. So it is not a
+   feature of the table, but is paired with each level of every feature by scenes of its own: their mean is that of
+   paths, as in soak. A scene whose mean would pass with light scattered once does not count. Levels that cells do not
+   know are in cells_exclusions. CHECK_FIGURES prints both means of every scene. */
 
 #include "random_scene.h"
 
-enum { VOXELS = 8, PIXELS = 32, ATTEMPTS = 40 };
+enum { VOXELS = 8, ATTEMPTS = 40 };
+
+static int pixels(void) { return check_long() ? 32 : 28; }
 
 /* Levels that are paired. Lights with an extent are left to soak and test_penumbrae: the reference samples each by 16
    points at every place, which would take this test minutes. */
@@ -133,7 +140,7 @@ static int look(pairs *p, sps_context *context, const int levels[FEATURES]) {
     static random_scene x;
     scene_report r;
     int seen = 0;
-    build_scene(&x, levels, p->random.state, VOXELS, PIXELS);
+    build_scene(&x, levels, p->random.state, VOXELS, pixels());
     r = check_long() ? measure_scene(context, &x, 1) : measure_quickly(context, &x);
     if (r.result == SPS_ERROR_UNSUPPORTED)
         ++p->refused;
@@ -176,8 +183,163 @@ static void test_pairs(void) {
     sps_destroy(context);
 }
 
+/* --- light from cell to cell --- */
+
+/* CELLS_PATHS: per pixel, of CELLS_PIXELS x CELLS_PIXELS. */
+enum { CELLS_PIXELS = 12, CELLS_PATHS = 32 };
+
+/* Light from cell to cell may be off by this share of a scene's mean, besides the paths' noise. */
+#define CELLS_SHARE 0.05
+
+static const struct {
+    int feature, level;
+    const char *reason;
+} cells_exclusions[] = {
+    {VOLUME, VOLUME_SURFACE, "paths reflect light from surfaces of volumes, cells do not"},
+    {VOLUME, VOLUME_CURVE, "paths reflect light from surfaces of volumes, cells do not"},
+    {SECOND, SECOND_SURFACE, "paths reflect light from surfaces of volumes, cells do not"},
+    {SECOND, SECOND_TWO, "one of them may be a surface"},
+};
+
+/* As goes_together says, but levels of absent features go with all. */
+static int cells_allow(int f, int level, int g, int other) {
+    if (f == SURROUNDINGS && level != SURROUNDINGS_BLACK && g == MESH && hides_ambient(other)) return 0;
+    if (g == SURROUNDINGS && other != SURROUNDINGS_BLACK && f == MESH && hides_ambient(level)) return 0;
+    return !scene_excluded(f, level, g, other);
+}
+
+static int cells_know(int f, int level) {
+    for (size_t i = 0; i < sizeof cells_exclusions / sizeof *cells_exclusions; ++i)
+        if (cells_exclusions[i].feature == f && cells_exclusions[i].level == level) return 0;
+    return 1;
+}
+
+typedef struct cells_cover {
+    unsigned char seen[FEATURES][LEVELS_MAX];
+    check_random random;
+    long scenes, refused, pale;
+} cells_cover;
+
+static int first_unseen(const cells_cover *p, int levels[FEATURES]) {
+    for (int f = 0; f < FEATURES; ++f)
+        for (int a = 0; a < level_count(f); ++a)
+            if (!p->seen[f][a] && cells_know(f, a)) {
+                levels[f] = a;
+                return 1;
+            }
+    return 0;
+}
+
+/* Whether a level goes with those chosen. What it needs, or what needs it, must be there. */
+static int cells_compatible(const cells_cover *p, const int levels[FEATURES], int f, int level) {
+    if (!cells_know(f, level)) return 0;
+    for (int g = 0; g < FEATURES; ++g) {
+        if (levels[g] < 0 || g == f) continue;
+        if (!cells_allow(f, level, g, levels[g])) return 0;
+        if (needs(g) == f && level == 0 && !p->seen[g][levels[g]]) return 0;
+    }
+    return 1;
+}
+
+/* Chooses the remaining levels in a random order: one that has not occurred, or else any. Returns 0 if there is none.
+ */
+static int choose_cells(cells_cover *p, int levels[FEATURES]) {
+    const int start = draw_below(&p->random, FEATURES), stride = 1 + 2 * draw_below(&p->random, FEATURES / 2);
+    for (int i = 0; i < FEATURES; ++i) {
+        const int f = (start + i * stride) % FEATURES, count = level_count(f), from = draw_below(&p->random, count);
+        int best = -1;
+        if (levels[f] >= 0) continue;
+        for (int k = 0; k < count; ++k) {
+            const int level = (from + k) % count;
+            const int gained = cells_compatible(p, levels, f, level) ? !p->seen[f][level] : -1;
+            if (gained > best) best = gained, levels[f] = level;
+        }
+        if (best < 0) return 0;
+    }
+    return 1;
+}
+
+/* Renders, and takes the mean of all colors. */
+static sps_result cells_render(sps_context *context, const check_scene *s, scene_picture *out, double *mean) {
+    const size_t count = check_pixel_count(&s->view);
+    sps_image image;
+    sps_result result;
+    memset(&image, 0, sizeof image);
+    image.rgba = out->rgba;
+    result = sps_render(context, &s->scene, &s->view, &image);
+    *mean = 0;
+    for (size_t i = 0; i < 4 * count && result == SPS_OK; ++i)
+        if (i % 4 < 3) *mean += (double)out->rgba[i] / (3 * (double)count);
+    return result;
+}
+
+/* The kind of image does not matter. */
+static void check_cells_output(sps_context *context, const random_scene *x, const scene_picture *all) {
+    static scene_picture image;
+    if (x->levels[OUTPUT] != OUTPUT_DEPTH && x->levels[OUTPUT] != OUTPUT_ROWS) return;
+    CHECK_OK(context, scene_render(context, x, 0, &image));
+    CHECK(memcmp(image.rgba, all->rgba, 4 * check_pixel_count(&x->s.view) * sizeof(float)) == 0);
+}
+
+/* Whether the scene counts. */
+static int look_at_cells(cells_cover *p, sps_context *context, const int levels[FEATURES]) {
+    static random_scene x;
+    static scene_picture once, all;
+    const int failed = check_failed;
+    sps_result result;
+    double mean, single;
+    int counts = 0;
+    build_scene(&x, levels, p->random.state, VOXELS, pixels());
+    prepare_cells(&x, CELLS_PIXELS);
+    if (!check_long()) x.s.view.quality = SPS_QUALITY_MEDIUM;
+    x.s.view.scattering = SPS_SCATTERING_OFF;
+    result = cells_render(context, &x.s, &once, &single);
+    x.s.view.scattering = SPS_SCATTERING_FULL;
+    if (result == SPS_OK) result = cells_render(context, &x.s, &all, &mean);
+    if (result == SPS_ERROR_UNSUPPORTED)
+        ++p->refused;
+    else if (CHECK_OK(context, result)) {
+        const double more = fabs(mean - single);
+        char name[64];
+        snprintf(name, sizeof name, "scene %ld, %+.0f %%", p->scenes, 100 * (mean / single - 1));
+        if (mean >= SCENE_DARK && more >= CELLS_SHARE * mean) {
+            check_cells_output(context, &x, &all);
+            counts = more > check_paths_of(context, &x.s, all.rgba, name, CELLS_PATHS, CELLS_SHARE);
+        }
+        p->pale += !counts;
+    }
+    if (check_failed > failed || (counts && getenv("PAIRS_ALL"))) {
+        printf("seed %llu  ", (unsigned long long)p->random.state);
+        print_levels(levels);
+    }
+    free_scene(&x);
+    return counts;
+}
+
+static void test_cells(void) {
+    static cells_cover p;
+    sps_context *context = check_context(NULL);
+    int levels[FEATURES], left, attempts = 0;
+    p.random.state = 2;
+    for (;;) {
+        for (int f = 0; f < FEATURES; ++f) levels[f] = -1;
+        left = first_unseen(&p, levels);
+        if (!left || attempts > ATTEMPTS) break;
+        ++p.scenes, ++attempts;
+        if (!choose_cells(&p, levels) || !look_at_cells(&p, context, levels)) continue;
+        attempts = 0;
+        for (int f = 0; f < FEATURES; ++f)
+            if (matters(levels, f)) p.seen[f][levels[f]] = 1;
+    }
+    printf("light from cell to cell: %ld scenes, of which %ld refused, and %ld where it does not matter\n", p.scenes,
+           p.refused, p.pale);
+    if (!CHECK(!left)) print_levels(levels);
+    sps_destroy(context);
+}
+
 int main(void) {
     RUN(test_table);
     RUN(test_pairs);
+    RUN(test_cells);
     return check_report();
 }

@@ -382,20 +382,21 @@ static void set_wide(check_scene *s, int kind) {
     check_set3(light->axes[1], 0, 0.3, 0.5);
 }
 
-/* A region of the picture whose reference takes a second. Its points are another set than the renderer's; the noise of
-   `points` points at a surface is at most 1 / sqrt(4 points) where light is half seen, and far less in gas, where each
-   ray has a hundred samples. */
+/* A region of the picture whose reference takes half a second. Its points are another set than the renderer's; the
+   noise of `points` points at a surface is at most 1 / sqrt(4 points) where light is half seen, and far less in gas,
+   where each ray has a hundred samples. */
 static double reference_error(check_scene *s, int points, double *mean) {
-    static const int region[4] = {26, 24, 8, 8};
+    static const int region[4] = {26, 24, 6, 6};
+    const int count = 4 * 6 * 6;
     double sum = 0;
     memcpy(s->view.region, region, sizeof region);
     s->light[0].samples = 64;
     check_render(context, s, image_a);
     s->light[0].samples = points;
     check_march(context, s, 0.14, image_b, NULL);
-    for (int i = 0; i < 4 * 64; ++i) sum += (double)image_b[i] / 256;
+    for (int i = 0; i < count; ++i) sum += (double)image_b[i] / count;
     *mean = sum;
-    return check_rms(image_a, image_b, 4 * 64);
+    return check_rms(image_a, image_b, (size_t)count);
 }
 
 static void test_reference(void) {

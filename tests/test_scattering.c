@@ -4,7 +4,7 @@
 
 #include "check.h"
 
-enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, CLOUD = 24, PUFF_EXTINCTION = 5, LANE_COUNT = SPSI_LANES };
+enum { SIDE = 16, COUNT = 4 * SIDE * SIDE, CLOUD = 24, PUFF_EXTINCTION = 5, LANE_COUNT = SPSI_LANES };
 static float image_a[COUNT], image_b[COUNT], image_c[COUNT], errors[3 * SIDE * SIDE];
 static sps_context *context;
 static check_triangles ground, pane;
@@ -195,7 +195,7 @@ static void test_means(void) {
 static void start_layer(check_scene *s, double depth, const sps_lobe *lobe, double towards) {
     sps_volume *volume;
     check_clear(s, 4, 4);
-    volume = check_add_volume(s, 32, 32, 64, check_box(-8, -8, 0, 8, 8, 1));
+    volume = check_add_volume(s, 16, 16, 64, check_box(-4, -4, 0, 4, 4, 1));
     volume->read_fn = check_read_constant;
     volume->user = (void *)(size_t)&one;
     volume->extinction = (float)depth;

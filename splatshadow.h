@@ -753,7 +753,7 @@ typedef enum sps_scattering {
        as they do with what lights and ambient light send them; they reflect it in the picture, too, where ambient light
        is less by what gas keeps off. All that by the mesh's own color, which shade_fn does not change, and not from
        polygon to polygon. Panes let it pass as if they were not there. A light with an extent lights the cells from its
-       centre. Cost: filling the cells and a table per light, and some ten sweeps over them per channel of color, twice
+       centre. Cost: filling the cells and a table per light, and some five sweeps over them per channel of color, twice
        as many and rays through the polygons where there are any; then a lookup of them per gas and channel beside those
        of shadows, and one per surface. [Discrete ordinates: Lebedev 1976, Wiscombe 1977] */
     SPS_SCATTERING_FULL

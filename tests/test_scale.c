@@ -603,10 +603,12 @@ static int render_padded(int from, int surface, int pad, float *image) {
 static void test_brick_seams(void) {
     for (int from = 0; from < 3; ++from)
         for (int surface = 0; surface < 2; ++surface)
-            for (int pad = 0; pad < 8; pad += 1 + (pad > 0))
+            for (int pad = 0; pad < 8; pad += 1 + (pad > 0)) {
+                if (!check_long() && pad > 0 && (pad / 2 + surface) % 2) continue; /* 1 and 5, or 3 and 7 */
                 if (render_padded(from, surface, pad, pad ? image_b : image_a) && pad > 0)
                     if (!CHECK(apart(image_a, image_b, 48 * 48) <= (from == 1 && surface ? 5e-4 : 1e-5)))
                         printf("    from %d, %s, padded by %d\n", from, surface ? "surface" : "gas", pad);
+            }
 }
 
 /* ------------------------------------------------------------------------------------------ cut and lit from behind */

@@ -16354,7 +16354,7 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
         const size_t row = (size_t)(z * level->size[1] + y) * (size_t)level->pitch;
         for (int i = 0; i < beams.count; ++i) {
             const int k = falls ? i : i - 2;
-            const float *left = rows + (size_t)(2 * k + n % 2) * pitch - directions[i].step[0];
+            const float *left;
             beams.direction[i] = &directions[i];
             if (k < 0) {
                 memset(in[i], 0, pitch * sizeof *rows);
@@ -16362,6 +16362,7 @@ static void spsi_cells_across(const spsi_cell_pass *pass, int z, int falls, cons
                 beams.out[i] = rows + (size_t)(13 + i) * pitch;
                 continue;
             }
+            left = rows + (size_t)(2 * k + n % 2) * pitch - directions[i].step[0];
             beams.in[i] = spsi_cell_row_enters(pass, row, &directions[i], left, rows + (size_t)(6 + k) * pitch);
             beams.out[i] = rows + (size_t)(2 * k + 1 - n % 2) * pitch;
         }

@@ -1626,7 +1626,7 @@ static void bench_scattering(void) {
 
 /* --- random paths --- */
 
-enum { PATHS_SIDE = 96, PATHS_TRIALS = 5, PATHS_VALUES = 3 * PATHS_SIDE * PATHS_SIDE };
+enum { PATHS_SIDE = 96, PATHS_MOST = 256, PATHS_VALUES = 3 * PATHS_SIDE * PATHS_SIDE };
 
 /* A picture by the most paths, the standard errors of its pixels, and the time of the paths alone, without that to
    march light that scatters once. */
@@ -1643,32 +1643,30 @@ static void paths_frame(frame *f, const sps_lobe *lobe) {
     f->volume.lobes = lobe, f->volume.lobe_count = 1;
 }
 
-/* What the standard error of multiple scattering costs. */
-static void bench_walks(ex_session *session, frame *f, walked *w) {
-    sps_reference_settings settings = {.step = 0.5, .seed = 1};
+/* The time of the reference with that many paths a pixel; 0: of marching light that scatters once. */
+static double walk_seconds(ex_session *session, frame *f, int samples, float *error) {
+    const sps_reference_settings settings = {.step = 0.5, .seed = 1, .samples = samples, .error = error};
+    const double start = ex_now(NULL);
     sps_image image;
-    double once = 0;
     memset(&image, 0, sizeof image);
     image.rgba = f->rgba;
-    for (int i = 0; i < PATHS_TRIALS; ++i) {
-        double squares = 0, seconds;
-        const double start = ex_now(NULL);
-        settings.samples = i > 0 ? 1 << 2 * i : 0;
-        settings.error = i > 0 ? w->error : NULL;
-        ex_stop_unless_ok(sps_reference(session->context, &f->scene, &f->view, &settings, &image), program, session);
-        seconds = ex_now(NULL) - start;
-        once = i == 0 ? seconds : once;
-        w->seconds = seconds - once, w->mean = 0;
+    ex_stop_unless_ok(sps_reference(session->context, &f->scene, &f->view, &settings, &image), program, session);
+    return ex_now(NULL) - start;
+}
+
+/* What the standard error of multiple scattering costs. */
+static void bench_walks(ex_session *session, frame *f, walked *w) {
+    const double once = walk_seconds(session, f, 0, NULL);
+    printf("| marching light that scatters once | %.2f | | |\n", once);
+    for (int samples = 4; samples <= PATHS_MOST; samples *= 4) {
+        double squares = 0;
+        w->seconds = walk_seconds(session, f, samples, w->error) - once, w->mean = 0;
         for (int k = 0; k < PATHS_VALUES; ++k) {
             w->mean += (double)f->rgba[k / 3 * 4 + k % 3] / PATHS_VALUES;
             squares += pow((double)w->error[k], 2) / PATHS_VALUES;
         }
         w->relative = sqrt(squares) / w->mean;
-        if (i == 0)
-            printf("| marching light that scatters once | %.2f | | |\n", seconds);
-        else
-            printf("| %d paths a pixel besides | %.2f | %.2f %% | |\n", settings.samples, w->seconds,
-                   100 * w->relative);
+        printf("| %d paths a pixel besides | %.2f | %.2f %% | |\n", samples, w->seconds, 100 * w->relative);
         fflush(stdout);
     }
     memcpy(w->rgba, f->rgba, sizeof w->rgba);

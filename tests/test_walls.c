@@ -259,7 +259,7 @@ static void test_outside(void) {
     double worst[2] = {0, 0};
     memset(&grid, 0, sizeof grid);
     grid.size[0] = 16, grid.size[1] = 12, grid.size[2] = 5; /* of 5 cells, some patches have none */
-    grid.edge = 0.15, grid.channels = 1, grid.patches = patches;
+    grid.edge = 0.15, grid.channels = 1, grid.patches = patches, grid.flux = flux;
     for (int k = 0; k < 3; ++k) grid.corner[k] = -0.5 * grid.edge * grid.size[k];
     spsi_cell_patches_place(&grid);
     for (int i = 0; i < SPSI_CELL_SHEET; ++i) patches[4 * SPSI_CELL_SHEET + i] = 1;
@@ -282,7 +282,7 @@ static void test_outside(void) {
         CHECK_NEAR(spsi_cells_irradiance(&grid, 0, before, normal, NULL),
                    0.5 * spsi_cells_irradiance_outside(&grid, 0, before, normal, NULL), 1e-6);
         for (int i = 0; i < 64 * 12 * 5; ++i) flux[i] = 1;
-        grid.flux = flux, grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);
+        grid.flux_terms = 1, grid.pitch = spsi_cell_pitch(16);
         CHECK(spsi_cells_irradiance(&grid, 0, before, normal, NULL) > 0.4 * SPSI_PI);
         CHECK(spsi_cells_irradiance(&grid, 0, before, normal, shut) == 0); /* what hides all patches hides all cells */
     }
@@ -443,6 +443,14 @@ static double roofed(const spsi_cell_grid *grid, const double point[3], double y
     return sum;
 }
 
+/* Renders the scene with the quads that were added as its mesh, and returns what the context holds of them. */
+static spsi_faces render_faces(check_scene *s) {
+    s->scene.mesh_count = 0;
+    check_add_mesh(s, &faces, 0.8);
+    check_render(context, s, image_a);
+    return faces_of(context);
+}
+
 /* Floors below a roof, at places all about: what an integral with exact shadows says. In the middle there is nothing,
    far off all. */
 static void test_roof(void) {
@@ -458,10 +466,7 @@ static void test_roof(void) {
         faces.count = 0;
         add_quad(-9, -3, -9, 18, 0, 0, 0, 0, 18);
         add_quad(low[0], -2, low[1], high[0] - low[0], 0, 0, 0, 0, high[1] - low[1]);
-        s.scene.mesh_count = 0;
-        check_add_mesh(&s, &faces, 0.8);
-        check_render(context, &s, image_a);
-        held = faces_of(context);
+        held = render_faces(&s);
         for (double x = -6.1; x < 6.2; x += 0.61)
             for (double z = -6.1; z < 6.2; z += 0.61) {
                 float open[SPSI_CELL_SHEET];
@@ -505,10 +510,7 @@ static void test_free(void) {
             const double x = -9 + 0.6 * (i % 30), z = -9 + 0.6 * (i / 30);
             add_quad(x, -3 + slant * x, z, 0.6, slant * 0.6, 0, 0, 0, 0.6);
         }
-        s.scene.mesh_count = 0;
-        check_add_mesh(&s, &faces, 0.8);
-        check_render(context, &s, image_a);
-        held = faces_of(context);
+        held = render_faces(&s);
         for (double x = -6.1; x < 6.2; x += 0.61)
             for (double z = -6.1; z < 6.2; z += 0.61) {
                 float open[SPSI_CELL_SHEET];

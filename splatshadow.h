@@ -8424,9 +8424,9 @@ static int spsi_scatters_aside(const spsi_frame *frame) {
 
 /* Whether gas needs tables of light that is scattered forward. */
 static int spsi_scatters_forward(const spsi_frame *frame) {
-    if (!frame->matter.scatters || frame->lamps.shadow_count == 0) return 0;
-    return spsi_scatters_fully(frame) ? frame->matter.orders > 1
-                                      : frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame);
+    if (spsi_scatters_fully(frame)) return frame->matter.scatters && frame->lamps.count > 0 && frame->matter.orders > 1;
+    return (frame->view.scattering == SPS_SCATTERING_FORWARD || spsi_scatters_aside(frame)) && frame->matter.scatters &&
+           frame->lamps.shadow_count > 0;
 }
 
 /* Whether any gas scatters light more than once. */
@@ -17668,7 +17668,7 @@ typedef struct spsi_carried {
     spsi_v passes[3];  /* mean transmittance between light and eye, times the lit share, by color */
     spsi_v lit[3];     /* the lit share alone; if light spreads, times the mean transmittance from the light */
     spsi_v start, end; /* optical depth between light and eye at the part's ends; if light spreads, from the part on */
-    int is_attenuated; /* 0: by nothing on its way to the part; start, end and lit are not set */
+    int is_attenuated; /* 0: by nothing, and it is not scattered again; start, end and lit are not set */
 } spsi_carried;
 
 /* Radiance of light scattered forward more than once, per unit of the sample's optical depth and of irradiance without
@@ -17971,7 +17971,10 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
         }
     }
     memset(&carried, 0, sizeof carried);
-    for (int c = 0; c < 3; ++c) carried.passes[c] = mean;
+    carried.is_attenuated = spsi_scatters_fully(shader->frame);
+    carried.start = part->before;
+    carried.end = part->after;
+    for (int c = 0; c < 3; ++c) carried.passes[c] = mean, carried.lit[c] = spsi_set(1);
     for (int i = 0; i < shader->frame->lamps.count; ++i)
         if (!shader->frame->lamps.list[i].shadows)
             spsi_add_lamp(shader, p, part, &shader->frame->lamps.list[i], &carried, into);
@@ -18787,6 +18790,7 @@ typedef struct spsi_cell_job {
     float *scattered;     /* per material and channel: what is scattered of a unit of light along an edge */
     float *emitted;       /* per channel: radiance added along an edge */
     float *incoming;      /* per channel and term: moments of the lights' radiance */
+    float *passed_on;     /* the same of what peaks pass on from lights without shadows; NULL: nothing */
     spsi_cell_direction directions[SPSI_CELL_DIRECTIONS];
     spsi_cell_walls walls;
     const float *wall_light; /* per term: moments of what polygons send, in the channel that is being solved; NULL: 0 */
@@ -18913,9 +18917,22 @@ static void spsi_cells_lay_out(const spsi_frame *frame, spsi_cell_grid *grid) {
     }
 }
 
+/* Whether a peak passes on light of lights without shadows: they have tables, too, which tell how much. */
+static int spsi_cells_pass_on(const spsi_frame *frame, const spsi_cell_grid *grid) {
+    int peaks = 0;
+    for (int m = 0; m < frame->matter.material_count; ++m) peaks |= grid->peak[m] > 0;
+    return peaks && frame->matter.extinguishes && frame->lamps.count > frame->lamps.shadow_count;
+}
+
+/* Number of lights with tables. */
+static int spsi_cells_table_count(const spsi_frame *frame, const spsi_cell_grid *grid) {
+    return spsi_cells_pass_on(frame, grid) ? frame->lamps.count : frame->lamps.shadow_count;
+}
+
 /* Floats per cell while it is filled and lit. */
 static size_t spsi_cell_job_floats(const spsi_frame *frame, const spsi_cell_grid *grid) {
-    return (size_t)(8 + frame->matter.material_count * grid->channels + grid->channels + grid->channels * grid->terms);
+    const int lights = spsi_cells_pass_on(frame, grid) ? 2 : 1;
+    return (size_t)(8 + (frame->matter.material_count + 1 + lights * grid->terms) * grid->channels);
 }
 
 /* --- gas --- */
@@ -19151,29 +19168,37 @@ static sps_result spsi_cells_own_map(const spsi_cell_job *job, const spsi_lamp *
     return SPS_OK;
 }
 
-/* Lists the lights that cast shadows, with their tables, depth maps and pane maps. Tables are a grid's own, unless they
-   are the light's; the other maps serve all grids. */
+/* Makes a light's table, unless it has its own from an earlier grid. */
+static sps_result spsi_cells_table(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_part_of_call *part,
+                                   spsi_shadow *shadow, sps_tmap *map) {
+    shadow->lamp = lamp;
+    shadow->kind = SPSI_SHADOW_MAP;
+    shadow->tmap = map;
+    if (map->waits) return SPS_OK;
+    return spsi_has_shadow_table(lamp) ? spsi_cells_own_map(job, lamp, part, map)
+                                       : spsi_cells_map(job, lamp, part, map);
+}
+
+/* Lists the lights that have tables: first those that cast shadows, with depth maps and pane maps, then the others.
+   Tables are a grid's own, unless they are the light's; the other maps serve all grids. */
 static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call *part, sps_tmap *maps) {
     const spsi_frame *frame = job->frame;
+    const int shadows = frame->lamps.shadow_count, tables = spsi_cells_table_count(frame, job->grid);
     spsi_part_of_call each = *part;
-    int count = 0;
-    each.share /= spsi_most(1, frame->lamps.shadow_count);
+    int next[2] = {shadows, 0};
+    each.share /= spsi_most(1, tables);
     for (int i = 0; i < frame->lamps.count; ++i) {
-        spsi_shadow *shadow = &job->shadows[count];
-        if (!frame->lamps.list[i].shadows) continue;
-        shadow->lamp = &frame->lamps.list[i];
-        if (!maps[count].waits &&
-            (spsi_has_shadow_table(shadow->lamp) ? spsi_cells_own_map(job, shadow->lamp, &each, &maps[count])
-                                                 : spsi_cells_map(job, shadow->lamp, &each, &maps[count])))
-            return job->context->result;
-        shadow->kind = SPSI_SHADOW_MAP;
-        shadow->tmap = &maps[count++];
+        const spsi_lamp *lamp = &frame->lamps.list[i];
+        const int at = next[lamp->shadows];
+        if (at == tables) continue;
+        if (spsi_cells_table(job, lamp, &each, &job->shadows[at], &maps[at])) return job->context->result;
+        next[lamp->shadows] += 1;
         each.progress += each.share;
     }
-    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, count) ||
-                        spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, count)))
+    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, shadows) ||
+                        spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, shadows)))
         return job->context->result;
-    for (int i = 0; i < count; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
+    for (int i = 0; i < tables; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
     return SPS_OK;
 }
 
@@ -19209,7 +19234,6 @@ typedef struct spsi_cell_spot {
     spsi_part part;
     spsi_v depth;    /* of the samples */
     spsi_v scale[3]; /* of their cells' extinction, by channel */
-    spsi_v whole[3]; /* what is scattered there, per what does not go straight on */
     size_t row;      /* of cells */
 } spsi_cell_spot;
 
@@ -19227,62 +19251,98 @@ static void spsi_cell_spot_build(const spsi_shader *shader, double thickness, in
     spot->slab.leave = spsi_set(middle + half);
 }
 
+/* The share of a light that gas leaves at a vector of samples in one channel, what peaks pass on included: extinction
+   is scaled. `found`: the optical depth at their middle. */
+static spsi_v spsi_cell_spot_straight(const spsi_cell_spot *spot, spsi_v found, int channel) {
+    const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f)), before = spsi_max(spsi_sub(found, half), spsi_set(0));
+    const spsi_v from = spsi_mul(spot->scale[channel], before);
+    return spsi_mean_transmittance(from, spsi_fma(spot->scale[channel], spot->depth, from));
+}
+
 /* What a light's own shadows leave of it at a vector of samples, by channel. Where its table ends, nothing is known of
    how deep a sample lies, only that it is dark. */
 static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *shadow, const spsi_cell_spot *spot,
                                   spsi_v passes[3]) {
-    const spsi_v half = spsi_mul(spot->depth, spsi_set(0.5f));
-    const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle),
-                 before = spsi_sub(found, half);
+    const spsi_v found = spsi_pixels_shadow(shadow, &spot->pixels, 0, spot->part.middle);
     const spsi_m dark = spsi_less(spsi_set(0.999f * shadow->tmap->table_end), found);
     spsi_v lit[SPSI_PARTS], filter[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
     spsi_lit_shares(&job->shader, &shadow->depth_map, &spot->pixels, &spot->slab, lit);
     if (shadow->pane_map_count > 0) spsi_part_filter(&job->shader, shadow, &spot->pixels, &spot->part, filter);
     for (int c = 0; c < job->grid->channels; ++c) {
-        const spsi_v from = spsi_mul(spot->scale[c], spsi_max(before, spsi_set(0)));
-        const spsi_v mean = spsi_mean_transmittance(from, spsi_fma(spot->scale[c], spot->depth, from));
-        passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(spsi_mul(lit[0], filter[c]), mean));
+        const spsi_v share = spsi_mul(lit[0], filter[c]);
+        passes[c] = spsi_select(dark, spsi_set(0), spsi_mul(share, spsi_cell_spot_straight(spot, found, c)));
     }
 }
 
-/* Adds what one light sends to a vector of samples, weighted by their optical depth. */
-static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *shadow,
-                                const spsi_cell_spot *spot) {
+/* What arrives of a light without shadows at a vector of samples beside the whole light: a scale k of extinction means
+   that peaks pass on 1 - k of it wherever it meets gas, of which exp(-k t) is left after a depth t, in all
+   (1 - k) / k (1 - exp(-k t)). k is 1 minus an albedo times a peak, which is below 1. */
+static void spsi_cell_spot_passed_on(const spsi_shadow *table, const spsi_cell_spot *spot, int channels,
+                                     spsi_v passed_on[3]) {
+    const spsi_v found = spsi_pixels_shadow(table, &spot->pixels, 0, spot->part.middle), one = spsi_set(1);
+    for (int c = 0; c < channels; ++c) {
+        const spsi_v scale = spsi_max(spot->scale[c], spsi_set(1e-3f));
+        const spsi_v left = spsi_sub(one, spsi_cell_spot_straight(spot, found, c));
+        passed_on[c] = spsi_mul(spsi_div(spsi_sub(one, scale), scale), left);
+    }
+}
+
+/* Adds moments of light to the cells of a vector of samples, in one channel. */
+static void spsi_cells_add_moments(const spsi_cell_job *job, const spsi_cell_spot *spot, int channel, spsi_v amount,
+                                   const spsi_v harmonic[SPSI_CELL_TERMS], float *moments) {
     const spsi_cell_grid *grid = job->grid;
     const int x = spot->pixels.line.x, end = job->sheets.rays.width - 1;
-    spsi_v passes[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, harmonic[SPSI_CELL_TERMS];
+    for (int t = 0; t < grid->terms; ++t)
+        spsi_cells_deposit(moments + (size_t)(channel * grid->terms + t) * grid->count + spot->row, x, end, 2, 1,
+                           spsi_mul(amount, harmonic[t]));
+}
+
+/* Adds what one light sends to a vector of samples, weighted by their optical depth. `table`: NULL if it has none. */
+static void spsi_cells_add_lamp(const spsi_cell_job *job, const spsi_lamp *lamp, const spsi_shadow *table,
+                                const spsi_cell_spot *spot) {
+    const int channels = job->grid->channels, passes_on = table && !lamp->shadows;
+    const spsi_v one = spsi_set(1);
+    spsi_v passes[3] = {one, one, one}, passed_on[3], harmonic[SPSI_CELL_TERMS];
     spsi_incident incident;
     spsi_lamp_at(&job->shader, lamp, &spot->pixels, &spot->part, &incident);
-    if (shadow)
-        spsi_cell_spot_passes(job, shadow, spot, passes);
-    else
-        for (int c = 0; c < grid->channels; ++c) passes[c] = spot->whole[c];
-    spsi_harmonics_v(incident.travel, grid->terms, harmonic);
-    for (int c = 0; c < grid->channels; ++c) {
+    if (lamp->shadows) spsi_cell_spot_passes(job, table, spot, passes);
+    if (passes_on) spsi_cell_spot_passed_on(table, spot, channels, passed_on);
+    spsi_harmonics_v(incident.travel, job->grid->terms, harmonic);
+    for (int c = 0; c < channels; ++c) {
         const spsi_v color = spsi_set(lamp->color[c] * (float)(0.25 / SPSI_PI));
         spsi_v amount = spsi_min(spsi_mul(incident.irradiance[c], color), spsi_set(SPSI_RADIANCE_MAX));
-        amount = spsi_mul(spsi_mul(amount, passes[c]), spot->depth);
-        for (int t = 0; t < grid->terms; ++t)
-            spsi_cells_deposit(job->incoming + (size_t)(c * grid->terms + t) * grid->count + spot->row, x, end, 2, 1,
-                               spsi_mul(amount, harmonic[t]));
+        amount = spsi_mul(amount, spot->depth);
+        spsi_cells_add_moments(job, spot, c, spsi_mul(amount, passes[c]), harmonic, job->incoming);
+        if (!passes_on) continue;
+        amount = spsi_mul(amount, passed_on[c]);
+        spsi_cells_add_moments(job, spot, c, amount, harmonic, job->incoming);
+        spsi_cells_add_moments(job, spot, c, amount, harmonic, job->passed_on);
     }
 }
 
-/* The scales of extinction in a row of cells, for each sample; and for lights without shadows, which have no way along
-   which the peak's light could go straight on, the share by which what scatters must be more for nothing to be lost. */
-static void spsi_cells_scales(const spsi_cell_job *job, size_t row, int channel, int x, float scale[SPSI_LANES],
-                              float whole[SPSI_LANES]) {
+/* The scales of extinction in a row of cells, for each sample. */
+static spsi_v spsi_cells_scale(const spsi_cell_job *job, size_t row, int channel, int x) {
     const spsi_cell_grid *grid = job->grid;
+    float scale[SPSI_LANES];
     for (int i = 0; i < SPSI_LANES; ++i) {
         const size_t at = row + (size_t)(spsi_least(x + i, job->sheets.rays.width - 1) / 2);
-        float straight = 0, all = 0;
-        for (int m = 0; m < job->frame->matter.material_count; ++m) {
-            const float scattered = job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
-            straight += grid->peak[m] * scattered;
-            all += scattered;
-        }
+        float straight = 0;
+        for (int m = 0; m < job->frame->matter.material_count; ++m)
+            straight += grid->peak[m] * job->scattered[(size_t)(m * grid->channels + channel) * grid->count + at];
         scale[i] = grid->depth[at] > 0 ? spsi_higher(1 - straight / grid->depth[at], 0) : 1;
-        whole[i] = all > straight ? all / (all - straight) : 1;
+    }
+    return spsi_load(scale);
+}
+
+/* Adds what all lights send to a vector of samples. */
+static void spsi_cells_add_lamps(const spsi_cell_job *job, const spsi_cell_spot *spot) {
+    const spsi_lamps *lamps = &job->frame->lamps;
+    const spsi_shadow *next[2] = {job->passed_on ? job->shadows + lamps->shadow_count : NULL, job->shadows};
+    for (int i = 0; i < lamps->count; ++i) {
+        const spsi_lamp *lamp = &lamps->list[i];
+        const spsi_shadow **table = &next[lamp->shadows];
+        spsi_cells_add_lamp(job, lamp, *table, spot);
+        if (*table) ++*table;
     }
 }
 
@@ -19298,20 +19358,11 @@ static void spsi_cells_light_task(void *data, int row, int worker) {
         for (int x = 0; x < job->sheets.rays.width; x += SPSI_LANES) {
             const int sy = 2 * y + (n & 1), sz = 2 * z + (n >> 1);
             const size_t at = (size_t)(sz * 2 * grid->size[1] + sy) * 2 * (size_t)grid->pitch + (size_t)x;
-            int shadow = 0;
             spot.depth = spsi_load(job->samples + at);
             if (!spsi_bits(spsi_less(spsi_set(0), spot.depth))) continue;
-            for (int c = 0; c < grid->channels; ++c) {
-                float scale[SPSI_LANES], whole[SPSI_LANES];
-                spsi_cells_scales(job, spot.row, c, x, scale, whole);
-                spot.scale[c] = spsi_load(scale);
-                spot.whole[c] = spsi_load(whole);
-            }
+            for (int c = 0; c < grid->channels; ++c) spot.scale[c] = spsi_cells_scale(job, spot.row, c, x);
             spsi_cell_spot_build(&job->shader, job->sheets.slabs.thickness, x, sy, sz, &spot);
-            for (int i = 0; i < job->frame->lamps.count; ++i) {
-                const spsi_lamp *lamp = &job->frame->lamps.list[i];
-                spsi_cells_add_lamp(job, lamp, lamp->shadows ? &job->shadows[shadow++] : NULL, &spot);
-            }
+            spsi_cells_add_lamps(job, &spot);
         }
 }
 
@@ -19608,7 +19659,7 @@ static double spsi_cell_walls_send(const spsi_cell_job *job, int c) {
 /* Lights all cells, and the polygons about them. */
 static sps_result spsi_cells_light(spsi_cell_job *job, const spsi_part_of_call *part) {
     sps_context *context = job->context;
-    const int count = job->frame->lamps.shadow_count;
+    const int count = spsi_cells_table_count(job->frame, job->grid);
     sps_tmap *maps;
     spsi_cell_directions(job->directions);
     if (spsi_cell_walls_begin(job)) return context->result;
@@ -19833,6 +19884,21 @@ static int spsi_cells_reflect(spsi_cell_job *job, int channel, const spsi_cell_l
     return 1;
 }
 
+/* Adds what peaks pass on of the light of lights without shadows, which cells do not send. */
+static void spsi_cells_add_passed_on(const spsi_cell_job *job, int channel) {
+    const spsi_cell_grid *grid = job->grid;
+    for (int t = 0; t < grid->terms; ++t) {
+        const size_t term = (size_t)(channel * grid->terms + t) * grid->count;
+        float *light = grid->moments + term, *flux = NULL;
+        if (t < grid->flux_terms) flux = grid->flux + (size_t)(channel * grid->flux_terms + t) * grid->count;
+        for (size_t at = 0; at < grid->count; ++at) {
+            const float more = grid->depth[at] > 0 ? job->passed_on[term + at] / (4 * grid->depth[at]) : 0;
+            light[at] += more;
+            if (flux) flux[at] += more;
+        }
+    }
+}
+
 /* Solves for one channel; beside polygons, again with what they reflect. */
 static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel *own, const spsi_cell_level *plain,
                                            const spsi_part_of_call *part) {
@@ -19862,6 +19928,7 @@ static sps_result spsi_cells_solve_channel(spsi_cell_job *job, spsi_cell_channel
     if (plain) spsi_cells_take_flux(job, own->channel);
     spsi_copy(job->context, light, found, moments * sizeof(float));
     for (size_t i = 0; i < moments && plain; ++i) light[i] += job->wall_light[i];
+    if (job->passed_on) spsi_cells_add_passed_on(job, own->channel);
     return SPS_OK;
 }
 
@@ -19922,7 +19989,8 @@ static size_t spsi_cells_bytes(const spsi_frame *frame) {
     floats += SPSI_CELL_GRIDS * spsi_cell_grid_floats(frame, &grid, &seen);
     floats += SPSI_CELL_GRIDS * seen + (grid.flux_terms > 0 ? spsi_cell_walls_floats(&grid) : 0);
     for (int i = 0; i < frame->lamps.count; ++i)
-        if (frame->lamps.list[i].shadows && !spsi_has_shadow_table(&frame->lamps.list[i]))
+        if ((frame->lamps.list[i].shadows || spsi_cells_pass_on(frame, &grid)) &&
+            !spsi_has_shadow_table(&frame->lamps.list[i]))
             bytes += sizeof(sps_tmap) + spsi_cells_map_bytes(frame, &frame->lamps.list[i]);
     return bytes + floats * sizeof(float);
 }
@@ -20012,6 +20080,7 @@ static sps_result spsi_cells_make(sps_context *context, const spsi_frame *frame,
     job->scattered = job->samples + 8 * grid->count;
     job->emitted = job->scattered + (size_t)frame->matter.material_count * channels * grid->count;
     job->incoming = job->emitted + channels * grid->count;
+    if (spsi_cells_pass_on(frame, grid)) job->passed_on = job->incoming + channels * (size_t)grid->terms * grid->count;
     third.share /= 3;
     if (spsi_cells_fill(job, &third)) return context->result;
     spsi_cells_mean_scale(job);
@@ -21428,7 +21497,8 @@ static void spsi_plan_passes(const sps_context *context, const spsi_frame *frame
                    !frame->matter.scatters                        ? "nothing scatters: albedo 0 or no extinction"
                    : frame->view.scattering == SPS_SCATTERING_OFF ? once
                    : !again                                       ? "view.scattering does not ask for it"
-                   : frame->lamps.shadow_count == 0               ? "no light casts shadows"
+                   : !lit                                         ? "no light"
+                   : !spsi_scatters_fully(frame)                  ? "no light casts shadows"
                                                                   : "gases scatter evenly: cells have all of it");
     spsi_plan_pass(report, SPS_PASS_SPREADING, spsi_scatters_aside(frame) ? frame->lamps.shadow_count : 0,
                    "view.scattering asks for it",

@@ -685,6 +685,18 @@ static void test_paths(void) {
     }
 }
 
+/* A floor amid forward gas below a sun without shadows: gas passes more light on to it, half as much as the sun's. */
+static void test_paths_unshadowed(void) {
+    check_scene s;
+    start_even(&s);
+    s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
+    check_set3(s.view.camera.position, 0, 4, 3);
+    check_add_directional(&s, 0, -1, 0, 1)->no_shadow = 1;
+    add_quad(-4, -0.6, -4, 8, 0, 0, 0, 0, 8);
+    check_add_mesh(&s, &faces, 0.8);
+    check_paths(context, &s, "floor, unshadowed sun", 60, 0.03);
+}
+
 /* The same at other scales and places of the scene. */
 static void test_scaled(void) {
     static const double scales[] = {1e-4, 1e5};
@@ -781,6 +793,7 @@ int main(void) {
     RUN(test_orders);
     RUN(test_white_floor);
     RUN(test_paths);
+    RUN(test_paths_unshadowed);
     RUN(test_scaled);
     RUN(test_workers);
     RUN(test_failures);

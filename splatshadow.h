@@ -17952,7 +17952,8 @@ static void spsi_add_cells(const spsi_shader *shader, const spsi_pixels *p, cons
     }
 }
 
-/* Adds ambient light, emission, and the lights that cast no shadows. */
+/* Adds ambient light, emission, and the lights that cast no shadows. What peaks pass on of these depends on gas towards
+   the eye here; what they pass on towards the light is in the cells. */
 static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p, const spsi_part *part,
                                 const spsi_sent *into) {
     const spsi_v mean = spsi_mean_transmittance(part->before, part->after);
@@ -19190,7 +19191,7 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const int at = next[lamp->shadows];
-        if (at == tables) continue;
+        if (at == tables) continue; /* without shadows, and no peak needs its table */
         if (spsi_cells_table(job, lamp, &each, &job->shadows[at], &maps[at])) return job->context->result;
         next[lamp->shadows] += 1;
         each.progress += each.share;
@@ -19276,12 +19277,12 @@ static void spsi_cell_spot_passes(const spsi_cell_job *job, const spsi_shadow *s
 
 /* What arrives of a light without shadows at a vector of samples beside the whole light: a scale k of extinction means
    that peaks pass on 1 - k of it wherever it meets gas, of which exp(-k t) is left after a depth t, in all
-   (1 - k) / k (1 - exp(-k t)). k is 1 minus an albedo times a peak, which is below 1. */
+   (1 - k) / k (1 - exp(-k t)). k is 1 minus an albedo times a peak, which is at most 0.99^4: never below 0.039. */
 static void spsi_cell_spot_passed_on(const spsi_shadow *table, const spsi_cell_spot *spot, int channels,
                                      spsi_v passed_on[3]) {
     const spsi_v found = spsi_pixels_shadow(table, &spot->pixels, 0, spot->part.middle), one = spsi_set(1);
     for (int c = 0; c < channels; ++c) {
-        const spsi_v scale = spsi_max(spot->scale[c], spsi_set(1e-3f));
+        const spsi_v scale = spsi_max(spot->scale[c], spsi_set(0.03f)); /* by round-off alone it is less */
         const spsi_v left = spsi_sub(one, spsi_cell_spot_straight(spot, found, c));
         passed_on[c] = spsi_mul(spsi_div(spsi_sub(one, scale), scale), left);
     }

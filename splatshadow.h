@@ -1259,6 +1259,26 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[0] = _mm512_cvtepi32_ps(_mm512_and_si512(both, _mm512_set1_epi32(0xffff)));
     pair[1] = _mm512_cvtepi32_ps(_mm512_srli_epi32(both, 16));
 }
+static inline spsi_v spsi_four_rows(const float *table, const int *at) {
+    __m512 rows = _mm512_castps128_ps512(_mm_loadu_ps(table + 4 * at[0]));
+    rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[4]), 1);
+    rows = _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[8]), 2);
+    return _mm512_insertf32x4(rows, _mm_loadu_ps(table + 4 * at[12]), 3);
+}
+static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
+    int at[16];
+    __m512 r[4], low[2], high[2];
+    _mm512_storeu_si512(at, _mm512_cvttps_epi32(entry));
+    for (int i = 0; i < 4; ++i) r[i] = spsi_four_rows(table, at + i);
+    for (int i = 0; i < 2; ++i) {
+        low[i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
+        high[i] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
+    }
+    four[0] = _mm512_shuffle_ps(low[0], low[1], 0x44);
+    four[1] = _mm512_shuffle_ps(low[0], low[1], 0xee);
+    four[2] = _mm512_shuffle_ps(high[0], high[1], 0x44);
+    four[3] = _mm512_shuffle_ps(high[0], high[1], 0xee);
+}
 /* As the general ones below: all of a vector if `count` is more than it holds. */
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
@@ -1305,6 +1325,22 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     const __m256i both = _mm256_i32gather_epi32((const int *)(const void *)grid, at, 4);
     pair[0] = _mm256_cvtepi32_ps(_mm256_and_si256(both, _mm256_set1_epi32(0xffff)));
     pair[1] = _mm256_cvtepi32_ps(_mm256_srli_epi32(both, 16));
+}
+static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
+    int at[8];
+    __m256 r[4], low[2], high[2];
+    _mm256_storeu_si256((__m256i *)(void *)at, _mm256_cvttps_epi32(entry));
+    for (int i = 0; i < 4; ++i)
+        r[i] = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(table + 4 * at[i])),
+                                    _mm_loadu_ps(table + 4 * at[i + 4]), 1);
+    for (int i = 0; i < 2; ++i) {
+        low[i] = _mm256_unpacklo_ps(r[2 * i], r[2 * i + 1]);
+        high[i] = _mm256_unpackhi_ps(r[2 * i], r[2 * i + 1]);
+    }
+    four[0] = _mm256_shuffle_ps(low[0], low[1], 0x44);
+    four[1] = _mm256_shuffle_ps(low[0], low[1], 0xee);
+    four[2] = _mm256_shuffle_ps(high[0], high[1], 0x44);
+    four[3] = _mm256_shuffle_ps(high[0], high[1], 0xee);
 }
 static inline __m256i spsi_first(int count) {
     return _mm256_cmpgt_epi32(_mm256_set1_epi32(count), _mm256_set_epi32(7, 6, 5, 4, 3, 2, 1, 0));
@@ -1465,6 +1501,15 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     }
     pair[0] = spsi_load(xs);
     pair[1] = spsi_load(ys);
+}
+
+/* Gathers table[4 * entry] to table[4 * entry + 3], per lane, for a whole-numbered entry. */
+static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
+    float at[SPSI_LANES], lanes[4][SPSI_LANES];
+    spsi_store(at, entry);
+    for (int i = 0; i < SPSI_LANES; ++i)
+        for (int c = 0; c < 4; ++c) lanes[c][i] = table[4 * (ptrdiff_t)at[i] + c];
+    for (int c = 0; c < 4; ++c) four[c] = spsi_load(lanes[c]);
 }
 #endif
 
@@ -2383,6 +2428,7 @@ static inline spsi_v spsi_ray_lengths(const spsi_rays *rays, spsi_v x, float y) 
 typedef struct spsi_table {
     float entry[SPSI_TABLE_SIZE + 1][4]; /* red, green, blue, extinction */
     int shown[SPSI_TABLE_SIZE + 2];      /* number of entries before this one that have extinction */
+    float last_clear;                    /* the entry before the first that has extinction, or the first */
 } spsi_table;
 
 #define SPSI_FORWARD_SIZE   32
@@ -2450,27 +2496,38 @@ static double spsi_phase_peak(const spsi_material *material, int orders) {
     return peak;
 }
 
+/* Whether any of a vector of values may have extinction: most transfer functions show nothing of small values. */
+static inline int spsi_any_shown(const spsi_material *material, spsi_v value) {
+    return spsi_bits(
+        spsi_less(spsi_set(material->table->last_clear), spsi_mul(value, spsi_set(material->table_scale))));
+}
+
+/* The entry at or before a vector of values, and how far each lies towards the next one. */
+static inline spsi_v spsi_table_entry(const spsi_material *material, spsi_v value, spsi_v *beyond) {
+    const spsi_v scaled = spsi_mul(value, spsi_set(material->table_scale));
+    const spsi_v at = spsi_clamp(scaled, spsi_set(0), spsi_set((float)SPSI_TABLE_SIZE));
+    const spsi_v entry = spsi_min(spsi_floor(at), spsi_set((float)(SPSI_TABLE_SIZE - 1)));
+    *beyond = spsi_sub(at, entry);
+    return entry;
+}
+
 /* Extinction only, for a vector of values. */
 static inline spsi_v spsi_classify_extinction(const spsi_material *material, spsi_v value) {
-    const spsi_v zero = spsi_set(0), scaled = spsi_mul(value, spsi_set(material->table_scale));
-    const spsi_v at = spsi_clamp(scaled, zero, spsi_set((float)SPSI_TABLE_SIZE));
-    const spsi_v entry = spsi_min(spsi_floor(at), spsi_set((float)(SPSI_TABLE_SIZE - 1)));
+    const spsi_v zero = spsi_set(0);
+    spsi_v beyond;
+    const spsi_v entry = spsi_table_entry(material, value, &beyond);
     const spsi_v low = spsi_lookup(material->table->entry[0], 4, spsi_set(3), entry);
     const spsi_v high = spsi_lookup(material->table->entry[0], 4, spsi_set(7), entry);
-    return spsi_select(spsi_less(zero, value), spsi_mix(low, high, spsi_sub(at, entry)), zero);
+    return spsi_select(spsi_less(zero, value), spsi_mix(low, high, beyond), zero);
 }
 
 /* Red, green, blue and extinction for a vector of values, linear between table entries. */
 static inline void spsi_classify(const spsi_material *material, spsi_v value, spsi_v out[4]) {
-    float at[SPSI_LANES], channel[4][SPSI_LANES];
-    const spsi_v scaled = spsi_mul(value, spsi_set(material->table_scale));
-    spsi_store(at, spsi_clamp(scaled, spsi_set(0), spsi_set((float)SPSI_TABLE_SIZE)));
-    for (int i = 0; i < SPSI_LANES; ++i) {
-        const int entry = at[i] < SPSI_TABLE_SIZE - 1 ? (int)at[i] : SPSI_TABLE_SIZE - 1;
-        const float *low = material->table->entry[entry], *high = low + 4, t = at[i] - (float)entry;
-        for (int c = 0; c < 4; ++c) channel[c][i] = low[c] + t * (high[c] - low[c]);
-    }
-    for (int c = 0; c < 4; ++c) out[c] = spsi_load(channel[c]);
+    spsi_v beyond, low[4], high[4];
+    const spsi_v entry = spsi_table_entry(material, value, &beyond);
+    spsi_lookup_four(material->table->entry[0], entry, low);
+    spsi_lookup_four(material->table->entry[1], entry, high);
+    for (int c = 0; c < 4; ++c) out[c] = spsi_mix(low[c], high[c], beyond);
     out[3] = spsi_select(spsi_less(spsi_set(0), value), out[3], spsi_set(0));
 }
 
@@ -2563,10 +2620,12 @@ static sps_result spsi_transfer_tabulate(sps_context *context, const sps_transfe
     if (!transfer->points && spsi_transfer_from_callback(context, transfer, volume, last, material->table))
         return context->result;
     material->table->shown[0] = 0;
+    material->table->last_clear = 0;
     for (int i = 0; i <= SPSI_TABLE_SIZE; ++i) {
         float *entry = material->table->entry[i];
         if (transfer->points) spsi_transfer_at_points(transfer, last * (float)i / SPSI_TABLE_SIZE, entry);
         material->table->shown[i + 1] = material->table->shown[i] + (entry[3] > 0);
+        if (material->table->shown[i + 1] == 0) material->table->last_clear = (float)i;
         material->extinguishes |= entry[3] > 0;
         material->scatters |= entry[3] > 0 && !spsi_black(entry);
     }
@@ -11724,6 +11783,7 @@ static inline spsi_v spsi_light_sheet(const spsi_light_shader *shader, const sps
         for (int part = 0; part < SPSI_PARTS; ++part) {
             const spsi_portion portion = spsi_portion_of(spsi_set(0), spsi_set(1), part);
             const spsi_v mean = spsi_mul(spsi_parabola_mean(&value, &portion), slabs->count);
+            if (!spsi_any_shown(&shader->frame->matter.materials[material], mean)) continue;
             depth = spsi_fma(spsi_classify_extinction(&shader->frame->matter.materials[material], mean), part_length,
                              depth);
         }
@@ -15312,28 +15372,66 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* Optical depth between the lamp and a point, in or next to the chunk that begins with `first_slab`. */
-static double spsi_shadow_depth(const spsi_shadow *shadow, int first_slab, const double point[3]) {
-    const spsi_planes *planes;
-    const spsi_rays *rays;
-    double q[3], slab, before, after, lit;
-    float depth;
-    int k;
-    if (shadow->kind == SPSI_SHADOW_NONE) return 0;
-    if (shadow->kind == SPSI_SHADOW_MAP) {
-        spsi_tmap_at(shadow->tmap, 1, point, &depth, &lit);
-        return (double)depth;
+/* Optical depth between the lamp and places of slab coordinate `slab`, counted from the chunk's first slab: linear
+   between the planes. Polygons seen side by side lie in few slabs, which take their turns. */
+static spsi_v spsi_sliced_depths(const spsi_planes *planes, spsi_v x, spsi_v y, spsi_v slab) {
+    const spsi_v half = spsi_set(0.5f), at = spsi_clamp(slab, spsi_set(0), spsi_set(SPSI_CHUNK));
+    const spsi_v k = spsi_min(spsi_floor(at), spsi_set(SPSI_CHUNK - 1)), beyond = spsi_sub(at, k);
+    spsi_v depth = spsi_set(0);
+    float number[SPSI_LANES];
+    spsi_store(number, k);
+    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+        const int plane = (int)number[lane];
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), half);
+        spsi_v before, after;
+        if (done >> lane & 1) continue;
+        before = spsi_bilinear(planes->depth[plane], planes->width, planes->height, x, y);
+        after = spsi_bilinear(planes->depth[plane + 1], planes->width, planes->height, x, y);
+        depth = spsi_select(here, spsi_mix(before, after, beyond), depth);
+        done |= spsi_bits(here);
     }
-    if (shadow->sliced->is_soft) return spsi_penumbra_depth(&shadow->sliced->penumbra, point);
-    planes = &shadow->sliced->planes;
-    rays = shadow->sliced->target.rays;
-    spsi_project(rays, point, q);
-    if (rays->perspective && !(q[2] > 0)) return 0;
-    slab = fmin(fmax(spsi_slab_at(shadow->sliced->target.slabs, point) - first_slab, 0), SPSI_CHUNK);
-    k = spsi_least((int)slab, SPSI_CHUNK - 1);
-    before = spsi_bilinear_at(planes->depth[k], planes->width, planes->height, q[0], q[1]);
-    after = spsi_bilinear_at(planes->depth[k + 1], planes->width, planes->height, q[0], q[1]);
-    return before + (slab - k) * (after - before);
+    return depth;
+}
+
+/* The same for up to SPSI_LANES places on polygons. What is beside or behind the lamp's rays has none. */
+static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, int count, const spsi_surface *at,
+                                 float *depths) {
+    const spsi_rays *rays = sliced->target.rays;
+    float x[SPSI_LANES] = {0}, y[SPSI_LANES] = {0}, slab[SPSI_LANES] = {0}, found[SPSI_LANES];
+    int ahead = 0;
+    for (int i = 0; i < count; ++i) {
+        double q[3];
+        spsi_project(rays, at[i].point, q);
+        if (rays->perspective && !(q[2] > 0)) continue;
+        ahead |= 1 << i;
+        x[i] = (float)fmin(fmax(q[0], -1), rays->width);
+        y[i] = (float)fmin(fmax(q[1], -1), rays->height);
+        slab[i] = (float)fmin(fmax(spsi_slab_at(sliced->target.slabs, at[i].point) - first_slab, 0), SPSI_CHUNK);
+    }
+    spsi_store(found, spsi_sliced_depths(&sliced->planes, spsi_load(x), spsi_load(y), spsi_load(slab)));
+    for (int i = 0; i < count; ++i) depths[i] = ahead >> i & 1 ? found[i] : 0;
+}
+
+/* The same from a map. */
+static void spsi_mapped_surfaces(const sps_tmap *map, int count, const spsi_surface *at, float *depths) {
+    double points[3 * SPSI_LANES], lit[SPSI_LANES];
+    for (int i = 0; i < count; ++i) memcpy(points + 3 * i, at[i].point, sizeof at[i].point);
+    spsi_tmap_at(map, count, points, depths, lit);
+}
+
+/* Optical depth between the lamp and up to SPSI_LANES places on polygons, in or next to the chunk that begins with
+   `first_slab`. */
+static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, int count, const spsi_surface *at,
+                                 float *depths) {
+    if (shadow->kind == SPSI_SHADOW_MAP)
+        spsi_mapped_surfaces(shadow->tmap, count, at, depths);
+    else if (shadow->kind == SPSI_SHADOW_SHEETS && !shadow->sliced->is_soft)
+        spsi_sliced_surfaces(shadow->sliced, first_slab, count, at, depths);
+    else
+        for (int i = 0; i < count; ++i)
+            depths[i] = shadow->kind == SPSI_SHADOW_NONE
+                            ? 0
+                            : (float)spsi_penumbra_depth(&shadow->sliced->penumbra, at[i].point);
 }
 
 /* --- the choice between sheets and a table --- */
@@ -17434,7 +17532,7 @@ static void spsi_samples_gas(const spsi_material *material, spsi_v value_length,
     }
 }
 
-/* Fills the parts of a slab for a classified volume, which follows its profile. Most slabs that hold values have no
+/* Fills the parts of a slab for a classified volume, which follows its profile. Most parts that hold values have no
    extinction anywhere: they cost neither colors nor gradients. */
 static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *tile, const spsi_pixels *p, int channel,
                                     spsi_slab *slab) {
@@ -17453,8 +17551,7 @@ static void spsi_samples_classified(const spsi_shader *shader, const spsi_tile *
         const spsi_portion portion = spsi_portion_of(slab->first, slab->last, part);
         const spsi_v value = spsi_parabola_mean(&profile.value, &portion);
         spsi_v appearance[4] = {zero, zero, zero, zero};
-        if (spsi_bits(spsi_less(zero, spsi_classify_extinction(material, value))))
-            spsi_classify(material, value, appearance);
+        if (spsi_any_shown(material, value)) spsi_classify(material, value, appearance);
         sample->has_normal = 0;
         sample->surface = sample->value_length = zero;
         sample->depth = spsi_min(spsi_mul(appearance[3], way), spsi_set(SPSI_DEPTH_MAX));
@@ -17982,7 +18079,7 @@ static void spsi_add_unshadowed(const spsi_shader *shader, const spsi_pixels *p,
     if (shader->frame->content->cells) spsi_add_cells(shader, p, part, into);
 }
 
-/* --- polygons: per pixel, in double precision --- */
+/* --- which polygons are lit: per place, in double precision --- */
 
 /* Irradiance on a surface per unit of a light's color, before any shadow: all three numbers are the same without an
    image. Only the shading normal decides which side is lit; testing the facet as well would draw its outline where
@@ -18002,19 +18099,6 @@ static int spsi_surface_point_irradiance(const spsi_frame *frame, const spsi_lam
     if (lamp->projection.exists) spsi_projection_at(frame, lamp, surface->point, surface->pixel, irradiance);
     for (int c = 0; c < 3; ++c) irradiance[c] *= cosine;
     return irradiance[0] > 0 || irradiance[1] > 0 || irradiance[2] > 0;
-}
-
-/* The same from all points of a light. */
-static int spsi_surface_irradiance(const spsi_frame *frame, const spsi_lamp *lamp, const spsi_surface *surface,
-                                   double irradiance[3]) {
-    double sum[3] = {0, 0, 0};
-    int any = 0;
-    for (int i = 0; i < lamp->point_count; ++i) {
-        any |= spsi_surface_point_irradiance(frame, &lamp->points[i], surface, irradiance);
-        for (int c = 0; c < 3; ++c) sum[c] += irradiance[c];
-    }
-    for (int c = 0; c < 3; ++c) irradiance[c] = sum[c] / lamp->point_count;
-    return any;
 }
 
 #define SPSI_SIGHT_BLOCK 4  /* pixels along a side of a block, whose rays form a packet */
@@ -18181,14 +18265,6 @@ static const spsi_shadow *spsi_shadow_of(const spsi_shader *shader, const spsi_l
     return NULL;
 }
 
-/* The shares of a light's irradiance that polygons let pass to a place. Returns 0 if there is none. */
-static int spsi_surface_lit(const spsi_frame *frame, const spsi_shadow *shadow, size_t index, double lit[3]) {
-    const size_t channels = (size_t)spsi_lit_channels(frame, shadow->lamp);
-    const float *from = shadow->lit + index * channels;
-    for (size_t c = 0; c < 3; ++c) lit[c] = (double)from[channels == 3 ? c : 0];
-    return lit[0] > 0 || lit[1] > 0 || lit[2] > 0;
-}
-
 /* The scale of extinction for light that reaches a surface, and for what it sends to the eye: what a phase function's
    peak scatters goes straight on. */
 static double spsi_straight_scale(const spsi_frame *frame, int c) {
@@ -18252,29 +18328,171 @@ static void spsi_add_spread_on(const spsi_shadow *shadow, const spsi_surface *su
     }
 }
 
-static void spsi_surface_radiance(const spsi_shader *shader, const spsi_place *place, float radiance[3]) {
-    const spsi_frame *frame = shader->frame;
+/* --- light leaving polygons: up to a vector of places at a time ---
+   Where they are, and how far from lights, is double precision; cosines, distances in a unit near them, transmittance
+   and colors are floats, within 1e-6 of what a place reflects. */
+
+typedef struct spsi_surfaces {
+    int count;
+    spsi_place place[SPSI_LANES];
+    spsi_surface at[SPSI_LANES];
+    float normal[3][SPSI_LANES], pixel[SPSI_LANES]; /* as of `at`: unit normals, sizes of pixels */
+    float color[3][SPSI_LANES], emission[3][SPSI_LANES];
+    float radiance[3][SPSI_LANES]; /* that they send towards the eye */
+} spsi_surfaces;
+
+static void spsi_surfaces_begin(spsi_surfaces *list) {
+    list->count = 0;
+    memset(list->normal, 0, sizeof list->normal);
+    memset(list->pixel, 0, sizeof list->pixel);
+    memset(list->color, 0, sizeof list->color);
+    memset(list->emission, 0, sizeof list->emission);
+}
+
+static void spsi_surfaces_add(const spsi_shader *shader, const spsi_place *place, spsi_surfaces *list) {
+    const int n = list->count++;
+    spsi_surface *at = &list->at[n];
     spsi_appearance look;
-    spsi_surface surface;
-    spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], &surface);
-    spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(frame, shader->visible->set, place), &look);
-    for (int c = 0; c < 3; ++c)
-        radiance[c] = shader->sweep->first ? (float)look.color[c] * frame->ambient.radiance[c] + look.emission[c] : 0;
-    if (shader->sweep->first && frame->content->cells)
-        spsi_add_flux(shader, &surface, place->hit->face, look.color, radiance);
+    double size;
+    list->place[n] = *place;
+    spsi_surface_at(shader->eye, shader->faces, place->hit, place->at[0], place->at[1], at);
+    spsi_appearance_at(shader->faces, place->hit, spsi_surface_set(shader->frame, shader->visible->set, place), &look);
+    size = spsi_length(at->normal);
+    list->pixel[n] = (float)at->pixel;
+    for (int i = 0; i < 3; ++i) {
+        list->normal[i][n] = size > 0 ? (float)(at->normal[i] / size) : 0;
+        list->color[i][n] = (float)look.color[i];
+        list->emission[i][n] = look.emission[i];
+    }
+}
+
+/* A power of two near the largest distance of a light from the places, in which squares of distances stay in range;
+   1 for directional light. */
+static double spsi_surfaces_unit(const spsi_lamp *lamp, const spsi_surfaces *list) {
+    double largest = 0;
+    int power;
+    if (!lamp->is_point) return 1;
+    for (int n = 0; n < list->count; ++n)
+        for (int i = 0; i < 3; ++i) largest = fmax(largest, fabs(lamp->position[i] - list->at[n].point[i]));
+    frexp(fmax(largest, 1e-100), &power);
+    return ldexp(1, power);
+}
+
+/* The ways from a point to the places, in a unit. */
+static void spsi_surfaces_ways(const spsi_surfaces *list, const double from[3], double unit, spsi_v ways[3]) {
+    const double per_unit = 1 / unit;
+    for (int i = 0; i < 3; ++i) {
+        float lanes[SPSI_LANES] = {0};
+        for (int n = 0; n < list->count; ++n) lanes[n] = (float)((list->at[n].point[i] - from[i]) * per_unit);
+        ways[i] = spsi_load(lanes);
+    }
+}
+
+/* Adds the irradiance from a point of a light per unit of the light's color, before any shadow; where light falls off,
+   times the square of the unit. Only the shading normal decides which side is lit, as for spsi_sight. */
+static void spsi_surfaces_add_point(const spsi_frame *frame, const spsi_lamp *point, const spsi_surfaces *list,
+                                    double unit, spsi_v irradiance[3]) {
+    const spsi_v zero = spsi_set(0);
+    spsi_v travel[3], normal[3], image[3] = {spsi_set(1), spsi_set(1), spsi_set(1)}, square = spsi_set(1), share;
+    for (int i = 0; i < 3; ++i) normal[i] = spsi_load(list->normal[i]);
+    spsi_set3(point->direction, travel);
+    if (point->is_point) {
+        spsi_surfaces_ways(list, point->position, unit, travel);
+        square = spsi_max(spsi_dot_v(travel, travel), spsi_set(FLT_MIN));
+        for (int i = 0; i < 3; ++i) travel[i] = spsi_div(travel[i], spsi_sqrt(square));
+    }
+    share = spsi_max(spsi_sub(zero, spsi_dot_v(normal, travel)), zero);
+    if (point->falls_off) share = spsi_div(share, square);
+    if (point->cone.exists) {
+        spsi_v axis[3];
+        spsi_set3(point->direction, axis);
+        share = spsi_mul(share, spsi_cone_share(&point->cone, spsi_dot_v(axis, travel)));
+    }
+    if (point->projection.exists) {
+        spsi_v ways[3];
+        spsi_surfaces_ways(list, point->position, 1, ways);
+        spsi_projection_lookup(frame, point, ways, spsi_load(list->pixel), image);
+    }
+    for (int c = 0; c < 3; ++c) irradiance[c] = spsi_fma(share, image[c], irradiance[c]);
+}
+
+/* The shares of a light's irradiance that polygons let pass to the places. Returns 0 if there are none. */
+static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow, const spsi_surfaces *list,
+                             spsi_v lit[3]) {
+    const size_t channels = (size_t)spsi_lit_channels(frame, shadow->lamp);
+    float lanes[3][SPSI_LANES] = {{0}};
+    int any = 0;
+    for (int n = 0; n < list->count; ++n)
+        for (size_t c = 0; c < channels; ++c) {
+            lanes[c][n] = shadow->lit[list->place[n].index * channels + c];
+            any |= lanes[c][n] > 0;
+        }
+    for (size_t c = 0; c < 3; ++c) lit[c] = spsi_load(lanes[channels == 3 ? c : 0]);
+    return any;
+}
+
+/* Multiplies by what gas between a light and the places lets pass, with light that goes straight on. */
+static void spsi_surfaces_attenuate(const spsi_shader *shader, const spsi_shadow *shadow, const spsi_surfaces *list,
+                                    spsi_v lit[3]) {
+    const int alike = !shader->frame->content->cells;
+    float lanes[SPSI_LANES] = {0};
+    spsi_v passes = spsi_set(1);
+    spsi_shadow_surfaces(shadow, shader->first_slab, list->count, list->at, lanes);
+    for (int c = 0; c < 3; ++c) {
+        const float scale = (float)spsi_straight_scale(shader->frame, c);
+        if (c == 0 || !alike) passes = spsi_exp(spsi_mul(spsi_load(lanes), spsi_set(-scale)));
+        lit[c] = spsi_mul(lit[c], passes);
+    }
+}
+
+/* Adds what the places reflect of a light. */
+static void spsi_surfaces_add_lamp(const spsi_shader *shader, const spsi_lamp *lamp, const spsi_v lit[3],
+                                   spsi_surfaces *list) {
+    const double unit = spsi_surfaces_unit(lamp, list), scale = lamp->falls_off ? 1 / (unit * unit) : 1;
+    spsi_v irradiance[3] = {spsi_set(0), spsi_set(0), spsi_set(0)};
+    for (int i = 0; i < lamp->point_count; ++i)
+        spsi_surfaces_add_point(shader->frame, &lamp->points[i], list, unit, irradiance);
+    for (int c = 0; c < 3; ++c) {
+        const double color = (double)lamp->color[c] * scale / (SPSI_PI * lamp->point_count);
+        const spsi_v share = spsi_mul(spsi_mul(irradiance[c], lit[c]), spsi_load(list->color[c]));
+        const spsi_v sent = spsi_mul(share, spsi_set((float)fmin(color, (double)FLT_MAX)));
+        spsi_store(list->radiance[c],
+                   spsi_add(spsi_load(list->radiance[c]), spsi_min(sent, spsi_set(SPSI_RADIANCE_MAX))));
+    }
+}
+
+/* Adds, place by place, what they reflect of light that has scattered: from cells, or beside a light's own rays
+   (`shadow`; NULL: none). */
+static void spsi_surfaces_add_scattered(const spsi_shader *shader, const spsi_shadow *shadow, spsi_surfaces *list) {
+    for (int n = 0; n < list->count; ++n) {
+        double color[3];
+        float radiance[3];
+        for (int c = 0; c < 3; ++c) color[c] = (double)list->color[c][n], radiance[c] = list->radiance[c][n];
+        if (shadow)
+            spsi_add_spread_on(shadow, &list->at[n], color, radiance);
+        else
+            spsi_add_flux(shader, &list->at[n], list->place[n].hit->face, color, radiance);
+        for (int c = 0; c < 3; ++c) list->radiance[c][n] = radiance[c];
+    }
+}
+
+/* Finds what the places send towards the eye, of the light that the sweep carries. */
+static void spsi_surfaces_shade(const spsi_shader *shader, spsi_surfaces *list) {
+    const spsi_frame *frame = shader->frame;
+    memset(list->radiance, 0, sizeof list->radiance);
+    if (list->count == 0) return;
+    for (int c = 0; c < 3 && shader->sweep->first; ++c)
+        spsi_store(list->radiance[c], spsi_fma(spsi_load(list->color[c]), spsi_set(frame->ambient.radiance[c]),
+                                               spsi_load(list->emission[c])));
+    if (shader->sweep->first && frame->content->cells) spsi_surfaces_add_scattered(shader, NULL, list);
     for (int i = 0; i < frame->lamps.count; ++i) {
         const spsi_lamp *lamp = &frame->lamps.list[i];
         const spsi_shadow *shadow = spsi_shadow_of(shader, lamp);
-        double arrives[3], lit[3] = {1, 1, 1}, depth = 0;
-        if (shadow && shadow->spread) spsi_add_spread_on(shadow, &surface, look.color, radiance);
-        if (shadow ? !spsi_surface_lit(frame, shadow, place->index, lit) : !shader->sweep->first || lamp->shadows)
-            continue;
-        if (!spsi_surface_irradiance(frame, lamp, &surface, arrives)) continue;
-        if (shadow) depth = spsi_shadow_depth(shadow, shader->first_slab, surface.point);
-        for (int c = 0; c < 3; ++c) {
-            arrives[c] = arrives[c] / SPSI_PI * lit[c] * exp(-depth * spsi_straight_scale(frame, c));
-            radiance[c] += (float)fmin(look.color[c] * arrives[c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX);
-        }
+        spsi_v lit[3] = {spsi_set(1), spsi_set(1), spsi_set(1)};
+        if (shadow && shadow->spread) spsi_surfaces_add_scattered(shader, shadow, list);
+        if (shadow ? !spsi_surfaces_lit(frame, shadow, list, lit) : !shader->sweep->first || lamp->shadows) continue;
+        if (shadow) spsi_surfaces_attenuate(shader, shadow, list, lit);
+        spsi_surfaces_add_lamp(shader, lamp, lit, list);
     }
 }
 
@@ -18288,12 +18506,17 @@ typedef struct spsi_ahead {
     spsi_v slab;                                 /* slab coordinate of the next one; infinity: none */
 } spsi_ahead;
 
+/* The number of a pixel's next layer. */
+static size_t spsi_ahead_next(const spsi_shader *shader, const spsi_ahead *ahead, int lane) {
+    return shader->sweep->back_to_front ? ahead->end[lane] - 1 : ahead->first[lane];
+}
+
 /* Looks at a pixel's next layer, and at what those in front of it let pass. */
 static void spsi_ahead_look(const spsi_shader *shader, int lane, spsi_ahead *ahead) {
     const int backwards = shader->sweep->back_to_front, left = ahead->first[lane] < ahead->end[lane];
     const int filtered = backwards ? left : !ahead->nearest[lane];
     ahead->depth[lane] = SPSI_INFINITY;
-    if (left) ahead->depth[lane] = ahead->list[backwards ? ahead->end[lane] - 1 : ahead->first[lane]].hit.depth;
+    if (left) ahead->depth[lane] = ahead->list[spsi_ahead_next(shader, ahead, lane)].hit.depth;
     for (int c = 0; c < 3; ++c) {
         ahead->filter[c][lane] = 1;
         if (filtered)
@@ -18381,15 +18604,22 @@ static void spsi_add_layers(const spsi_shader *shader, const spsi_pixels *p, int
     const spsi_v open = backwards ? spsi_set(1) : spsi_exp(spsi_sub(spsi_set(0), sum->depth)),
                  d = spsi_load(ahead->depth);
     float sent[3][SPSI_LANES] = {{0}}, covered[SPSI_LANES] = {0}, opaque[SPSI_LANES] = {0};
+    spsi_surfaces list;
+    int shown = 0;
+    spsi_surfaces_begin(&list);
     for (int lane = 0; bits >> lane; ++lane) {
-        const size_t number = backwards ? ahead->end[lane] - 1 : ahead->first[lane];
-        const spsi_layer *layer = &ahead->list[number];
         spsi_place place;
-        float radiance[3];
         if (!(bits >> lane & 1)) continue;
-        spsi_place_of_layer(shader->frame, shader->visible, number, &place);
-        spsi_surface_radiance(shader, &place, radiance);
-        for (int c = 0; c < 3; ++c) sent[c][lane] = radiance[c] * layer->seen[c];
+        spsi_place_of_layer(shader->frame, shader->visible, spsi_ahead_next(shader, ahead, lane), &place);
+        spsi_surfaces_add(shader, &place, &list);
+    }
+    spsi_surfaces_shade(shader, &list);
+    for (int lane = 0; bits >> lane; ++lane) {
+        const spsi_layer *layer;
+        if (!(bits >> lane & 1)) continue;
+        layer = &ahead->list[spsi_ahead_next(shader, ahead, lane)];
+        for (int c = 0; c < 3; ++c) sent[c][lane] = list.radiance[c][shown] * layer->seen[c];
+        shown += 1;
         covered[lane] = layer->covered;
         spsi_ahead_pass(shader, lane, ahead);
         if (!backwards && ahead->first[lane] == ahead->end[lane] && spsi_black(layer->behind))
@@ -18409,18 +18639,23 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
     const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
     const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
     float lanes[3][SPSI_LANES] = {{0}}, opaque[SPSI_LANES] = {0};
+    spsi_surfaces list;
     spsi_v share;
     if (!bits || shader->again.measures) return;
-    for (int i = 0; i < width; ++i)
-        if (bits >> i & 1) {
-            float sent[3];
-            spsi_place place;
-            spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &place);
-            if (place.hit->face < 0) continue; /* an edge: its layers have ended the ray */
-            spsi_surface_radiance(shader, &place, sent);
-            for (int c = 0; c < 3; ++c) lanes[c][i] = ahead ? sent[c] * ahead->filter[c][i] : sent[c];
-            opaque[i] = SPSI_DEPTH_MAX;
-        }
+    spsi_surfaces_begin(&list);
+    for (int i = 0; i < width; ++i) {
+        spsi_place place;
+        if (!(bits >> i & 1)) continue;
+        spsi_place_of_pixel(shader->frame, shader->visible, p->line.x + i, p->line.y, &place);
+        if (place.hit->face >= 0) spsi_surfaces_add(shader, &place, &list); /* else an edge, which layers show */
+    }
+    spsi_surfaces_shade(shader, &list);
+    for (int n = 0; n < list.count; ++n) {
+        const int i = list.place[n].x - p->line.x;
+        for (int c = 0; c < 3; ++c)
+            lanes[c][i] = ahead ? list.radiance[c][n] * ahead->filter[c][i] : list.radiance[c][n];
+        opaque[i] = SPSI_DEPTH_MAX;
+    }
     share = spsi_select(spsi_less(spsi_set(0), spsi_load(opaque)), open, spsi_set(0));
     if (ahead) share = spsi_mul(share, spsi_ahead_mean(ahead));
     spsi_add_sent(shader, p, lanes, open, share, p->line.polygon, sum);
@@ -19498,6 +19733,7 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     const int end = spsi_least(hits->count, first + SPSI_PACKET);
     double irradiance[SPSI_PACKET][3], toward[3];
     spsi_packet packet;
+    float depths[SPSI_PACKET] = {0};
     int faces = 0;
     spsi_packet_begin(job->faces, !point->is_point, 1, &packet);
     for (int i = first; i < end; ++i) {
@@ -19508,10 +19744,12 @@ static void spsi_cell_hits_light(const spsi_cell_job *job, const spsi_lamp *lamp
     }
     if (!faces) return;
     if (shadow) spsi_packet_trace(job->faces, &packet);
+    for (int i = first; i < end && shadow; i += SPSI_LANES)
+        spsi_shadow_surfaces(shadow, 0, spsi_least(SPSI_LANES, end - i), &hits->surface[i], depths + (i - first));
     for (int i = first; i < end; ++i) {
-        double through[3] = {1, 1, 1}, depth = 0;
+        const double depth = (double)depths[i - first];
+        double through[3] = {1, 1, 1};
         if (!((faces & packet.open) >> (i - first) & 1)) continue;
-        if (shadow) depth = spsi_shadow_depth(shadow, 0, hits->surface[i].point);
         if (packet.filtered >> (i - first) & 1) spsi_packet_through(&packet, i - first, through);
         for (int c = 0; c < job->grid->channels; ++c)
             hits->lit[i][c] += fmin(irradiance[i - first][c] * (double)lamp->color[c], (double)SPSI_RADIANCE_MAX) *

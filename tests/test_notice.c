@@ -652,6 +652,33 @@ static int rising_transfer(void *user, size_t count, const float *values, sps_tr
     return 0;
 }
 
+/* What spsi_any_shown passes by has no extinction, to the last bit below an onset, and what it does not may have some:
+   all values beyond the last clear entry before the onset. Entries whose numbers are powers of two are exact. */
+static void test_passed_by(void) {
+    static const float onsets[4] = {0, 1.0f / SPSI_TABLE_SIZE, 0.25f, 1};
+    static spsi_table table;
+    for (int n = 0; n < 4; ++n) {
+        const sps_transfer_point points[3] = {{0, {1, 1, 1}, 0}, {onsets[n], {1, 1, 1}, 0}, {1.25f, {1, 1, 1}, 3}};
+        const float clear = onsets[n] * SPSI_TABLE_SIZE / 1.25f;
+        sps_transfer transfer = {0};
+        spsi_material material;
+        transfer.points = points + (n == 0 ? 2 : 0); /* the first table has extinction from its first entry on */
+        transfer.point_count = n == 0 ? 1 : 3;
+        memset(&table, 0xff, sizeof table); /* NaN */
+        memset(&material, 0, sizeof material);
+        material.table = &table;
+        CHECK_OK(context, spsi_transfer_tabulate(context, &transfer, 0, &material));
+        CHECK_NEAR((double)table.last_clear, floor((double)clear), 0);
+        for (int i = 0; i < 4 * SPSI_TABLE_SIZE; ++i) {
+            const float value = 1.5f * (float)i / (4 * SPSI_TABLE_SIZE);
+            float extinction[SPSI_LANES];
+            spsi_store(extinction, spsi_classify_extinction(&material, spsi_set(value)));
+            CHECK(spsi_any_shown(&material, spsi_set(value)) != 0 ? value * material.table_scale > floorf(clear)
+                                                                  : !(extinction[0] > 0));
+        }
+    }
+}
+
 /* Entry i of a table is for the value i / SPSI_TABLE_SIZE, including the last one, by points or by a callback. */
 static void test_table_entries(void) {
     static const sps_transfer_point by_points[3] = {
@@ -1033,6 +1060,7 @@ static void test_unwritten_voxels(void) {
 int main(void) {
     context = sps_create(NULL, NULL);
     RUN(test_table_entries);
+    RUN(test_passed_by);
     RUN(test_what_shows);
     RUN(test_held_voxels);
     RUN(test_shell_of_constant);

@@ -119,6 +119,18 @@ static void test_quads(void) {
     }
 }
 
+static void test_fours(void) {
+    float table[4 * 50], entry[SPSI_LANES], out[SPSI_LANES];
+    spsi_v four[4];
+    for (int i = 0; i < 200; ++i) table[i] = (float)i;
+    for (int i = 0; i < SPSI_LANES; ++i) entry[i] = (float)(i * 7 % 50);
+    spsi_lookup_four(table, spsi_load(entry), four);
+    for (int c = 0; c < 4; ++c) {
+        spsi_store(out, four[c]);
+        for (int i = 0; i < SPSI_LANES; ++i) CHECK(same_bits(out[i], 4 * entry[i] + (float)c));
+    }
+}
+
 /* -------------------------------------------------------------------------------------------------------- functions */
 
 static double exp_of(double x) {
@@ -363,6 +375,7 @@ int main(int count, char **arguments) {
     test_masks();
     test_rounding();
     test_quads();
+    test_fours();
     test_exp();
     test_kernel_share();
     test_mean_transmittance();

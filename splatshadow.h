@@ -15372,44 +15372,31 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* Optical depth between the lamp and places of slab coordinate `slab`, counted from the chunk's first slab: linear
-   between the planes. Polygons seen side by side lie in few slabs, which take their turns. */
-static spsi_v spsi_sliced_depths(const spsi_planes *planes, spsi_v x, spsi_v y, spsi_v slab) {
-    const spsi_v half = spsi_set(0.5f), at = spsi_clamp(slab, spsi_set(0), spsi_set(SPSI_CHUNK));
-    const spsi_v k = spsi_min(spsi_floor(at), spsi_set(SPSI_CHUNK - 1)), beyond = spsi_sub(at, k);
-    spsi_v depth = spsi_set(0);
-    float number[SPSI_LANES];
-    spsi_store(number, k);
-    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
-        const int plane = (int)number[lane];
-        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), half);
-        spsi_v before, after;
-        if (done >> lane & 1) continue;
-        before = spsi_bilinear(planes->depth[plane], planes->width, planes->height, x, y);
-        after = spsi_bilinear(planes->depth[plane + 1], planes->width, planes->height, x, y);
-        depth = spsi_select(here, spsi_mix(before, after, beyond), depth);
-        done |= spsi_bits(here);
-    }
-    return depth;
-}
-
-/* The same for up to SPSI_LANES places on polygons. What is beside or behind the lamp's rays has none. */
+/* Optical depth between the lamp and up to SPSI_LANES places on polygons, linear between the planes of a slab. Polygons
+   are shaded slab by slab, so that all lie in that of the first, to within rounding, or all planes are level. What is
+   behind the lamp has none. */
 static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, int count, const spsi_surface *at,
                                  float *depths) {
     const spsi_rays *rays = sliced->target.rays;
-    float x[SPSI_LANES] = {0}, y[SPSI_LANES] = {0}, slab[SPSI_LANES] = {0}, found[SPSI_LANES];
-    int ahead = 0;
+    const spsi_planes *planes = &sliced->planes;
+    float x[SPSI_LANES] = {0}, y[SPSI_LANES] = {0}, slab[SPSI_LANES] = {0}, ahead[SPSI_LANES] = {0}, found[SPSI_LANES];
+    spsi_v before, after, beyond;
+    int k;
     for (int i = 0; i < count; ++i) {
         double q[3];
         spsi_project(rays, at[i].point, q);
+        slab[i] = (float)fmin(fmax(spsi_slab_at(sliced->target.slabs, at[i].point) - first_slab, 0), SPSI_CHUNK);
         if (rays->perspective && !(q[2] > 0)) continue;
-        ahead |= 1 << i;
+        ahead[i] = 1;
         x[i] = (float)fmin(fmax(q[0], -1), rays->width);
         y[i] = (float)fmin(fmax(q[1], -1), rays->height);
-        slab[i] = (float)fmin(fmax(spsi_slab_at(sliced->target.slabs, at[i].point) - first_slab, 0), SPSI_CHUNK);
     }
-    spsi_store(found, spsi_sliced_depths(&sliced->planes, spsi_load(x), spsi_load(y), spsi_load(slab)));
-    for (int i = 0; i < count; ++i) depths[i] = ahead >> i & 1 ? found[i] : 0;
+    k = spsi_least((int)slab[0], SPSI_CHUNK - 1);
+    beyond = spsi_clamp(spsi_sub(spsi_load(slab), spsi_set((float)k)), spsi_set(0), spsi_set(1));
+    before = spsi_bilinear(planes->depth[k], planes->width, planes->height, spsi_load(x), spsi_load(y));
+    after = spsi_bilinear(planes->depth[k + 1], planes->width, planes->height, spsi_load(x), spsi_load(y));
+    spsi_store(found, spsi_mul(spsi_load(ahead), spsi_mix(before, after, beyond)));
+    memcpy(depths, found, (size_t)count * sizeof *depths);
 }
 
 /* The same from a map. */

@@ -812,6 +812,29 @@ static void test_volume_shadow_on_plane(void) {
     }
 }
 
+/* A slope within a slab of gas that only absorbs, lit from the eye: pixels side by side look through different numbers
+   of sheets, and so does the light. */
+static void test_slope_in_slab(void) {
+    const double sigma = 0.8, tilt = PI / 4;
+    const double origin[3] = {-4 * cos(tilt), -4, 4 * sin(tilt)}, u[3] = {8 * cos(tilt), 0, -8 * sin(tilt)},
+                 v[3] = {0, 8, 0};
+    check_scene s;
+    start(&s, 16, 2, 0.25);
+    check_add_quad(&ground, origin, u, v);
+    check_add_mesh(&s, &ground, 0.7);
+    add_slab(&s, 25, 20, sigma);
+    check_add_directional(&s, 0, 0, -1, 3)->shadow_source = SPS_SHADOW_SHEETS;
+    s.view.slab = 1;
+    if (!check_render(context, &s, image_a)) return;
+    for (int i = 0; i < 32; ++i) {
+        double x, y, depth, exact;
+        pixel_on_plane(&s, i, &x, &y);
+        depth = 2 * sigma * (1.25 + x * tan(tilt));
+        exact = 0.7 / PI * 3 * cos(tilt) * exp(-depth);
+        if (!CHECK_NEAR((double)image_a[4 * i], exact, exact * (depth * RIPPLE + 1e-4))) printf("    pixel %d\n", i);
+    }
+}
+
 /* A roof over part of a slab: its shadow fills the gas behind it along the light. Along the eye's upright ray at x the
    part above 1.5 - x is lit. Half a texel of the map (8 / 2044 across, seen at 45 degrees) moves the edge by 0.003; the
    lit share of a quarter of a sheet (0.0625 / 4) that the edge crosses may be off by half of that, 0.008; and the
@@ -970,6 +993,7 @@ int main(void) {
     RUN(test_polygon_in_slab);
     RUN(test_polygon_slides);
     RUN(test_volume_shadow_on_plane);
+    RUN(test_slope_in_slab);
     RUN(test_polygon_shadow_in_medium);
     RUN(test_dense_stand_in);
     RUN(test_mixed_scene);

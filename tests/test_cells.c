@@ -1858,18 +1858,24 @@ static void test_many_groups(void) {
 /* --- the plan --- */
 
 static void test_plan(void) {
-    for (int n = 0; n < 6; ++n) {
+    static const double corner[3] = {-3, -3, -0.5}, u[3] = {6, 0, 0}, v[3] = {0, 6, 0};
+    for (int n = 0; n < 7; ++n) {
         sps_context *by = check_context(NULL);
         sps_plan_report report;
         sps_stats_report stats;
         check_scene s;
         start(&s, n == 3 ? MIXED : GAS, n == 2 ? WITHIN : SUN);
         if (n == 1) s.volume[0].lobes = &forward, s.volume[0].lobe_count = 1;
-        if (n == 4) start_plain(&s, UNSHADOWED);
+        if (n == 4 || n == 6) start_plain(&s, UNSHADOWED);
+        if (n == 6) {
+            plate.count = 0;
+            check_add_quad(&plate, corner, u, v);
+            check_add_mesh(&s, &plate, 0.5);
+        }
         if (n == 5) add_light(&s, POINT), s.view.scatter_size = 30;
         CHECK_OK(by, sps_plan(by, &s.scene, &s.view, &report));
         CHECK(report.pass[SPS_PASS_CELLS].runs == 1 && strstr(report.pass[SPS_PASS_CELLS].reason, "asks"));
-        CHECK(report.pass[SPS_PASS_FORWARD].runs == (n != 4));
+        CHECK(report.pass[SPS_PASS_FORWARD].runs == (n != 4 && n != 6));
         check_render(by, &s, image_a);
         sps_get_stats(by, &stats);
         if (figures())
@@ -1877,11 +1883,13 @@ static void test_plan(void) {
                    stats.bytes_peak);
         if (!CHECK(stats.bytes_peak <= report.bytes))
             printf("    scene %d: %zu, planned %zu\n", n, stats.bytes_peak, report.bytes);
-        if (n == 4) { /* nothing but cells: the bound is a cube's, as the gas is, whose light is held four times */
-            static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,  SPSI_BUFFER_CELLS,
-                                      SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN, SPSI_BUFFER_CELL_MOMENTS};
+        if (n == 4 ||
+            n == 6) { /* cells, and polygons: the bound is a cube's, as the gas is, with four times its light */
+            static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,    SPSI_BUFFER_CELLS,
+                                      SPSI_BUFFER_CELL_WALLS,  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN,
+                                      SPSI_BUFFER_CELL_MOMENTS};
             size_t bytes = 0;
-            for (int i = 0; i < 6; ++i) bytes += (i < 4 ? 1 : SPSI_CELL_GRIDS) * by->buffers[own[i]].size;
+            for (int i = 0; i < 7; ++i) bytes += (i < 5 ? 1 : SPSI_CELL_GRIDS) * by->buffers[own[i]].size;
             if (figures()) printf("plan: %zu of %zu bytes for cells alone\n", bytes, report.pass[SPS_PASS_CELLS].bytes);
             CHECK(bytes <= report.pass[SPS_PASS_CELLS].bytes && bytes > report.pass[SPS_PASS_CELLS].bytes / 10 * 9);
         }

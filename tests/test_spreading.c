@@ -344,6 +344,23 @@ static void test_agreement(void) {
     }
 }
 
+/* What turns aside is followed to where it goes, so that tables of what is scattered forward must not leave it out, as
+   they do where it is lost: they hold more. */
+static void test_nothing_lost_aside(void) {
+    double sum[2] = {0, 0};
+    for (int n = 0; n < 2; ++n) {
+        check_scene s;
+        const spsi_forward *table;
+        start(&s, 1);
+        check_add_directional(&s, 1, -1, -0.7, 3);
+        if (n == 1) s.view.scattering = SPS_SCATTERING_FORWARD;
+        if (!check_render(context, &s, image_a)) return;
+        table = (const spsi_forward *)context->buffers[SPSI_BUFFER_FORWARD].data;
+        for (int i = 0; i < SPSI_FORWARD_SIZE * SPSI_FORWARD_SIZE; ++i) sum[n] += (double)table->level[0][i];
+    }
+    if (!CHECK(sum[0] > sum[1])) printf("    %g, where light is lost aside %g\n", sum[0], sum[1]);
+}
+
 /* A thin beam against random paths. Only light that has scattered is beside it. */
 static void test_beam_paths(void) {
     for (int n = 0; n < 2; ++n) {
@@ -629,6 +646,7 @@ static void test_refused(void) {
 int main(void) {
     context = check_context(NULL);
     RUN(test_beam);
+    RUN(test_nothing_lost_aside);
     RUN(test_narrow_beam);
     RUN(test_cone);
     RUN(test_walks);

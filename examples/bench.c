@@ -199,15 +199,19 @@ static void bonsai_memory(const frame *f) {
 }
 
 static void bonsai_speed(frame *f, const char *name, sps_shading shading, ex_session *one, ex_session *two) {
-    contender c[3];
+    contender c[4];
     f->volume.shading = shading;
     contender_set(&c[0], two, f, 0);
     contender_set(&c[1], two, f, 1);
     contender_set(&c[2], one, f, 0);
-    race(c, 3, REPEATS);
+    contender_set(&c[3], two, f, 0);
+    c[3].view.filling = SPS_FILLING_GATHER;
+    race(c, 4, REPEATS);
     printf(" shaded as %s\n", name);
     at_most("frame at medium, 512 x 512, 2 workers, voxels held", c[0].seconds, "s", 0.6);
     print_stages(&c[0].stats);
+    plain("gathered, samples instead of footprints", c[3].seconds, "s");
+    print_stages(&c[3].stats);
     at_most("shadowed / unshadowed time", c[0].seconds / c[1].seconds, "", 1.8);
     at_least("1 worker / 2 workers, time", c[2].seconds / c[0].seconds, "", 1.7);
     at_least("fragments, sorting and shading included, on one core", 1e-9 * fragments_per_second(&c[2].stats), "G/s",

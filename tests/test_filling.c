@@ -1,0 +1,296 @@
+/* Sheets that are filled from the pixels' side: samples of a field against its sum over all voxels, and pictures of all
+   kinds of volumes against those that are splatted and against sps_reference; what is splatted nevertheless, what is
+   held, counts, bytes, workers. */
+
+#include "check.h"
+
+enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, GRID = 16 };
+static float image_a[COUNT], image_b[COUNT], image_c[COUNT];
+static sps_context *context;
+static check_triangles faces;
+static float noise[GRID * GRID * GRID], lumps[GRID * GRID * GRID];
+
+/* Number of samples of the last picture. */
+static double samples_of(sps_context *of) {
+    sps_stats_report stats;
+    sps_get_stats(of, &stats);
+    return (double)(stats.eye_samples + stats.light_samples);
+}
+
+/* --- a field alone --- */
+
+/* The field that voxels stand for, at a place counted in voxels from the first one's centre. */
+static double sum_of_kernels(const float *values, const double at[3]) {
+    const double peak = pow(SPSI_SIGMA * sqrt(2 * SPSI_PI), -3);
+    double sum = 0;
+    for (int n = 0; n < GRID * GRID * GRID; ++n) {
+        const double x = n % GRID - at[0], y = n / GRID % GRID - at[1], z = n / (GRID * GRID) - at[2];
+        const double square = x * x + y * y + z * z;
+        if (square < 25) sum += (double)values[n] * exp(-0.5 * square / (SPSI_SIGMA * SPSI_SIGMA));
+    }
+    return peak * sum;
+}
+
+static int read_some(void *user, const int lo[3], const int size[3], float *out) {
+    check_array array = {(const float *)user, {GRID, GRID, GRID}, 0, 0};
+    return check_read_array(&array, lo, size, out);
+}
+
+static void start(check_scene *s, float *values) {
+    check_clear(s, SIDE, SIDE);
+    check_set3(s->view.camera.position, 1.2, 0.9, 4);
+    check_orthographic(&s->view.camera, 2.2);
+    s->view.filling = SPS_FILLING_GATHER;
+    check_add_volume(s, GRID, GRID, GRID, check_box(-1, -1, -1, 1, 1, 1));
+    s->volume[0].read_fn = read_some;
+    s->volume[0].user = values;
+    s->volume[0].extinction = 2;
+    check_color(s->volume[0].albedo, 0.9, 0.8, 0.7);
+    faces.count = 0;
+}
+
+/* Weights of all voxels differ from the kernel by at most what is cut, and what sharing that out changes: per axis the
+   largest sum of weights beyond 4 taps is 0.0054 (6: 1.4e-5) and the same again shared out, while random values from 0
+   to 1 lie about 1/2: three axes. A lattice of kernels is even to 5e-4 along each axis. Places are rounded to half of
+   1/1024 of a voxel; the field changes by 0.7 per voxel and axis at most. */
+static void test_samples(void) {
+    for (int quality = SPS_QUALITY_MEDIUM; quality <= SPS_QUALITY_HIGH; ++quality) {
+        const double cut = quality == SPS_QUALITY_MEDIUM ? 0.0054 : 1.4e-5;
+        const double allowed = 3 * (2 * cut + 5e-4 + 0.7 / 2048);
+        check_random random = {4};
+        check_scene s;
+        const spsi_fields *fields;
+        double worst = 0;
+        start(&s, noise);
+        s.view.quality = (sps_quality)quality;
+        if (!check_render(context, &s, image_a)) return;
+        fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+        CHECK(fields->taps == (quality == SPS_QUALITY_MEDIUM ? 4 : 6));
+        for (int i = 0; i < 4000; ++i) {
+            const spsi_voxel_field *field = &fields->list[0];
+            double at[3], exact;
+            float sample = 0;
+            spsi_tap_ray ray;
+            memset(&ray, 0, sizeof ray);
+            for (int k = 0; k < 3; ++k) {
+                at[k] = -4 + (GRID + 7) * check_next(&random);
+                ray.at[k] = (float)(at[k] - SPSI_BRICK * field->low[k]);
+                ray.step[k] = 1;
+            }
+            spsi_tap_samples(fields, field, &ray, 0, 1, &sample);
+            exact = sum_of_kernels(noise, at);
+            worst = fmax(worst, fabs((double)sample - exact));
+        }
+        if (!CHECK(worst <= allowed)) printf("    quality %d: %g, allowed %g\n", quality, worst, allowed);
+        if (getenv("CHECK_FIGURES")) printf("%d taps: off by up to %.5f\n", fields->taps, worst);
+    }
+}
+
+/* --- pictures --- */
+
+static const sps_transfer_point colors[4] = {
+    {0.1f, {1, 1, 1}, 0}, {0.3f, {1, 0.4f, 0.2f}, 3}, {0.6f, {0.3f, 0.5f, 1}, 8}, {1, {1, 1, 1}, 12}};
+static const sps_transfer looks = {colors, 4, NULL, NULL, 0};
+static sps_particles *swarm;
+
+enum {
+    GAS,
+    PERSPECTIVE,
+    BEHIND,
+    CLASSIFIED,
+    SURFACE,
+    SHEARED,
+    FLOOR,
+    NEAR_PLANE,
+    MIXED,
+    LAMP,
+    THICK,
+    LONG_VOXELS,
+    SOFT,
+    PANE,
+    KINDS
+};
+
+static void start_kind(check_scene *s, int kind) {
+    static const double corner[3] = {-3, -0.6, -3}, u[3] = {0, 0.8, 6}, v[3] = {6, 0, 0};
+    start(s, kind == CLASSIFIED || kind == SURFACE ? lumps : noise);
+    if (kind == PERSPECTIVE || kind == NEAR_PLANE) check_perspective(&s->view.camera, 0.5);
+    if (kind == BEHIND)
+        check_add_directional(s, -0.5, -0.4, 1, 3);
+    else if (kind == LAMP)
+        check_add_point(s, 2.5, 3, 1.5, 30);
+    else
+        check_add_directional(s, 1, -1, -0.6, 3);
+    s->light[0].shadow_source = SPS_SHADOW_SHEETS;
+    if (kind == SOFT) s->light[0].angular_diameter = 0.2;
+    if (kind == CLASSIFIED || kind == SURFACE) s->volume[0].transfer = &looks;
+    if (kind == SURFACE) s->volume[0].shading = SPS_SHADING_SURFACE, s->view.quality = SPS_QUALITY_HIGH;
+    if (kind == SHEARED) check_set3(s->volume[0].placement.axis[1], 0.7, 2, 0.5);
+    if (kind == NEAR_PLANE) s->view.near_distance = 4.2;
+    if (kind == LONG_VOXELS) s->volume[0].placement = check_box(-0.4, -1, -1.2, 0.4, 1, 1.2);
+    if (kind == THICK) s->view.slab = 3;
+    if (kind == FLOOR || kind == PANE) {
+        check_add_quad(&faces, corner, u, v);
+        check_add_mesh(s, &faces, 0.6);
+        if (kind == PANE) check_color(s->mesh[0].transmittance, 0.5, 0.7, 0.2);
+    }
+    if (kind != MIXED) return;
+    swarm = check_add_swarm(s, 0.4);
+    check_color(swarm->albedo, 0.8, 0.9, 1);
+    s->volume[1] = s->volume[0];
+    s->volume[1].placement = check_box(-0.2, -1, -0.5, 1.2, 0.6, 1);
+    s->volume[1].user = lumps;
+    s->volume[1].transfer = &looks;
+    s->scene.volume_count = 2;
+}
+
+/* A wave of voxels is sampled with at most 0.0039 of its amplitude wrong (4 taps; 6: 0.0003), and voxels' values are at
+   most twice their mean, so that optical depths differ by 2 * 0.0039 of themselves at most, and radiance by no more.
+   Slabs, texels and the reference's steps are the same for both. */
+static void test_pictures_alike(void) {
+    for (int kind = 0; kind < KINDS; ++kind) {
+        check_scene s;
+        double mean = 0, gathered, splatted, apart;
+        start_kind(&s, kind);
+        if (!check_render(context, &s, image_a)) return;
+        if (!CHECK(samples_of(context) > 0)) printf("    kind %d is not gathered\n", kind);
+        s.view.filling = SPS_FILLING_SPLAT;
+        if (!check_render(context, &s, image_b)) return;
+        CHECK(samples_of(context) == 0);
+        if (!check_march(context, &s, 0.75, image_c, NULL)) return;
+        for (int i = 0; i < COUNT; ++i) mean += (double)image_c[i] / COUNT;
+        gathered = check_rms(image_a, image_c, COUNT) / mean;
+        splatted = check_rms(image_b, image_c, COUNT) / mean;
+        apart = check_rms(image_a, image_b, COUNT) / mean;
+        if (getenv("CHECK_FIGURES"))
+            printf("kind %2d: gathered off by %.3f %%, splatted by %.3f %%, %.3f %% apart\n", kind, 100 * gathered,
+                   100 * splatted, 100 * apart);
+        if (!CHECK(gathered <= splatted + 2 * 0.0039) || !CHECK(apart <= 2 * 0.0039))
+            printf("    kind %d: %g, splatted %g, apart %g\n", kind, gathered, splatted, apart);
+    }
+}
+
+/* --- what is splatted nevertheless --- */
+
+static void test_splatted(void) {
+    for (int n = 0; n < 5; ++n) {
+        check_scene s;
+        start(&s, noise);
+        if (n == 1) check_orthographic(&s.view.camera, 8); /* voxels of 0.4 pixels */
+        if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 1);
+        if (n == 3) s.view.slab = 14;
+        if (n == 4) s.view.filling = SPS_FILLING_SPLAT;
+        if (!check_render(context, &s, image_a)) return;
+        if (!CHECK((samples_of(context) > 0) == (n == 0))) printf("    case %d\n", n);
+    }
+}
+
+/* One voxel at each end of a volume so long that a grid of its bricks would be empty. */
+static int read_ends(void *user, const int lo[3], const int size[3], float *out) {
+    (void)user;
+    for (int i = 0; i < size[0] * size[1] * size[2]; ++i) {
+        const int x = lo[0] + i % size[0], y = lo[1] + i / size[0] % size[1], z = lo[2] + i / (size[0] * size[1]);
+        out[i] = (x + y + z == 0) || (x == 399 && y == 399 && z == 399);
+    }
+    return 0;
+}
+
+static int range_ends(void *user, const int lo[3], const int size[3], float out[2]) {
+    (void)user;
+    out[0] = 0;
+    out[1] = lo[0] + lo[1] + lo[2] == 0 || (lo[0] + size[0] == 400 && lo[1] + size[1] == 400 && lo[2] + size[2] == 400);
+    return 0;
+}
+
+static void test_scattered_thinly(void) {
+    sps_stats_report stats;
+    check_scene s;
+    start(&s, noise);
+    for (int k = 0; k < 3; ++k) s.volume[0].size[k] = 400;
+    s.volume[0].read_fn = read_ends;
+    s.volume[0].range_fn = range_ends;
+    check_set3(s.view.camera.target, -1, -1, -1);
+    check_orthographic(&s.view.camera, 0.1);
+    check_render(context, &s, image_a);
+    sps_get_stats(context, &stats);
+    CHECK(stats.eye_samples == 0 && stats.eye_footprints > 0);
+    CHECK(((const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data)->list[0].grid == NULL);
+}
+
+/* --- what is held, counted, planned --- */
+
+/* Fields are made anew where values or the number of taps change, and only then. Pictures do not depend on what a
+   context has held, on workers or on the region. */
+static void test_held(void) {
+    check_scene s;
+    sps_context *fresh = check_context(NULL);
+    start_kind(&s, MIXED);
+    s.volume[0].revision = s.volume[1].revision = 1;
+    check_render(context, &s, image_a);
+    check_render(context, &s, image_b);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    s.view.quality = SPS_QUALITY_HIGH;
+    check_render(context, &s, image_a);
+    check_render(fresh, &s, image_b);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    s.volume[0].user = lumps, s.volume[0].revision = 2;
+    check_render(context, &s, image_b);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) != 0);
+    check_render(fresh, &s, image_a);
+    CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+    sps_destroy(fresh);
+}
+
+/* The plan's pass of reading includes fields, whose bound is the difference from splatting. */
+static void test_bytes(void) {
+    static const int own[] = {SPSI_BUFFER_FIELDS, SPSI_BUFFER_FIELD_GRIDS, SPSI_BUFFER_FIELD_VALUES};
+    for (int kind = GAS; kind <= MIXED; kind += MIXED) {
+        sps_context *fresh = check_context(NULL);
+        sps_plan_report plans[2];
+        sps_stats_report stats;
+        check_scene s;
+        size_t bytes = 0;
+        start_kind(&s, kind);
+        for (int filling = SPS_FILLING_SPLAT; filling <= SPS_FILLING_GATHER; ++filling) {
+            s.view.filling = (sps_filling)filling;
+            CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plans[filling]));
+        }
+        check_render(fresh, &s, image_a);
+        sps_get_stats(fresh, &stats);
+        CHECK(stats.bytes_peak <= plans[1].bytes);
+        for (int i = 0; i < 3; ++i) bytes += fresh->buffers[own[i]].size;
+        CHECK(bytes > 0 && bytes <= plans[1].pass[SPS_PASS_GATHER].bytes - plans[0].pass[SPS_PASS_GATHER].bytes);
+        sps_destroy(fresh);
+    }
+}
+
+static void test_workers_and_failures(void) {
+    check_scene s;
+    start_kind(&s, MIXED);
+    check_workers(&s, image_a, image_b);
+    CHECK(check_failing(&s, 0, 4, image_a, image_b) > 8);
+}
+
+static void test_bad(void) {
+    check_scene s;
+    start(&s, noise);
+    s.view.filling = (sps_filling)2;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.filling is 2");
+}
+
+int main(void) {
+    check_random random = {9};
+    for (int i = 0; i < GRID * GRID * GRID; ++i) noise[i] = (float)check_next(&random);
+    check_lumps(lumps, GRID);
+    context = check_context(NULL);
+    RUN(test_samples);
+    RUN(test_pictures_alike);
+    RUN(test_splatted);
+    RUN(test_scattered_thinly);
+    RUN(test_held);
+    RUN(test_bytes);
+    RUN(test_workers_and_failures);
+    RUN(test_bad);
+    sps_destroy(context);
+    return check_report();
+}

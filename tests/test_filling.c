@@ -8,7 +8,7 @@ enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, GRID = 16 };
 static float image_a[COUNT], image_b[COUNT], image_c[COUNT];
 static sps_context *context;
 static check_triangles faces;
-static float noise[GRID * GRID * GRID], lumps[GRID * GRID * GRID];
+static float noise[GRID * GRID * GRID], lumps[GRID * GRID * GRID], dot[GRID * GRID * GRID];
 
 /* Number of samples of the last picture. */
 static double samples_of(sps_context *of) {
@@ -108,13 +108,21 @@ enum {
     LONG_VOXELS,
     SOFT,
     PANE,
+    CUT_CLASSIFIED,
+    DOT,
     KINDS
 };
 
 static void start_kind(check_scene *s, int kind) {
     static const double corner[3] = {-3, -0.6, -3}, u[3] = {0, 0.8, 6}, v[3] = {6, 0, 0};
-    start(s, kind == CLASSIFIED || kind == SURFACE ? lumps : noise);
-    if (kind == PERSPECTIVE || kind == NEAR_PLANE) check_perspective(&s->view.camera, 0.5);
+    const int classified = kind == CLASSIFIED || kind == SURFACE || kind == CUT_CLASSIFIED;
+    start(s, classified ? lumps : kind == DOT ? dot : noise);
+    if (kind == PERSPECTIVE || kind == NEAR_PLANE) {
+        check_set3(s->view.camera.position, 3.6, 2.7, 12);
+        check_perspective(&s->view.camera, 0.16);
+    }
+    if (kind == FLOOR || kind == NEAR_PLANE || kind == DOT || kind == CUT_CLASSIFIED)
+        s->view.quality = SPS_QUALITY_HIGH;
     if (kind == BEHIND)
         check_add_directional(s, -0.5, -0.4, 1, 3);
     else if (kind == LAMP)
@@ -123,13 +131,16 @@ static void start_kind(check_scene *s, int kind) {
         check_add_directional(s, 1, -1, -0.6, 3);
     s->light[0].shadow_source = SPS_SHADOW_SHEETS;
     if (kind == SOFT) s->light[0].angular_diameter = 0.2;
-    if (kind == CLASSIFIED || kind == SURFACE) s->volume[0].transfer = &looks;
-    if (kind == SURFACE) s->volume[0].shading = SPS_SHADING_SURFACE, s->view.quality = SPS_QUALITY_HIGH;
+    if (classified) s->volume[0].transfer = &looks;
+    if (kind == DOT) s->volume[0].extinction = 100;
+    if (kind == SURFACE) s->volume[0].shading = SPS_SHADING_SURFACE;
     if (kind == SHEARED) check_set3(s->volume[0].placement.axis[1], 0.7, 2, 0.5);
-    if (kind == NEAR_PLANE) s->view.near_distance = 4.2;
+    if (kind == NEAR_PLANE) s->view.near_distance = 12.7;
     if (kind == LONG_VOXELS) s->volume[0].placement = check_box(-0.4, -1, -1.2, 0.4, 1, 1.2);
-    if (kind == THICK) s->view.slab = 3;
-    if (kind == FLOOR || kind == PANE) {
+    if (kind == LONG_VOXELS) check_orthographic(&s->view.camera, 1);
+    if (kind == DOT) s->view.slab = 0.2; /* its kernel lies in two chunks of slabs */
+    if (kind == THICK || kind == FLOOR || kind == NEAR_PLANE) s->view.slab = 3;
+    if (kind == FLOOR || kind == PANE || kind == CUT_CLASSIFIED) {
         check_add_quad(&faces, corner, u, v);
         check_add_mesh(s, &faces, 0.6);
         if (kind == PANE) check_color(s->mesh[0].transmittance, 0.5, 0.7, 0.2);
@@ -146,14 +157,21 @@ static void start_kind(check_scene *s, int kind) {
 
 /* A wave of voxels is sampled with at most 0.0039 of its amplitude wrong (4 taps; 6: 0.0003), and voxels' values are at
    most twice their mean, so that optical depths differ by 2 * 0.0039 of themselves at most, and radiance by no more.
-   Slabs, texels and the reference's steps are the same for both. */
+   Slabs, texels and the reference's steps are the same for both. A lone voxel shows what cut kernels are uneven by,
+   0.002 at high quality, to eye and light, and weights that add up to 1, 5e-4 per axis; it covers a twentieth of the
+   picture, whose mean it is compared with. Extinction of the transfer function rises 1.5 times as fast as in proportion
+   where it ends its steepest piece. Where a slab is cut, steps of up to 0.8 voxels lack their end's correction, 0.64 /
+   24 of a slope of 0.7, in gas that is worth 8 voxels. */
 static void test_pictures_alike(void) {
     for (int kind = 0; kind < KINDS; ++kind) {
         check_scene s;
-        double mean = 0, gathered, splatted, apart;
+        double mean = 0, gathered, splatted, apart, wave;
+        sps_stats_report stats;
         start_kind(&s, kind);
         if (!check_render(context, &s, image_a)) return;
-        if (!CHECK(samples_of(context) > 0)) printf("    kind %d is not gathered\n", kind);
+        sps_get_stats(context, &stats);
+        if (!CHECK(stats.eye_samples > 0 && (kind == LAMP || stats.light_samples > 0)))
+            printf("    kind %d is not gathered\n", kind);
         s.view.filling = SPS_FILLING_SPLAT;
         if (!check_render(context, &s, image_b)) return;
         CHECK(samples_of(context) == 0);
@@ -165,7 +183,10 @@ static void test_pictures_alike(void) {
         if (getenv("CHECK_FIGURES"))
             printf("kind %2d: gathered off by %.3f %%, splatted by %.3f %%, %.3f %% apart\n", kind, 100 * gathered,
                    100 * splatted, 100 * apart);
-        if (!CHECK(gathered <= splatted + 2 * 0.0039) || !CHECK(apart <= 2 * 0.0039))
+        wave = 2 * (s.view.quality == SPS_QUALITY_HIGH ? 0.0003 : 0.0039) * (s.volume[0].transfer ? 1.5 : 1);
+        if (kind == DOT) wave = sqrt(20) * (wave + 2 * 0.002 + 3 * 5e-4);
+        if (kind == NEAR_PLANE || kind == FLOOR) wave += 0.64 / 24 * 0.7 / 8;
+        if (!CHECK(gathered <= splatted + wave) || !CHECK(apart <= wave))
             printf("    kind %d: %g, splatted %g, apart %g\n", kind, gathered, splatted, apart);
     }
 }
@@ -177,7 +198,7 @@ static void test_splatted(void) {
         check_scene s;
         start(&s, noise);
         if (n == 1) check_orthographic(&s.view.camera, 8); /* voxels of 0.4 pixels */
-        if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 1);
+        if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
         if (n == 3) s.view.slab = 14;
         if (n == 4) s.view.filling = SPS_FILLING_SPLAT;
         if (!check_render(context, &s, image_a)) return;
@@ -281,6 +302,7 @@ static void test_bad(void) {
 int main(void) {
     check_random random = {9};
     for (int i = 0; i < GRID * GRID * GRID; ++i) noise[i] = (float)check_next(&random);
+    dot[(7 * GRID + 7) * GRID + 7] = 1; /* the last voxel of its brick */
     check_lumps(lumps, GRID);
     context = check_context(NULL);
     RUN(test_samples);

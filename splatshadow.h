@@ -768,7 +768,7 @@ typedef enum sps_filling {
        faster where a voxel is one to a few pixels wide: cost is proportional to pixels times slabs. Volumes are
        splatted nevertheless, one by one and in each pass, if their voxels are less than 0.8 pixels wide somewhere, if
        they are not all well before the eye or the light, if slabs are thicker than 12 voxels, or if they are scattered
-       too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10900 at high and ultra. */
+       too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -4263,6 +4263,23 @@ typedef struct spsi_cell_grid {
     float *scale;   /* per channel: of extinction, on the mean of all gas */
 } spsi_cell_grid;
 
+#define SPSI_TAP_STEPS 1024 /* places between two voxels for which there are weights, >>taps */
+
+/* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
+typedef struct spsi_voxel_field {
+    int low[3], size[3];        /* its bricks: the first, and their number along each axis */
+    const int *grid;            /* per brick: which one holds it; -1: no voxel is within reach */
+    const float *values;        /* of the first brick held */
+    const unsigned char *holds; /* per brick held: bit mask of eighths that have voxels within reach */
+} spsi_voxel_field;
+
+/* Those of all volumes. */
+typedef struct spsi_fields {
+    int taps;                                /* along each axis: 4 or 6 */
+    float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
+    spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
+} spsi_fields;
+
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
 typedef struct spsi_content {
     spsi_bounds bounds;            /* of gas */
@@ -4275,8 +4292,8 @@ typedef struct spsi_content {
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     const spsi_image *images;      /* that lights throw, >>projectors */
-    const struct spsi_fields *fields; /* of the volumes; NULL: they are splatted, >>taps */
-    const spsi_cell_grid *cells;      /* grids of them; NULL: light is not followed from cell to cell */
+    const spsi_fields *fields;     /* of the volumes; NULL: they are splatted, >>taps */
+    const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     spsi_rays eye; /* the frame's, with depths relative to the middle of the content */
 } spsi_content;
@@ -11168,25 +11185,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    its last step (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts
    it, its rest has samples of its own. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3. */
 
-#define SPSI_TAP_STEPS   1024     /* places between two voxels for which there are weights */
 #define SPSI_TAP_MOST    16       /* samples of a ray in a slab; thicker slabs are splatted */
 #define SPSI_TAP_STEP    0.8      /* voxels between samples of a ray, at most */
 #define SPSI_FIELD_BATCH 16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS 16777216 /* 2^24: floats count bricks of a grid */
-
-/* Values of a volume. */
-typedef struct spsi_voxel_field {
-    int low[3], size[3];        /* its bricks: the first, and their number along each axis */
-    const int *grid;            /* per brick: which one holds it; -1: no voxel is within reach */
-    const float *values;        /* of the first brick held */
-    const unsigned char *holds; /* per brick held: bit mask of eighths that have voxels within reach */
-} spsi_voxel_field;
-
-typedef struct spsi_fields {
-    int taps; /* along each axis: 4 or 6 */
-    float weights[SPSI_TAP_STEPS + 1][8];
-    spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
-} spsi_fields;
 
 /* Floats along the edges of a brick with its apron, and from one row to the next. */
 static inline int spsi_field_edge(int taps) { return SPSI_BRICK + taps - 1; }
@@ -11328,8 +11330,7 @@ static void spsi_field_task(void *data, int index, int worker) {
 
 /* ---- rays ---- */
 
-/* A field as a target's rays see it. Voxels' centres have whole-numbered places, counted from the field's first brick.
- */
+/* A field as a target's rays see it. Voxels' centres have whole places, counted from the field's first brick. */
 typedef struct spsi_tapper {
     const spsi_fields *fields;
     const spsi_voxel_field *field;
@@ -11473,6 +11474,14 @@ static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *ti
     line->limit = spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y);
 }
 
+/* The slabs, of `count`, between where a ray begins and where it ends: the first, and the one behind the last. */
+static inline void spsi_tap_line_slabs(const spsi_tap_line *line, int count, int slabs[2]) {
+    const float a = line->base + line->slope * line->nearest, b = line->base + line->slope * line->limit;
+    const float most = (float)count;
+    slabs[0] = (int)spsi_lower(spsi_higher(floorf(spsi_lower(a, b)), 0), most);
+    slabs[1] = (int)spsi_lower(spsi_higher(ceilf(spsi_higher(a, b)), (float)slabs[0]), most);
+}
+
 /* Samples at equal steps, the first of them half a step behind `from`; `count` of them reach to depth `to`. */
 static inline void spsi_tap_line_cut(const spsi_tap_line *line, float from, float to, int count, spsi_tap_ray *ray) {
     const float step = (to - from) / (float)count;
@@ -11483,14 +11492,14 @@ static inline void spsi_tap_line_cut(const spsi_tap_line *line, float from, floa
 }
 
 /* The integral over a part of a slab, from its own samples. */
-static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_line *line, float from, float to) {
+static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_line *line, float from, float to, spsi_tile *tile) {
     float samples[SPSI_TAP_MOST] = {0}, sum = 0;
     const float share = (to - from) * fabsf(line->slope) * (float)line->steps;
     const int count = spsi_most(1, (int)ceilf(spsi_lower(share, SPSI_TAP_MOST)));
     spsi_tap_ray ray;
     if (!(from < to)) return 0;
     spsi_tap_line_cut(line, from, to, count, &ray);
-    spsi_tap_samples(t->fields, t->field, &ray, 0, count, samples);
+    tile->samples += (uint64_t)spsi_tap_samples(t->fields, t->field, &ray, 0, count, samples);
     for (int n = 0; n < count; ++n) sum += samples[n];
     return sum * (to - from) / (float)count;
 }
@@ -11500,17 +11509,18 @@ static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y,
     float samples[(SPSI_CHUNK + 4) * SPSI_TAP_MOST + 2];
     const float *first = samples + 1;
     float per_slab, weight;
-    int count, held;
+    int count, slabs[2], held;
     spsi_tap_line line;
     spsi_tap_ray ray;
     spsi_tap_line_build(t, tile, x, y, &line);
+    spsi_tap_line_slabs(&line, tile->slab_count, slabs);
     count = tile->slab_count * line.steps + 2;
     per_slab = 1 / line.slope;
     weight = fabsf(per_slab) / (float)line.steps;
     memset(samples, 0, (size_t)count * sizeof *samples);
     spsi_tap_line_cut(&line, -line.base * per_slab, (1 - line.base) * per_slab, line.steps, &ray);
     for (int k = 0; k < 3; ++k) ray.at[k] -= ray.step[k];
-    held = spsi_tap_samples(t->fields, t->field, &ray, 0, count, samples);
+    held = spsi_tap_samples(t->fields, t->field, &ray, slabs[0] * line.steps, slabs[1] * line.steps + 2, samples);
     if (held == 0) return;
     tile->samples += (uint64_t)held;
     for (int slab = 0; slab < tile->slab_count; ++slab, first += line.steps, sheet += tile->sheet_size) {
@@ -11520,7 +11530,7 @@ static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y,
         for (int n = 0; n < line.steps; ++n) sum += first[n];
         sum *= weight;
         if (enter < line.nearest || leave > line.limit)
-            sum = spsi_tap_part(t, &line, spsi_higher(enter, line.nearest), spsi_lower(leave, line.limit));
+            sum = spsi_tap_part(t, &line, spsi_higher(enter, line.nearest), spsi_lower(leave, line.limit), tile);
         if (sum > 0) *sheet += sum * t->scale;
     }
 }
@@ -11677,11 +11687,11 @@ static sps_result spsi_fields_build(sps_context *context, const spsi_frame *fram
 
 /* ============================================================================================== >>targets
    22 Filling sheets. A target is a grid of rays with sheets between slabs: the eye's, a light's, that of a face of a
-   map. The bricks and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile. A tile belongs to one
-   task, which adds bricks and then particles in the order of their numbers, so every pixel is the same sum for any
-   number of workers and any region. Bricks and particles are kept in queues, sorted by the first chunk that they reach.
-   A tile costs one comparison per brick of the chunk; particles are binned by tile. Once all rays through a patch of
-   8 x 8 pixels or texels have ended, a footprint that lies in such patches only costs one test. */
+   map. The bricks and particles in a chunk of SPSI_CHUNK slabs are splatted into it tile by tile, or volumes gathered.
+   A tile belongs to one task, which adds bricks and then particles in the order of their numbers, so every pixel is the
+   same sum for any number of workers and any region. Bricks and particles are kept in queues, sorted by the first chunk
+   that they reach. A tile costs one comparison per brick of the chunk; particles are binned by tile. Once all rays
+   through a patch of 8 x 8 pixels or texels have ended, a footprint that lies in such patches only costs one test. */
 
 /* --- contents of the slabs --- */
 
@@ -12251,14 +12261,13 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         const spsi_splatter *splatter = &target->splatters[brick->lattice];
         const int channel = target->channels[brick->lattice], slopes = target->slope_channels[brick->lattice];
         float *sheets;
+        uint64_t patches;
         spsi_anchor anchor;
         spsi_deposit deposit;
         if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
-        if (!(tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]))) continue;
-        if (target->gathered[brick->lattice]) {
-            gathered[brick->lattice] |= tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
-            continue;
-        }
+        patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
+        if (target->gathered[brick->lattice]) gathered[brick->lattice] |= patches;
+        if (!patches || target->gathered[brick->lattice]) continue;
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
@@ -16021,30 +16030,43 @@ static spsi_v spsi_shadow_lookup(const spsi_shadow *shadow, const spsi_v at[3], 
     return spsi_bilinear(planes->depth[k], planes->width, planes->height, q[0], q[1]);
 }
 
-/* Optical depth between the lamp and up to SPSI_LANES places on polygons, linear between the planes of a slab. Polygons
-   are shaded slab by slab, so that all lie in that of the first, to within rounding, or all planes are level. What is
-   behind the lamp has none. */
+/* Optical depth at places of a slab coordinate within the chunk, linear between the planes. Mostly all lie in one slab;
+   where the eye sees no gas, polygons of a whole chunk are shaded at once, and slabs take their turns. */
+static spsi_v spsi_planes_lookup(const spsi_planes *planes, spsi_v x, spsi_v y, spsi_v slab) {
+    const spsi_v k = spsi_min(spsi_floor(slab), spsi_set(SPSI_CHUNK - 1)), beyond = spsi_sub(slab, k);
+    spsi_v depth = spsi_set(0);
+    float number[SPSI_LANES];
+    spsi_store(number, k);
+    for (int lane = 0, done = 0; lane < SPSI_LANES; ++lane) {
+        const int plane = (int)number[lane];
+        const spsi_m here = spsi_less(spsi_abs(spsi_sub(k, spsi_set(number[lane]))), spsi_set(0.5f));
+        spsi_v before, after;
+        if (done >> lane & 1) continue;
+        before = spsi_bilinear(planes->depth[plane], planes->width, planes->height, x, y);
+        after = spsi_bilinear(planes->depth[plane + 1], planes->width, planes->height, x, y);
+        depth = spsi_select(here, spsi_mix(before, after, beyond), depth);
+        done |= spsi_bits(here);
+    }
+    return depth;
+}
+
+/* Optical depth between the lamp and up to SPSI_LANES places on polygons. What is behind the lamp has none. */
 static void spsi_sliced_surfaces(const spsi_sliced *sliced, int first_slab, int count, const spsi_surface *at,
                                  float *depths) {
     const spsi_rays *rays = sliced->target.rays;
-    const spsi_planes *planes = &sliced->planes;
-    float x[SPSI_LANES] = {0}, y[SPSI_LANES] = {0}, slab[SPSI_LANES] = {0}, ahead[SPSI_LANES] = {0}, found[SPSI_LANES];
-    spsi_v before, after, beyond;
-    int k;
-    for (int i = 0; i < count; ++i) {
+    float x[SPSI_LANES] = {0}, y[SPSI_LANES] = {0}, slab[SPSI_LANES], ahead[SPSI_LANES] = {0}, found[SPSI_LANES];
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        const double *point = at[i < count ? i : 0].point; /* so that unused lanes are in a slab that is looked up */
         double q[3];
-        spsi_project(rays, at[i].point, q);
-        slab[i] = (float)fmin(fmax(spsi_slab_at(sliced->target.slabs, at[i].point) - first_slab, 0), SPSI_CHUNK);
+        spsi_project(rays, point, q);
+        slab[i] = (float)fmin(fmax(spsi_slab_at(sliced->target.slabs, point) - first_slab, 0), SPSI_CHUNK);
         if (rays->perspective && !(q[2] > 0)) continue;
         ahead[i] = 1;
         x[i] = (float)fmin(fmax(q[0], -1), rays->width);
         y[i] = (float)fmin(fmax(q[1], -1), rays->height);
     }
-    k = spsi_least((int)slab[0], SPSI_CHUNK - 1);
-    beyond = spsi_clamp(spsi_sub(spsi_load(slab), spsi_set((float)k)), spsi_set(0), spsi_set(1));
-    before = spsi_bilinear(planes->depth[k], planes->width, planes->height, spsi_load(x), spsi_load(y));
-    after = spsi_bilinear(planes->depth[k + 1], planes->width, planes->height, spsi_load(x), spsi_load(y));
-    spsi_store(found, spsi_mul(spsi_load(ahead), spsi_mix(before, after, beyond)));
+    spsi_store(found, spsi_mul(spsi_load(ahead),
+                               spsi_planes_lookup(&sliced->planes, spsi_load(x), spsi_load(y), spsi_load(slab))));
     memcpy(depths, found, (size_t)count * sizeof *depths);
 }
 
@@ -22013,6 +22035,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     memset(&picture, 0, sizeof picture);
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
+    if (frame->view.filling == SPS_FILLING_GATHER && spsi_fields_build(context, frame)) return context->result;
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
@@ -22020,7 +22043,6 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     gathered = spsi_clock(context);
     context->stats.seconds_gather = gathered - start;
     spsi_eye_reference(frame);
-    if (frame->view.filling == SPS_FILLING_GATHER && spsi_fields_build(context, frame)) return context->result;
     if (spsi_eye_polygons(context, frame, &picture.faces, &picture.visible)) return context->result;
     context->stats.seconds_polygons = spsi_clock(context) - gathered;
     gathered = spsi_clock(context);

@@ -358,7 +358,8 @@ static int print_plan(const arguments *all, ex_session *session, const sps_scene
     X(voxels_read) X(voxels_relevant) X(bricks) X(values_replaced)                                                     \
     X(triangles) X(triangles_degenerate) X(pixels_of_polygons) X(surface_points) X(layers) X(shadow_rays)              \
     X(particles) X(slabs) X(slabs_empty)                                                                               \
-    X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments) X(eye_samples) X(light_samples)                                          \
+    X(eye_footprints) X(eye_fragments) X(light_footprints) X(light_fragments)                                          \
+    X(eye_samples) X(light_samples)                                                                                    \
     X(tables_made) X(tables_held) X(table_patches_made) X(table_patches_held) X(cells) X(soft_texels) X(pixels_shaded) \
     X(tiles_finished) X(allocations) X(bytes) X(bytes_peak)
 /* clang-format on */

@@ -1883,8 +1883,8 @@ static void test_plan(void) {
                    stats.bytes_peak);
         if (!CHECK(stats.bytes_peak <= report.bytes))
             printf("    scene %d: %zu, planned %zu\n", n, stats.bytes_peak, report.bytes);
-        if (n == 4 ||
-            n == 6) { /* cells, and polygons: the bound is a cube's, as the gas is, with four times its light */
+        if (n == 4 || n == 6) { /* nothing but cells, and polygons about them */
+            /* the bound is a cube's, as the gas is, whose light is held four times */
             static const int own[] = {SPSI_BUFFER_CELL_GRID,   SPSI_BUFFER_CELL_JOB,    SPSI_BUFFER_CELLS,
                                       SPSI_BUFFER_CELL_WALLS,  SPSI_BUFFER_CELL_SOLVER, SPSI_BUFFER_CELL_SEEN,
                                       SPSI_BUFFER_CELL_MOMENTS};

@@ -653,7 +653,7 @@ static int rising_transfer(void *user, size_t count, const float *values, sps_tr
 }
 
 /* What spsi_any_shown passes by has no extinction, to the last bit below an onset, and what it does not may have some:
-   all values beyond the last clear entry before the onset. Entries whose numbers are powers of two are exact. */
+   all values beyond the last clear entry before the onset. */
 static void test_passed_by(void) {
     static const float onsets[4] = {0, 1.0f / SPSI_TABLE_SIZE, 0.25f, 1};
     static spsi_table table;

@@ -835,6 +835,39 @@ static void test_slope_in_slab(void) {
     }
 }
 
+/* Where the eye sees no gas, polygons of a whole chunk are lit at once. Between planes 0, 1, 4, 9, .. deep, places in
+   any slab, beside each other, lie on straight lines; before and behind the chunk counts as at its ends, and gas beside
+   the planes, whose texels are 0 at the edge, as none. */
+static void test_slabs_side_by_side(void) {
+    enum { WIDE = 6 };
+    static float memory[SPSI_CHUNK + 1][WIDE * WIDE];
+    static spsi_sliced sliced;
+    spsi_rays rays;
+    spsi_slabs slabs;
+    spsi_surface at[SPSI_LANES];
+    memset(&rays, 0, sizeof rays), memset(&slabs, 0, sizeof slabs), memset(at, 0, sizeof at);
+    for (int i = 0; i < 3; ++i) rays.inverse[i][i] = 1;
+    rays.width = rays.height = sliced.planes.width = sliced.planes.height = WIDE;
+    slabs.normal[2] = slabs.thickness = 1;
+    sliced.target.rays = &rays, sliced.target.slabs = &slabs;
+    for (int k = 0; k <= SPSI_CHUNK; ++k) {
+        for (int i = 0; i < WIDE * WIDE; ++i)
+            memory[k][i] = i % WIDE % (WIDE - 1) && i / WIDE % (WIDE - 1) ? (float)(k * k) : 0;
+        sliced.planes.depth[k] = memory[k];
+    }
+    for (int shift = -3; shift < SPSI_CHUNK + 3; ++shift) {
+        float depths[SPSI_LANES];
+        for (int i = 0; i < SPSI_LANES; ++i)
+            check_set3(at[i].point, i % 5 == 4 ? -2 : 2.5, 2, 40 + shift + 0.3 + i * 7 % SPSI_LANES);
+        spsi_sliced_surfaces(&sliced, 40, SPSI_LANES, at, depths);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const double slab = fmin(fmax(at[i].point[2] - 40, 0), SPSI_CHUNK), k = fmin(floor(slab), SPSI_CHUNK - 1);
+            const double exact = i % 5 == 4 ? 0 : k * k + (slab - k) * (2 * k + 1);
+            if (!CHECK_NEAR((double)depths[i], exact, 1e-6 * (1 + exact) * SPSI_CHUNK)) printf("    slab %g\n", slab);
+        }
+    }
+}
+
 /* A roof over part of a slab: its shadow fills the gas behind it along the light. Along the eye's upright ray at x the
    part above 1.5 - x is lit. Half a texel of the map (8 / 2044 across, seen at 45 degrees) moves the edge by 0.003; the
    lit share of a quarter of a sheet (0.0625 / 4) that the edge crosses may be off by half of that, 0.008; and the
@@ -994,6 +1027,7 @@ int main(void) {
     RUN(test_polygon_slides);
     RUN(test_volume_shadow_on_plane);
     RUN(test_slope_in_slab);
+    RUN(test_slabs_side_by_side);
     RUN(test_polygon_shadow_in_medium);
     RUN(test_dense_stand_in);
     RUN(test_mixed_scene);

@@ -760,13 +760,16 @@ typedef enum sps_scattering {
     SPS_SCATTERING_FULL
 } sps_scattering;
 
-/* How voxels fill the sheets of the eye and of lights. The field is the same either way. Maps, tables and cells are
-   splatted, and so are particles. */
+/* How voxels fill the sheets of the eye, of lights, and of maps' faces. The field is the same either way. Particles are
+   always splatted. */
 typedef enum sps_filling {
-    SPS_FILLING_SPLAT = 0, /* voxel by voxel: cost is proportional to the number of relevant voxels */
+    /* Each volume, in each pass, as costs less by the number and size of its footprints, and the number of its samples.
+       The same in every build and for any number of workers. */
+    SPS_FILLING_AUTO = 0,
+    SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels, 6^3 at high and ultra, per 0.8 voxels or less of a ray in gas. Mostly
-       faster where a voxel is one to a few pixels wide: cost is proportional to pixels times slabs. Volumes are
-       splatted nevertheless, one by one and in each pass, if their voxels are less than 0.8 pixels wide somewhere, if
+       faster where a voxel is up to some pixels wide: cost is proportional to pixels times slabs. Volumes are splatted
+       nevertheless, one by one and in each pass, if their voxels are less than about 0.55 pixels wide somewhere, if
        they are not all well before the eye or the light, if slabs are thicker than 12 voxels, or if they are scattered
        too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra. */
     SPS_FILLING_GATHER
@@ -810,7 +813,7 @@ typedef struct sps_view {
        and an upper bound t of the optical depth on any straight way through the gas, mostly 2 to 4 times the largest.
        Beside polygons, which send light to gas and receive it, there is none: FULL. */
     float scatter_tolerance;
-    sps_filling filling; /* 0, the default: SPS_FILLING_SPLAT */
+    sps_filling filling; /* 0, the default: SPS_FILLING_AUTO */
     uint32_t end_canary; /* leave 0 */
 } sps_view;
 
@@ -892,6 +895,10 @@ typedef struct sps_plan_report {
     int slab_count;                  /* of the longest sweep */
     int shadow_width, shadow_height; /* of the largest shadow buffer */
     int light_points; /* maximum number of points that stand for a light: 1 without an extent; 0: no light */
+    /* Volumes that are gathered into the eye's sheets, and into any light's, and a static string that says why the
+       first volume is gathered or splatted there. Before voxels are read, as if all that may be relevant were. */
+    int eye_gathered, light_gathered;
+    const char *eye_filling, *light_filling;
     /* SPS_SCATTERING_AUTO: as in sps_stats_report beside polygons, or if all gas is held from the last call; otherwise
        -1, and cells are planned. */
     double scatter_bound;
@@ -4267,15 +4274,22 @@ typedef struct spsi_cell_grid {
 
 /* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
 typedef struct spsi_voxel_field {
-    int low[3], size[3];        /* its bricks: the first, and their number along each axis */
-    const int *grid;            /* per brick: which one holds it; -1: no voxel is within reach */
-    const float *values;        /* of the first brick held */
-    const unsigned char *holds; /* per brick held: bit mask of eighths that have voxels within reach */
+    int low[3], size[3];  /* its bricks: the first, and their number along each axis */
+    int first, end;       /* the volume's bricks of relevant voxels */
+    double voxels;        /* number of those voxels */
+    double volume;        /* of what is within their reach, in voxels; an upper bound */
+    int *grid;            /* per brick: which one holds it; -1: no voxel is within reach. NULL: there is no field */
+    int *sources;         /* per brick: that of relevant voxels; -1: none */
+    int *places;          /* per brick held: where it is in the grid */
+    int count;            /* of bricks held */
+    float *values;        /* of the first brick held */
+    unsigned char *holds; /* per brick held: bit mask of eighths that have voxels within reach */
 } spsi_voxel_field;
 
 /* Those of all volumes. */
 typedef struct spsi_fields {
     int taps;                                /* along each axis: 4 or 6 */
+    int filled;                              /* 1: bricks have their values */
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
 } spsi_fields;
@@ -4292,7 +4306,7 @@ typedef struct spsi_content {
     double particle_radius;        /* geometric mean of the radii */
     double particle_spread;        /* root mean square distance of the particles from their mean */
     const spsi_image *images;      /* that lights throw, >>projectors */
-    const spsi_fields *fields;     /* of the volumes; NULL: they are splatted, >>taps */
+    spsi_fields *fields;           /* of the volumes; NULL: they are splatted, >>taps */
     const spsi_cell_grid *cells;   /* grids of them; NULL: light is not followed from cell to cell */
     int cell_grid_count;
     spsi_rays eye; /* the frame's, with depths relative to the middle of the content */
@@ -11185,10 +11199,19 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    its last step (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts
    it, its rest has samples of its own. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3. */
 
-#define SPSI_TAP_MOST    16       /* samples of a ray in a slab; thicker slabs are splatted */
-#define SPSI_TAP_STEP    0.8      /* voxels between samples of a ray, at most */
-#define SPSI_FIELD_BATCH 16       /* bricks that a task fills */
-#define SPSI_FIELD_CELLS 16777216 /* 2^24: floats count bricks of a grid */
+#define SPSI_TAP_MOST     16       /* samples of a ray in a slab; thicker slabs are splatted */
+#define SPSI_TAP_STEP     0.8      /* voxels between samples of a ray, at most */
+#define SPSI_TAP_VARIANCE 0.125    /* of a footprint, in square pixels, at least: half that of the pixel filter */
+#define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
+#define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
+
+/* Nanoseconds, by which filling is chosen; only their ratios matter. One core of a machine with vectors of 16: where
+   vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
+   Footprints count 1.35 times, as those that lie in two tiles or chunks of slabs. */
+#define SPSI_COST_FOOTPRINT   90.0
+#define SPSI_COST_FRAGMENT    0.57
+#define SPSI_COST_SAMPLE      10.0
+#define SPSI_COST_SAMPLE_WIDE 13.0 /* of 6^3 voxels */
 
 /* Floats along the edges of a brick with its apron, and from one row to the next. */
 static inline int spsi_field_edge(int taps) { return SPSI_BRICK + taps - 1; }
@@ -11211,120 +11234,179 @@ static void spsi_fields_weigh(spsi_fields *fields, int taps) {
     }
 }
 
-/* The bricks in which points have a brick's voxels within reach: `range` holds the first and the last along each axis,
-   as bricks of the whole volume. */
+/* The eighths of bricks, cubes of 4^3 voxels, in which points have a brick's voxels within reach: `range` holds the
+   first and the last along each axis, counted from the whole volume's first voxel. */
 static void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][3]) {
+    enum { HALF = SPSI_BRICK / 2 };
     for (int k = 0; k < 3; ++k) {
         const int low = brick->base[k] + brick->low[k] - taps / 2,
                   high = brick->base[k] + brick->high[k] + taps / 2 - 1;
-        range[0][k] = (low + SPSI_BRICK) / SPSI_BRICK - 1;
-        range[1][k] = (high + SPSI_BRICK) / SPSI_BRICK - 1;
+        range[0][k] = (low + SPSI_BRICK) / HALF - 2; /* rounded down */
+        range[1][k] = (high + SPSI_BRICK) / HALF - 2;
     }
 }
 
-/* Fields that are being made: grids of where source bricks are, and which bricks are to be held. */
-typedef struct spsi_field_job {
-    const sps_context *context;
-    const spsi_brick *bricks;
-    int taps, first, end; /* the bricks of the medium */
-    int low[3], size[3];  /* of the grid */
-    size_t cells;         /* bricks in the grid; 0: none is made */
-    int *sources, *grid;  /* per brick: the source; the number of the held one */
-    int *places;          /* per held brick: its place in the grid */
-    int count;            /* of held bricks */
-    float *values;        /* of the medium's first held brick */
-    unsigned char *holds;
-} spsi_field_job;
+/* The brick that an eighth belongs to. */
+static inline int spsi_field_brick_of(int eighth) { return (eighth + 2) / 2 - 1; }
 
-static size_t spsi_field_cell(const spsi_field_job *job, const int at[3]) {
-    return (size_t)(at[0] - job->low[0]) +
-           (size_t)job->size[0] *
-               ((size_t)(at[1] - job->low[1]) + (size_t)job->size[1] * (size_t)(at[2] - job->low[2]));
+/* Number of bricks in a field's grid. */
+static size_t spsi_field_cells(const spsi_voxel_field *field) {
+    return (size_t)field->size[0] * (size_t)field->size[1] * (size_t)field->size[2];
 }
 
-/* Places the grid about a medium's bricks. */
-static void spsi_field_place(spsi_field_job *job) {
+static size_t spsi_field_cell(const spsi_voxel_field *field, const int at[3]) {
+    return (size_t)(at[0] - field->low[0]) +
+           (size_t)field->size[0] *
+               ((size_t)(at[1] - field->low[1]) + (size_t)field->size[1] * (size_t)(at[2] - field->low[2]));
+}
+
+/* Places the grid about a volume's bricks. */
+static void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
     int high[3] = {-1, -1, -1};
-    for (int k = 0; k < 3; ++k) job->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
-    for (int i = job->first; i < job->end; ++i) {
+    for (int k = 0; k < 3; ++k) field->low[k] = SPSI_SIZE_MAX * SPSI_SIZE_MAX;
+    for (int i = field->first; i < field->end; ++i) {
         int range[2][3];
-        spsi_field_reach(&job->bricks[i], job->taps, range);
+        spsi_field_reach(&bricks[i], taps, range);
+        field->voxels += bricks[i].count;
         for (int k = 0; k < 3; ++k) {
-            job->low[k] = spsi_least(job->low[k], range[0][k]);
-            high[k] = spsi_most(high[k], range[1][k]);
+            field->low[k] = spsi_least(field->low[k], spsi_field_brick_of(range[0][k]));
+            high[k] = spsi_most(high[k], spsi_field_brick_of(range[1][k]));
         }
     }
-    for (int k = 0; k < 3; ++k) job->size[k] = job->end > job->first ? high[k] - job->low[k] + 1 : 0;
-    job->cells = (size_t)job->size[0] * (size_t)job->size[1] * (size_t)job->size[2];
+    for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
+}
+
+/* Marks the eighths within reach of a brick of voxels, as bits of the grid. */
+static void spsi_field_mark(const spsi_brick *brick, int taps, spsi_voxel_field *field) {
+    int range[2][3], at[3];
+    spsi_field_reach(brick, taps, range);
+    for (at[2] = range[0][2]; at[2] <= range[1][2]; ++at[2])
+        for (at[1] = range[0][1]; at[1] <= range[1][1]; ++at[1])
+            for (at[0] = range[0][0]; at[0] <= range[1][0]; ++at[0]) {
+                int own[3], bit = 0;
+                for (int k = 0; k < 3; ++k) {
+                    own[k] = spsi_field_brick_of(at[k]);
+                    bit |= (at[k] & 1) << k;
+                }
+                field->grid[spsi_field_cell(field, own)] |= 1 << bit;
+            }
 }
 
 /* Notes where sources are, and numbers the bricks that have them within reach. */
-static void spsi_field_number(spsi_field_job *job) {
-    const size_t cells = job->cells;
-    for (size_t i = 0; i < cells; ++i) job->sources[i] = job->grid[i] = -1;
-    for (int i = job->first; i < job->end; ++i) {
-        const spsi_brick *brick = &job->bricks[i];
-        const int own[3] = {brick->base[0] / SPSI_BRICK, brick->base[1] / SPSI_BRICK, brick->base[2] / SPSI_BRICK};
-        int range[2][3], at[3];
-        spsi_field_reach(brick, job->taps, range);
-        for (at[2] = range[0][2]; at[2] <= range[1][2]; ++at[2])
-            for (at[1] = range[0][1]; at[1] <= range[1][1]; ++at[1])
-                for (at[0] = range[0][0]; at[0] <= range[1][0]; ++at[0]) job->grid[spsi_field_cell(job, at)] = 0;
-        job->sources[spsi_field_cell(job, own)] = i;
+static void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
+    const size_t cells = spsi_field_cells(field);
+    for (size_t i = 0; i < cells; ++i) field->sources[i] = -1, field->grid[i] = 0;
+    for (int i = field->first; i < field->end; ++i) {
+        const int *base = bricks[i].base, own[3] = {base[0] / SPSI_BRICK, base[1] / SPSI_BRICK, base[2] / SPSI_BRICK};
+        spsi_field_mark(&bricks[i], taps, field);
+        field->sources[spsi_field_cell(field, own)] = i;
     }
-    job->count = 0;
-    for (size_t i = 0; i < cells; ++i)
-        if (job->grid[i] == 0) {
-            job->places[job->count] = (int)i;
-            job->grid[i] = job->count++;
-        }
-}
-
-/* Copies a source's voxels into a brick whose first voxel, apron included, is `from`. */
-static void spsi_field_copy(const spsi_field_job *job, const spsi_brick *source, const int from[3], float *values,
-                            unsigned char *holds) {
-    const spsi_segment *segment = spsi_segment_at(job->context, source->segment);
-    const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps);
-    const int far_half = SPSI_BRICK / 2, near_half = far_half + job->taps - 2;
-    int off[3];
-    for (int k = 0; k < 3; ++k) {
-        off[k] = source->base[k] - from[k];
-        if (off[k] + source->low[k] >= edge || off[k] + source->high[k] < 0) return;
-    }
-    for (int i = source->first; i < source->first + source->count; ++i) {
-        const int x = (int)segment->x[i] + off[0], y = (int)segment->y[i] + off[1], z = (int)segment->z[i] + off[2];
-        int columns, rows, layers;
-        if (z >= edge) break; /* voxels are in order of z */
-        if (x < 0 || x >= edge || y < 0 || y >= edge || z < 0) continue;
-        values[(z * edge + y) * pitch + x] = segment->value[i];
-        columns = (x <= near_half ? 0x55 : 0) | (x >= far_half ? 0xaa : 0);
-        rows = (y <= near_half ? 0x33 : 0) | (y >= far_half ? 0xcc : 0);
-        layers = (z <= near_half ? 0x0f : 0) | (z >= far_half ? 0xf0 : 0);
-        *holds = (unsigned char)(*holds | (columns & rows & layers));
+    for (size_t i = 0; i < cells; ++i) {
+        const int marks = field->grid[i];
+        field->grid[i] = marks ? field->count : -1;
+        if (!marks) continue;
+        field->places[field->count++] = (int)i;
+        for (int n = 0; n < 8; ++n) field->volume += (marks >> n & 1) * (SPSI_BRICK * SPSI_BRICK * SPSI_BRICK / 8);
     }
 }
 
-/* Fills a brick from the sources around it. */
-static void spsi_field_task(void *data, int index, int worker) {
+/* A field whose bricks are being filled. */
+typedef struct spsi_field_job {
+    const sps_context *context;
+    const spsi_brick *bricks; /* of relevant voxels */
+    int taps;
+    const spsi_voxel_field *field;
+} spsi_field_job;
+
+/* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
+static void spsi_field_own_task(void *data, int index, int worker) {
     const spsi_field_job *job = (const spsi_field_job *)data;
-    const int end = spsi_least(job->count, (index + 1) * SPSI_FIELD_BATCH);
+    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
+    const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
     (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const int place = job->places[held], *size = job->size;
-        const int at[3] = {place % size[0] + job->low[0], place / size[0] % size[1] + job->low[1],
-                           place / (size[0] * size[1]) + job->low[2]};
-        float *values = job->values + (size_t)held * spsi_field_floats(job->taps);
-        int from[3];
+        const int number = job->field->sources[job->field->places[held]];
+        float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps);
+        const spsi_segment *segment;
+        const spsi_brick *source;
+        int at[3];
         memset(values, 0, spsi_field_floats(job->taps) * sizeof *values);
-        job->holds[held] = 0;
-        for (int k = 0; k < 3; ++k) from[k] = at[k] * SPSI_BRICK + 1 - job->taps / 2;
-        for (int n = 0; n < 27; ++n) {
-            const int near_by[3] = {at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1};
-            int inside = 1, source;
-            for (int k = 0; k < 3; ++k) inside &= near_by[k] >= job->low[k] && near_by[k] < job->low[k] + size[k];
-            source = inside ? job->sources[spsi_field_cell(job, near_by)] : -1;
-            if (source >= 0) spsi_field_copy(job, &job->bricks[source], from, values, &job->holds[held]);
+        if (number < 0) continue;
+        source = &job->bricks[number];
+        segment = spsi_segment_at(job->context, source->segment);
+        for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
+        values += (at[2] * edge + at[1]) * pitch + at[0];
+        for (int i = source->first; i < source->first + source->count; ++i)
+            values[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
+    }
+}
+
+/* What a brick and a neighbour of it, `off` bricks away along an axis, have in common: the first voxel of the brick,
+   apron included, that of the neighbour, and their number. */
+typedef struct spsi_apron {
+    int to, from, count;
+} spsi_apron;
+
+static inline spsi_apron spsi_apron_at(int taps, int off) {
+    const int border = taps / 2 - 1;
+    const spsi_apron before = {0, SPSI_BRICK, border}, own = {border, border, SPSI_BRICK},
+                     behind = {border + SPSI_BRICK, border, taps / 2};
+    return off < 0 ? before : off > 0 ? behind : own;
+}
+
+/* Copies to a brick's apron what its neighbour has there. */
+static void spsi_field_copy(int taps, const int off[3], const float *from, float *to) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps);
+    const spsi_apron x = spsi_apron_at(taps, off[0]), y = spsi_apron_at(taps, off[1]), z = spsi_apron_at(taps, off[2]);
+    for (int k = 0; k < z.count; ++k)
+        for (int j = 0; j < y.count; ++j) {
+            float *row = to + ((z.to + k) * edge + y.to + j) * pitch + x.to;
+            const float *own = from + ((z.from + k) * edge + y.from + j) * pitch + x.from;
+            for (int i = 0; i < x.count; ++i) row[i] = own[i];
         }
+}
+
+/* Whether a sample in an eighth of a brick has any voxel within reach, of which `first` is the first. */
+static int spsi_field_any(int taps, const float *first) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), reach = SPSI_BRICK / 2 + taps - 1;
+    for (int z = 0; z < reach; ++z)
+        for (int y = 0; y < reach; ++y) {
+            const float *row = first + (z * edge + y) * pitch;
+            float most = 0;
+            for (int x = 0; x < reach; ++x) most = spsi_higher(most, fabsf(row[x]));
+            if (most > 0) return 1;
+        }
+    return 0;
+}
+
+static unsigned char spsi_field_holds(int taps, const float *values) {
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), half = SPSI_BRICK / 2;
+    int holds = 0;
+    for (int n = 0; n < 8; ++n)
+        holds |= spsi_field_any(taps, values + ((n / 4 * edge + n / 2 % 2) * pitch + n % 2) * half) << n;
+    return (unsigned char)holds;
+}
+
+/* Fills the aprons of bricks whose own voxels are in place. */
+static void spsi_field_apron_task(void *data, int index, int worker) {
+    const spsi_field_job *job = (const spsi_field_job *)data;
+    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
+    const size_t floats = spsi_field_floats(taps);
+    (void)worker;
+    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
+        const int place = job->field->places[held], *size = job->field->size;
+        const int at[3] = {place % size[0], place / size[0] % size[1], place / (size[0] * size[1])};
+        float *values = job->field->values + (size_t)held * floats;
+        for (int n = 0; n < 27; ++n) {
+            const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
+            int inside = n != 13, other;
+            for (int k = 0; k < 3; ++k) inside &= at[k] + off[k] >= 0 && at[k] + off[k] < size[k];
+            if (!inside) continue;
+            other = place + off[0] + size[0] * (off[1] + size[1] * off[2]);
+            if (job->field->sources[other] < 0) continue;
+            spsi_field_copy(taps, off, job->field->values + (size_t)job->field->grid[other] * floats, values);
+        }
+        job->field->holds[held] = spsi_field_holds(taps, values);
     }
 }
 
@@ -11536,7 +11618,7 @@ static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y,
 }
 
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const spsi_slabs *slabs, float scale, spsi_tapper *tapper) {
+                              const spsi_slabs *slabs, spsi_tapper *tapper) {
     const spsi_voxel_field *field = &fields->list[lattice->medium];
     double rows[3][3];
     memset(tapper, 0, sizeof *tapper);
@@ -11547,45 +11629,141 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     tapper->fields = fields;
     tapper->field = field;
     tapper->near_d = spsi_rays_begin(rays);
-    tapper->scale = scale;
 }
 
-/* The least variance of a footprint without the pixel filter, at ray coordinates (x t, y t, t). */
-static double spsi_least_variance(const spsi_splatter *s, const double q[3]) {
+/* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
+static void spsi_footprint_covariance(const spsi_splatter *s, const double q[3], double covariance[3]) {
     const double t = s->perspective ? q[2] : 1, x = s->perspective ? q[0] / t : 0, y = s->perspective ? q[1] / t : 0;
-    double c[6], xx, yy, xy;
+    double c[6];
     for (int i = 0; i < 6; ++i) c[i] = (double)s->covariance[i];
-    xx = (c[0] - 2 * x * c[2] + x * x * c[5]) / (t * t);
-    yy = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
-    xy = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
-    return 0.5 * (xx + yy - sqrt((xx - yy) * (xx - yy) + 4 * xy * xy));
+    covariance[0] = (c[0] - 2 * x * c[2] + x * x * c[5]) / (t * t);
+    covariance[1] = (c[3] - 2 * y * c[4] + y * y * c[5]) / (t * t);
+    covariance[2] = (c[1] - x * c[4] - y * c[2] + x * y * c[5]) / (t * t);
 }
 
-/* Whether a field serves these rays: voxels are no smaller than the pixel filter and not near the origin of rays, and
-   slabs are not too thick. */
-static int spsi_tapper_serves(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const spsi_splatter *splatter) {
-    const spsi_voxel_field *field = tapper->field;
-    for (int corner = 0; corner < 8; ++corner) {
-        double at[3], point[3], q[3], slope, square = 0;
-        float x, y;
-        for (int k = 0; k < 3; ++k) at[k] = SPSI_BRICK * (field->low[k] + (corner >> k & 1) * field->size[k]) + 0.5;
-        spsi_voxel_position(lattice, at, point);
-        spsi_along(point, rays->origin, -1, point);
-        spsi_to_rays(rays, point, q);
-        if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return 0;
-        if (spsi_least_variance(splatter, q) < (double)splatter->filter) return 0;
-        x = (float)(rays->perspective ? q[0] / q[2] : q[0]);
-        y = (float)(rays->perspective ? q[1] / q[2] : q[1]);
-        slope = (double)(tapper->slab.slope[0] + x * tapper->slab.slope[1] + y * tapper->slab.slope[2]);
-        for (int k = 0; k < 3; ++k) {
-            const spsi_linear *linear = &tapper->at[k];
-            const double change = (double)(linear->slope[0] + x * linear->slope[1] + y * linear->slope[2]);
-            square += change * change;
-        }
-        if (!(square <= slope * slope * (SPSI_TAP_MOST * SPSI_TAP_STEP * SPSI_TAP_MOST * SPSI_TAP_STEP))) return 0;
+/* Its least variance in any direction. */
+static double spsi_least_variance(const spsi_splatter *s, const double q[3]) {
+    double c[3];
+    spsi_footprint_covariance(s, q, c);
+    return 0.5 * (c[0] + c[1] - sqrt((c[0] - c[1]) * (c[0] - c[1]) + 4 * c[2] * c[2]));
+}
+
+/* The product of its standard deviations, which is that of a round one of the same area. */
+static double spsi_footprint_variance(const spsi_splatter *s, const double q[3]) {
+    double c[3];
+    spsi_footprint_covariance(s, q, c);
+    return sqrt(fmax(c[0] * c[1] - c[2] * c[2], 0));
+}
+
+/* Why a volume is splatted, or gathered, in a target. */
+typedef enum spsi_verdict {
+    SPSI_SPLAT_ASKED = 0,
+    SPSI_SPLAT_SMALL, /* voxels are smaller than the pixel filter */
+    SPSI_SPLAT_NEAR,
+    SPSI_SPLAT_THICK,
+    SPSI_SPLAT_SPREAD, /* there is no field */
+    SPSI_SPLAT_SLOPES,
+    SPSI_SPLAT_CHEAPER,
+    SPSI_GATHER_ASKED,
+    SPSI_GATHER_CHEAPER
+} spsi_verdict;
+
+static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
+
+/* Samples per voxel's volume at a point in ray coordinates: pixels to its cross-section times steps to its length. */
+static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
+    const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
+    const double depth = q[2] - rays->depth_reference;
+    const spsi_linear *slab = &tapper->slab;
+    const double slope = fabs((double)slab->slope[0] + x * (double)slab->slope[1] + y * (double)slab->slope[2]);
+    double across[2][3], along[3], length, volume;
+    for (int k = 0; k < 3; ++k) {
+        const spsi_linear *at = &tapper->at[k];
+        for (int i = 0; i < 2; ++i) across[i][k] = (double)at->base[1 + i] + depth * (double)at->slope[1 + i];
+        along[k] = (double)at->slope[0] + x * (double)at->slope[1] + y * (double)at->slope[2];
     }
-    return 1;
+    length = sqrt(spsi_dot(along, along)) / slope; /* voxels in a slab */
+    volume = fabs(spsi_determinant(across[0], across[1], along)) / slope;
+    return fmax(ceil(length / SPSI_TAP_STEP), 1) / volume;
+}
+
+/* Whether a field serves the rays at a point in ray coordinates. */
+static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
+                                          const spsi_splatter *splatter, const double q[3]) {
+    double slope, square = 0;
+    float x, y;
+    if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
+    if (spsi_least_variance(splatter, q) < SPSI_TAP_VARIANCE) return SPSI_SPLAT_SMALL;
+    x = (float)(rays->perspective ? q[0] / q[2] : q[0]);
+    y = (float)(rays->perspective ? q[1] / q[2] : q[1]);
+    slope = (double)(tapper->slab.slope[0] + x * tapper->slab.slope[1] + y * tapper->slab.slope[2]);
+    for (int k = 0; k < 3; ++k) {
+        const spsi_linear *linear = &tapper->at[k];
+        const double change = (double)(linear->slope[0] + x * linear->slope[1] + y * linear->slope[2]);
+        square += change * change;
+    }
+    if (!(square <= slope * slope * (SPSI_TAP_MOST * SPSI_TAP_STEP * SPSI_TAP_MOST * SPSI_TAP_STEP)))
+        return SPSI_SPLAT_THICK;
+    return SPSI_GATHER_ASKED;
+}
+
+/* The ray coordinates of a point of a field's box, from its first corner, 0, to its last, 1. */
+static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                              const double share[3], double q[3]) {
+    const spsi_voxel_field *field = tapper->field;
+    double at[3], point[3];
+    for (int k = 0; k < 3; ++k) at[k] = SPSI_BRICK * (field->low[k] + share[k] * field->size[k]) + 0.5;
+    spsi_voxel_position(lattice, at, point);
+    spsi_along(point, rays->origin, -1, point);
+    spsi_to_rays(rays, point, q);
+}
+
+/* Whether a field serves these rays: voxels are no smaller than texels may be and not near the origin of rays, and
+   slabs are not too thick. */
+static spsi_verdict spsi_tapper_serves(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                                       const spsi_splatter *splatter) {
+    for (int corner = 0; corner < 8; ++corner) {
+        const double share[3] = {(double)(corner & 1), (double)(corner >> 1 & 1), (double)(corner >> 2)};
+        spsi_verdict verdict;
+        double q[3];
+        spsi_tapper_point(tapper, lattice, rays, share, q);
+        verdict = spsi_tapper_serves_at(tapper, rays, splatter, q);
+        if (!spsi_gathers(verdict)) return verdict;
+    }
+    return SPSI_GATHER_ASKED;
+}
+
+/* Whether samples of a field that serves cost less than footprints of its voxels, from their numbers and sizes in its
+   middle. */
+static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
+                            const spsi_splatter *splatter) {
+    static const double middle[3] = {0.5, 0.5, 0.5};
+    const spsi_voxel_field *field = tapper->field;
+    const double cut = (double)splatter->cut;
+    double q[3], area, fragments, samples;
+    spsi_tapper_point(tapper, lattice, rays, middle, q);
+    area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
+    fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
+    samples = field->volume * spsi_tapper_density(tapper, rays, q);
+    return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
+           field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
+}
+
+/* How a volume fills sheets, whose splatter is ready; `slopes`: 1: those of its gradient, too. Builds the tapper of one
+   that is gathered. */
+static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
+                                      const spsi_slabs *slabs, const spsi_splatter *splatter, int slopes,
+                                      spsi_tapper *tapper) {
+    const spsi_fields *fields = frame->content->fields;
+    spsi_verdict verdict;
+    if (!fields) return SPSI_SPLAT_ASKED;
+    if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
+    if (slopes) return SPSI_SPLAT_SLOPES;
+    spsi_tapper_build(fields, lattice, rays, slabs, tapper);
+    tapper->whole = splatter->whole;
+    verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
+    if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
+    return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
 /* --- making fields --- */
@@ -11614,74 +11792,80 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
            (27 * bricks < all ? 27 * bricks : all) * spsi_field_brick_bytes(spsi_taps_wanted(frame));
 }
 
-/* Begins a job for each volume. Returns the number of bricks in all grids. */
-static size_t spsi_field_jobs_begin(const sps_context *context, const spsi_frame *frame, spsi_field_job *jobs) {
+/* Places a field for each volume. Returns the number of bricks in all grids. */
+static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *frame, spsi_fields *fields) {
     const spsi_brick *bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     size_t all = 0;
+    memset(fields->list, 0, sizeof fields->list);
     for (int m = 0, first = 0; m < frame->medium_count; ++m) {
-        spsi_field_job *job = &jobs[m];
-        memset(job, 0, sizeof *job);
-        job->context = context;
-        job->bricks = bricks;
-        job->taps = spsi_taps_wanted(frame);
-        job->first = first;
+        spsi_voxel_field *field = &fields->list[m];
+        field->first = first;
         while (first < context->brick_count && bricks[first].lattice == m) ++first;
-        job->end = first;
-        spsi_field_place(job);
-        if (job->cells > spsi_field_cells_most((size_t)(job->end - job->first))) job->cells = 0;
-        all += job->cells;
+        field->end = first;
+        spsi_field_place(bricks, fields->taps, field);
+        if (spsi_field_cells(field) > spsi_field_cells_most((size_t)(field->end - field->first))) field->size[0] = 0;
+        all += spsi_field_cells(field);
     }
     return all;
 }
 
-/* Lays out the grids. Returns the number of bricks that are to be held. */
-static size_t spsi_field_jobs_number(const spsi_frame *frame, int *memory, spsi_field_job *jobs) {
-    size_t all = 0;
-    for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_field_job *job = &jobs[m];
-        job->grid = memory;
-        job->sources = memory + job->cells;
-        job->places = memory + 2 * job->cells;
-        memory += 3 * job->cells;
-        if (job->cells > 0) spsi_field_number(job);
-        all += (size_t)job->count;
-    }
-    return all;
-}
-
-/* Makes the fields of all volumes, unless they are held with their voxels. */
-static sps_result spsi_fields_build(sps_context *context, const spsi_frame *frame) {
+/* Makes grids of the bricks of all fields, unless they are held with their voxels. */
+static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
     spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
-    spsi_field_job jobs[SPSI_VOLUMES_MAX];
-    int *grids;
-    float *values;
-    size_t count;
+    int *memory;
     if (!fields) return context->result;
     frame->content->fields = fields;
     if (context->field_taps == taps) return SPS_OK;
     context->field_taps = 0;
-    memset(fields->list, 0, sizeof fields->list);
+    fields->filled = 0;
     spsi_fields_weigh(fields, taps);
-    count = spsi_field_jobs_begin(context, frame, jobs);
-    grids = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, count, spsi_field_grid_bytes(1));
-    if (!grids) return context->result;
-    count = spsi_field_jobs_number(frame, grids, jobs);
-    values = (float *)spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, count, spsi_field_brick_bytes(taps));
-    if (!values) return context->result;
-    for (int m = 0, held = 0; m < frame->medium_count; held += jobs[m++].count) {
-        spsi_field_job *job = &jobs[m];
+    memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
+                                 spsi_field_grid_bytes(1));
+    if (!memory) return context->result;
+    for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
-        job->values = values + (size_t)held * spsi_field_floats(taps);
-        job->holds = (unsigned char *)(values + count * spsi_field_floats(taps)) + held;
-        spsi_parallel(context, (job->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_field_task, job);
-        memcpy(field->low, job->low, sizeof field->low);
-        memcpy(field->size, job->size, sizeof field->size);
-        field->grid = job->count > 0 ? job->grid : NULL;
-        field->values = job->values;
-        field->holds = job->holds;
+        const size_t cells = spsi_field_cells(field);
+        if (cells == 0) continue;
+        field->grid = memory;
+        field->sources = memory + cells;
+        field->places = memory + 2 * cells;
+        memory += 3 * cells;
+        spsi_field_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
     context->field_taps = taps;
+    return SPS_OK;
+}
+
+/* Fills the bricks of all fields, unless they are. That is done when a volume is to be gathered, while bricks are
+   sorted, but its time is that of reading. */
+static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
+    spsi_fields *fields = frame->content->fields;
+    const size_t floats = spsi_field_floats(fields->taps);
+    const double start = spsi_clock(context);
+    spsi_field_job job;
+    size_t count = 0, held = 0;
+    float *values;
+    if (fields->filled) return SPS_OK;
+    for (int m = 0; m < frame->medium_count; ++m) count += (size_t)fields->list[m].count;
+    values = (float *)spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, count, spsi_field_brick_bytes(fields->taps));
+    if (!values) return context->result;
+    job.context = context;
+    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    job.taps = fields->taps;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        spsi_voxel_field *field = &fields->list[m];
+        const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
+        field->values = values + held * floats;
+        field->holds = (unsigned char *)(values + count * floats) + held;
+        held += (size_t)field->count;
+        job.field = field;
+        spsi_parallel(context, tasks, spsi_field_own_task, &job);
+        spsi_parallel(context, tasks, spsi_field_apron_task, &job);
+    }
+    fields->filled = 1;
+    context->stats.seconds_gather += spsi_clock(context) - start;
+    context->stats.seconds_bin -= spsi_clock(context) - start;
     return SPS_OK;
 }
 
@@ -11798,8 +11982,8 @@ typedef struct spsi_target {
     double origin_slab; /* slab coordinate of the rays' origin */
     int columns, rows;  /* of tiles */
     spsi_shape shape;
-    int channels[SPSI_VOLUMES_MAX]; /* of each lattice; -1: it is not splatted */
-    int gathered[SPSI_VOLUMES_MAX]; /* 1: from the pixels' side, by `tappers` */
+    int channels[SPSI_VOLUMES_MAX];          /* of each lattice; -1: it is not splatted */
+    spsi_verdict verdicts[SPSI_VOLUMES_MAX]; /* whether they are gathered, by `tappers` */
     spsi_tapper tappers[SPSI_VOLUMES_MAX];
     int slope_channels[SPSI_VOLUMES_MAX]; /* of its d/dx, followed by d/dy; -1: none */
     int set_channels[SPSI_SETS_MAX];      /* of each set of particles */
@@ -11868,24 +12052,16 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
-    for (int i = 0; i < frame->medium_count; ++i) target->channels[i] = target->slope_channels[i] = -1;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        target->channels[i] = target->slope_channels[i] = -1;
+        target->verdicts[i] = SPSI_SPLAT_ASKED;
+    }
 }
 
 static sps_result spsi_target_refuse(sps_context *context, const spsi_medium *medium) {
     return spsi_fail_field(context, SPS_ERROR_UNSUPPORTED, SPS_OBJECT_VOLUME, medium->index, "placement's voxel edge",
                            cbrt(medium->lattice->voxel_volume),
                            "it is too large or too small for the world, or for this view's pixels");
-}
-
-/* Gathers a volume from now on, whose splatter is ready, if its field is held and serves these rays and slabs. */
-static void spsi_target_gather(const spsi_medium *medium, float scale, spsi_target *target) {
-    const spsi_fields *fields = target->frame->content->fields;
-    const int number = medium->lattice->medium;
-    spsi_tapper *tapper = &target->tappers[number];
-    if (!fields || !fields->list[number].grid) return;
-    spsi_tapper_build(fields, medium->lattice, target->rays, target->slabs, scale, tapper);
-    tapper->whole = target->splatters[number].whole;
-    target->gathered[number] = spsi_tapper_serves(tapper, medium->lattice, target->rays, &target->splatters[number]);
 }
 
 /* The eye as a target; `backwards`: its rays cross the slabs against their order. */
@@ -11906,16 +12082,17 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
             return spsi_target_refuse(context, medium);
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
-        if (target->slope_channels[i] < 0) spsi_target_gather(medium, 1, target);
+        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter,
+                                                target->slope_channels[i] >= 0, &target->tappers[i]);
+        target->tappers[i].scale = 1;
     }
     return SPS_OK;
 }
 
 /* The rays of a light or of a map's face as a target. Its sheets hold the optical depth of gases and the values of
-   classified volumes, whose kernels end at `classified_cut`. `gathers`: 1: volumes may be gathered. */
+   classified volumes, whose kernels end at `classified_cut`. */
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, double classified_cut, int gathers,
-                                       spsi_target *target) {
+                                       const spsi_slabs *slabs, double classified_cut, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
     target->shape = spsi_light_shape(frame);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
@@ -11929,7 +12106,9 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
         if (!spsi_splatter_build(medium->lattice, rays, slabs, scale,
                                  material->table ? classified_cut : frame->accuracy.cut, &target->splatters[i]))
             return spsi_target_refuse(context, medium);
-        if (gathers) spsi_target_gather(medium, scale, target);
+        target->verdicts[i] =
+            spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i], 0, &target->tappers[i]);
+        target->tappers[i].scale = scale;
     }
     return SPS_OK;
 }
@@ -11985,8 +12164,9 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
-    const double reach =
-        target->gathered[brick->lattice] ? fmax(SPSI_REACH, target->frame->content->fields->taps / 2.0) : SPSI_REACH;
+    const double reach = spsi_gathers(target->verdicts[brick->lattice])
+                             ? fmax(SPSI_REACH, target->frame->content->fields->taps / 2.0)
+                             : SPSI_REACH;
     int ahead = 0, back = 0;
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3], q[3];
@@ -12014,7 +12194,7 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
 static double spsi_target_reach(const spsi_target *target, int lattice) {
     const spsi_splatter *splatter = &target->splatters[lattice];
     double reach = 0;
-    if (!target->gathered[lattice]) return (double)splatter->reach_slabs;
+    if (!spsi_gathers(target->verdicts[lattice])) return (double)splatter->reach_slabs;
     for (int axis = 0; axis < 3; ++axis) reach += fabs((double)splatter->slab_step[axis]);
     return 1 + reach * target->frame->content->fields->taps / 2;
 }
@@ -12081,6 +12261,15 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
+/* Fills the volumes' fields if a target gathers any. */
+static sps_result spsi_contents_fields(const spsi_contents *contents) {
+    int gathers = 0;
+    for (int n = 0; n < contents->target_count; ++n)
+        for (int i = 0; i < contents->frame->medium_count; ++i)
+            gathers |= spsi_gathers(contents->targets[n]->verdicts[i]);
+    return gathers ? spsi_fields_fill(contents->context, contents->frame) : SPS_OK;
+}
+
 /* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
 static sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
                                       spsi_contents *contents) {
@@ -12093,7 +12282,7 @@ static sps_result spsi_contents_build(sps_context *context, spsi_target *first, 
     contents->targets[1] = second;
     contents->target_count = second ? 2 : 1;
     contents->list = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    if (spsi_targets_reserve(contents)) return context->result;
+    if (spsi_targets_reserve(contents) || spsi_contents_fields(contents)) return context->result;
     if (spsi_queue_reserve(context, SPSI_BUFFER_BRICK_QUEUE, count, chunks, &contents->bricks)) return context->result;
     for (int i = 0; i < contents->target_count; ++i) {
         spsi_target *target = contents->targets[i];
@@ -12266,8 +12455,11 @@ static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
         spsi_deposit deposit;
         if (channel < 0 || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
         patches = tile->open & spsi_patches(tile, box[0], box[1], box[2], box[3]);
-        if (target->gathered[brick->lattice]) gathered[brick->lattice] |= patches;
-        if (!patches || target->gathered[brick->lattice]) continue;
+        if (spsi_gathers(target->verdicts[brick->lattice])) {
+            gathered[brick->lattice] |= patches;
+            continue;
+        }
+        if (!patches) continue;
         spsi_tile_touch(fill);
         spsi_anchor_build(&contents->frame->lattices[brick->lattice], brick, target->rays, target->slabs, first_slab,
                           &anchor);
@@ -13846,7 +14038,7 @@ static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame 
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
     spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->accuracy.cut, 0, target))
+    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->accuracy.cut, target))
         return context->result;
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
@@ -13941,7 +14133,10 @@ static void spsi_print_face(const spsi_filling *filling) {
     spsi_print_job job;
     job.filling = filling;
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
-    for (int i = 0; i < frame->medium_count && volumes; ++i) job.media[i] = spsi_medium_fingerprint(frame, i);
+    for (int i = 0; i < frame->medium_count && volumes; ++i) {
+        const uint64_t gathers = (uint64_t)spsi_gathers(volumes->target.verdicts[i]);
+        job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), gathers);
+    }
     if (volumes) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
         job.start = spsi_fingerprint(job.start, &volumes->slabs.thickness, sizeof volumes->slabs.thickness);
@@ -14342,7 +14537,7 @@ static sps_result spsi_tmap_finish(sps_tmap *map) {
     memset(&occluders, 0, sizeof occluders);
     if (!frame) return context->result;
     /* voxels last, since slabs are cut from their bounds alone: particles need none */
-    if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) ||
+    if (spsi_gather_particles(context, frame) || spsi_gather(context, frame) || spsi_fields_place(context, frame) ||
         spsi_gather_faces(context, frame, &occluders.faces))
         return context->result;
     occluders.frame = frame;
@@ -14467,7 +14662,7 @@ static uint64_t spsi_shadow_table_aim(const sps_tmap *map) {
 
 /* A hash of all that a table is made from, given that of the gas; 0 if the gas has none. */
 static uint64_t spsi_shadow_table_key(const spsi_frame *frame, uint64_t aim, uint64_t gas) {
-    const double knobs[] = {frame->view.slab, frame->accuracy.cut};
+    const double knobs[] = {frame->view.slab, frame->accuracy.cut, (double)frame->view.filling};
     return gas ? spsi_fingerprint_word(spsi_fingerprint(gas, knobs, sizeof knobs), aim) | 1 : 0;
 }
 
@@ -15912,7 +16107,7 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut, 1,
+    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut,
                                 &sliced->target);
 }
 
@@ -20912,8 +21107,8 @@ static uint64_t spsi_lamp_fingerprint(uint64_t hash, const spsi_lamp *lamp) {
    notice. */
 static uint64_t spsi_scattered_fingerprint(const sps_context *context, const spsi_frame *frame) {
     const double knobs[] = {frame->view.slab, frame->accuracy.cut, frame->accuracy.shadow_texels};
-    const int sizes[] = {(int)frame->view.scattering, frame->view.scatter_size, frame->channels,
-                         frame->accuracy.depth_map_texels, frame->view.shadow_size};
+    const int sizes[] = {(int)frame->view.scattering,      frame->view.scatter_size, frame->channels,
+                         frame->accuracy.depth_map_texels, frame->view.shadow_size,  (int)frame->view.filling};
     uint64_t hash = spsi_gas_fingerprint(frame);
     if (!hash || (frame->meshes.count > 0 && !context->faces_held)) return 0;
     hash = spsi_fingerprint(hash, knobs, sizeof knobs);
@@ -22035,7 +22230,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     memset(&picture, 0, sizeof picture);
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
-    if (frame->view.filling == SPS_FILLING_GATHER && spsi_fields_build(context, frame)) return context->result;
+    if (frame->view.filling != SPS_FILLING_SPLAT && spsi_fields_place(context, frame)) return context->result;
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
@@ -22082,6 +22277,7 @@ static int spsi_has_gas(const spsi_frame *frame) { return frame->medium_count > 
 typedef struct spsi_reading {
     int held; /* 1: the voxels are held from an earlier call, nothing will be read */
     uint64_t blocks, bricks, voxels_kept;
+    uint64_t bricks_of[SPSI_VOLUMES_MAX], voxels_of[SPSI_VOLUMES_MAX]; /* by medium */
 } spsi_reading;
 
 static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *frame, sps_plan_report *report,
@@ -22108,12 +22304,42 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
             reading->blocks += 1;
             reading->bricks += bricks;
             reading->voxels_kept += kept;
+            reading->bricks_of[medium] += bricks;
+            reading->voxels_of[medium] += kept;
             report->voxels_read += voxels;
             if (block.medium->eval_fn)
                 report->eval_calls += (uint64_t)block.size[2];
             else
                 report->read_calls += 1;
         }
+    }
+    return SPS_OK;
+}
+
+/* Places fields by which filling is judged: of what is held, or of all that will be read: as if its bricks lay side by
+   side or, if that is less, each apart from the others. */
+static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
+    spsi_fields *fields;
+    if (frame->view.filling == SPS_FILLING_SPLAT) return SPS_OK;
+    if (reading->held) return spsi_fields_place(context, frame);
+    context->field_taps = 0; /* they are not what is held */
+    fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    if (!fields) return context->result;
+    frame->content->fields = fields;
+    fields->taps = spsi_taps_wanted(frame);
+    memset(fields->list, 0, sizeof fields->list);
+    for (int m = 0; m < frame->medium_count; ++m) {
+        spsi_voxel_field *field = &fields->list[m];
+        const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
+        double volume = 1;
+        for (int k = 0; k < 3; ++k) {
+            field->low[k] = -1;
+            field->size[k] = (frame->media[m].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
+            volume *= frame->media[m].size[k] + fields->taps;
+        }
+        field->count = spsi_field_cells(field) <= spsi_field_cells_most((size_t)reading->bricks_of[m]);
+        field->volume = spsi_minimum(volume, most * bricks);
+        field->voxels = (double)reading->voxels_of[m];
     }
     return SPS_OK;
 }
@@ -22125,7 +22351,7 @@ static size_t spsi_plan_gather_bytes(const spsi_frame *frame, const spsi_reading
     bytes += (reading->bricks + 2) * 3 * sizeof(spsi_brick); /* the list grows by half, old and new at once */
     if (frame->medium_count == 0) return 0;
     if (reading->blocks == 0) bytes = SPSI_BLOCK_BYTES;
-    if (frame->view.filling == SPS_FILLING_GATHER) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
+    if (frame->view.filling != SPS_FILLING_SPLAT) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
     return (size_t)bytes;
 }
 
@@ -22253,6 +22479,39 @@ static int spsi_plan_shadow_count(const spsi_frame *frame, int n) {
 
 /* --- sweeps --- */
 
+/* How volumes fill the sheets of the eye, or of a sweep's light. */
+static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, int of_light, int *gathered,
+                              const char **why) {
+    static const char *const reasons[] = {"splatted: view.filling asks for it",
+                                          "splatted: voxels are smaller than pixels or texels",
+                                          "splatted: voxels are near the eye or the light, or behind it",
+                                          "splatted: slabs are thicker than 12 voxels",
+                                          "splatted: voxels are scattered too thinly, or none is relevant",
+                                          "splatted: gradients have sheets, since voxels are smaller than pixels",
+                                          "splatted: footprints cost less than samples would",
+                                          "gathered: view.filling asks for it",
+                                          "gathered: samples cost less than footprints would"};
+    const spsi_rays *rays = of_light ? &sweep->rays : &frame->content->eye;
+    int count = 0;
+    for (int i = 0; i < frame->medium_count; ++i) {
+        const spsi_medium *medium = &frame->media[i];
+        const spsi_material *material = &frame->matter.materials[medium->channel];
+        const int slopes = !of_light && frame->gradients.splatted && material->shading == SPS_SHADING_SURFACE;
+        const double cut = of_light && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
+        spsi_verdict verdict;
+        spsi_splatter splatter;
+        spsi_tapper tapper;
+        if (of_light && !material->extinguishes) continue;
+        if (!spsi_splatter_build(medium->lattice, rays, &sweep->slabs, 1, cut, &splatter)) continue; /* it is refused */
+        if (!of_light && material->table) spsi_splatter_classified(&splatter);
+        verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, slopes && material->table,
+                                    &tapper);
+        if (i == 0) *why = reasons[verdict];
+        count += spsi_gathers(verdict);
+    }
+    *gathered = spsi_most(*gathered, count);
+}
+
 /* Bytes of the largest sweep's planes, sheets, queues and pixels. */
 static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *frame, const spsi_sweep *sweep, int n,
                                         uint64_t bricks, sps_plan_report *report) {
@@ -22282,7 +22541,9 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
     if (sweep->lamp && sweep->lamp->extent.exists && spsi_plan_penumbra_bytes(context, frame, sweep, report))
         return context->result;
     report->slab_count = spsi_most(report->slab_count, frame->medium_count > 0 ? sweep->slabs.count : 0);
+    spsi_plan_filling(frame, sweep, 0, &report->eye_gathered, &report->eye_filling);
     if (!sweep->lamp) return SPS_OK;
+    spsi_plan_filling(frame, sweep, 1, &report->light_gathered, &report->light_filling);
     report->shadow_width = spsi_most(report->shadow_width, frame->particles.set_count ? (int)side : sweep->rays.width);
     report->shadow_height =
         spsi_most(report->shadow_height, frame->particles.set_count ? (int)side : sweep->rays.height);
@@ -22498,7 +22759,10 @@ static sps_result spsi_plan_sweeps(sps_context *context, const spsi_frame *frame
 static sps_result spsi_plan_frame(sps_context *context, spsi_frame *frame, sps_plan_report *report) {
     spsi_reading reading;
     uint64_t bricks;
-    if (spsi_plan_reading(context, frame, report, &reading)) return context->result;
+    report->eye_filling = "no volume that could be seen";
+    report->light_filling = "no volume casts shadows by sheets";
+    if (spsi_plan_reading(context, frame, report, &reading) || spsi_plan_fields(context, frame, &reading))
+        return context->result;
     if (frame->view.scattering == SPS_SCATTERING_AUTO) report->scatter_bound = -1;
     if (!spsi_scatters_fully(frame) || spsi_polygons_scatter(frame) ||
         (reading.held && frame->particles.set_count == 0))

@@ -123,7 +123,7 @@ typedef struct option_rule {
 
 static const char *const shading_names[] = {"gas", "surface", NULL};
 /* sps_filling */
-static const char *const filling_names[] = {"splat", "gather", NULL};
+static const char *const filling_names[] = {"auto", "splat", "gather", NULL};
 /* sps_scattering */
 static const char *const scattering_names[] = {"auto", "off", "ambient", "forward", "convolution", "full", NULL};
 /* sps_tmap_technique, after sheets; and what is not one. */
@@ -458,7 +458,7 @@ static const option_rule options[] = {
     {"--no-shadows", NULL, "light shines through everything; the same as --shadow none", set_flag, OF_SCENE(no_shadows), NO_NUMBERS},
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--samples", "N", "paths per pixel of --reference, for what scatters again; default 0, with --scattering off", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
-    {"--filling", "splat|gather", "how voxels fill sheets: voxel by voxel, the default, or pixel by pixel", set_choice, OF_SCENE(filling), 1, 0, 0, filling_names},
+    {"--filling", "auto|splat|gather", "how voxels fill sheets; auto, the default: as costs less", set_choice, OF_SCENE(filling), 1, 0, 0, filling_names},
     {"--scattering", "auto|off|ambient|forward|convolution|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scatter-size", "N", "cells along the gas for --scattering full, half the texels for convolution", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
     {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},

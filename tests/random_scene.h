@@ -841,6 +841,7 @@ static inline void build_scene(random_scene *x, const int levels[FEATURES], uint
     set_world(x);
     draw_eye(x);
     set_output(x, pixels);
+    x->s.view.filling = (sps_filling)(seed % 3); /* drawn from nothing: scenes stay as they were */
     set_camera(x);
     add_volumes(x);
     add_mesh(x);

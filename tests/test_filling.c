@@ -90,6 +90,7 @@ static void test_samples(void) {
 
 static const sps_transfer_point colors[4] = {
     {0.1f, {1, 1, 1}, 0}, {0.3f, {1, 0.4f, 0.2f}, 3}, {0.6f, {0.3f, 0.5f, 1}, 8}, {1, {1, 1, 1}, 12}};
+static sps_tmap_settings deep;
 static const sps_transfer looks = {colors, 4, NULL, NULL, 0};
 static sps_particles *swarm;
 
@@ -110,6 +111,8 @@ enum {
     PANE,
     CUT_CLASSIFIED,
     DOT,
+    TABLE,
+    DEEP_MAP,
     KINDS
 };
 
@@ -129,7 +132,10 @@ static void start_kind(check_scene *s, int kind) {
         check_add_point(s, 2.5, 3, 1.5, 30);
     else
         check_add_directional(s, 1, -1, -0.6, 3);
-    s->light[0].shadow_source = SPS_SHADOW_SHEETS;
+    s->light[0].shadow_source = kind == TABLE      ? SPS_SHADOW_TABLE
+                                : kind == DEEP_MAP ? SPS_SHADOW_AUTO
+                                                   : SPS_SHADOW_SHEETS;
+    if (kind == DEEP_MAP) s->light[0].shadow_map = &deep;
     if (kind == SOFT) s->light[0].angular_diameter = 0.2;
     if (classified) s->volume[0].transfer = &looks;
     if (kind == DOT) s->volume[0].extinction = 100;
@@ -170,7 +176,7 @@ static void test_pictures_alike(void) {
         start_kind(&s, kind);
         if (!check_render(context, &s, image_a)) return;
         sps_get_stats(context, &stats);
-        if (!CHECK(stats.eye_samples > 0 && (kind == LAMP || stats.light_samples > 0)))
+        if (!CHECK(stats.eye_samples > 0 && (kind >= LAMP || stats.light_samples > 0)))
             printf("    kind %d is not gathered\n", kind);
         s.view.filling = SPS_FILLING_SPLAT;
         if (!check_render(context, &s, image_b)) return;
@@ -206,6 +212,68 @@ static void test_splatted(void) {
     }
 }
 
+/* The plan says how the eye's and the light's sheets are filled, and why. */
+static void test_reasons(void) {
+    static const struct {
+        int eye, light;
+        const char *eye_reason, *light_reason;
+    } expected[] = {
+        {1, 1, "gathered: samples cost less", "gathered: samples cost less"},
+        {0, 1, "splatted: voxels are smaller than pixels", "gathered: samples cost less"},
+        {0, 1, "splatted: voxels are near the eye", "gathered: samples cost less"},
+        {0, 0, "splatted: slabs are thicker", "splatted: slabs are thicker"},
+        {0, 0, "splatted: view.filling", "splatted: view.filling"},
+        {1, 1, "gathered: view.filling", "gathered: view.filling"},
+        {0, 1, "splatted: footprints cost less", "gathered: samples cost less"},
+        {0, 1, "splatted: gradients", "gathered: samples cost less"},
+    };
+    for (int n = 0; n < 8; ++n)
+        for (int held = 0; held < 2; ++held) {
+            sps_plan_report plan;
+            sps_stats_report stats;
+            check_scene s;
+            start(&s, noise);
+            check_add_directional(&s, 1, -1, -0.6, 3);
+            s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+            s.volume[0].revision = 1;
+            s.view.filling = n == 4 ? SPS_FILLING_SPLAT : n == 5 ? SPS_FILLING_GATHER : SPS_FILLING_AUTO;
+            if (n == 1) check_orthographic(&s.view.camera, 9); /* voxels of 0.4 pixels */
+            if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
+            if (n == 3) s.view.slab = 14;
+            if (n == 6) check_orthographic(&s.view.camera, 0.2); /* of 12 pixels */
+            if (n == 7) {
+                s.volume[0].transfer = &looks, s.volume[0].shading = SPS_SHADING_SURFACE;
+                check_orthographic(&s.view.camera, 9);
+            }
+            if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+            if (!CHECK(plan.eye_gathered == expected[n].eye && plan.light_gathered == expected[n].light) ||
+                !CHECK(strstr(plan.eye_filling, expected[n].eye_reason) == plan.eye_filling) ||
+                !CHECK(strstr(plan.light_filling, expected[n].light_reason) == plan.light_filling))
+                printf("    case %d: %d %s, %d %s\n", n, plan.eye_gathered, plan.eye_filling, plan.light_gathered,
+                       plan.light_filling);
+            check_render(context, &s, image_a);
+            sps_get_stats(context, &stats);
+            CHECK((stats.eye_samples > 0) == plan.eye_gathered && (stats.eye_footprints > 0) == !plan.eye_gathered);
+            CHECK((stats.light_samples > 0) == plan.light_gathered);
+        }
+}
+
+/* What is chosen is one of the two pictures, to the bit. */
+static void test_chosen(void) {
+    check_scene s;
+    start(&s, noise);
+    for (int wide = 0; wide < 2; ++wide) {
+        check_orthographic(&s.view.camera, wide ? 2.2 : 0.2);
+        for (int other = 0; other < 2; ++other) {
+            s.view.filling = SPS_FILLING_AUTO;
+            check_render(context, &s, image_a);
+            s.view.filling = wide != other ? SPS_FILLING_GATHER : SPS_FILLING_SPLAT;
+            check_render(context, &s, image_b);
+            CHECK((memcmp(image_a, image_b, sizeof image_a) == 0) == !other);
+        }
+    }
+}
+
 /* One voxel at each end of a volume so long that a grid of its bricks would be empty. */
 static int read_ends(void *user, const int lo[3], const int size[3], float *out) {
     (void)user;
@@ -224,6 +292,7 @@ static int range_ends(void *user, const int lo[3], const int size[3], float out[
 }
 
 static void test_scattered_thinly(void) {
+    sps_plan_report plan;
     sps_stats_report stats;
     check_scene s;
     start(&s, noise);
@@ -232,6 +301,8 @@ static void test_scattered_thinly(void) {
     s.volume[0].range_fn = range_ends;
     check_set3(s.view.camera.target, -1, -1, -1);
     check_orthographic(&s.view.camera, 0.1);
+    if (!CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan))) return;
+    CHECK(strstr(plan.eye_filling, "splatted: voxels are scattered") == plan.eye_filling);
     check_render(context, &s, image_a);
     sps_get_stats(context, &stats);
     CHECK(stats.eye_samples == 0 && stats.eye_footprints > 0);
@@ -262,6 +333,21 @@ static void test_held(void) {
     sps_destroy(fresh);
 }
 
+/* Nor do tables, whose texels are filled either way. */
+static void test_held_table(void) {
+    check_scene s;
+    start_kind(&s, TABLE);
+    s.volume[0].revision = 1;
+    for (int way = SPS_FILLING_SPLAT; way <= SPS_FILLING_GATHER; ++way) {
+        sps_context *fresh = check_context(NULL);
+        s.view.filling = (sps_filling)way;
+        check_render(context, &s, image_a);
+        check_render(fresh, &s, image_b);
+        CHECK(memcmp(image_a, image_b, sizeof image_a) == 0);
+        sps_destroy(fresh);
+    }
+}
+
 /* The plan's pass of reading includes fields, whose bound is the difference from splatting. */
 static void test_bytes(void) {
     static const int own[] = {SPSI_BUFFER_FIELDS, SPSI_BUFFER_FIELD_GRIDS, SPSI_BUFFER_FIELD_VALUES};
@@ -272,9 +358,9 @@ static void test_bytes(void) {
         check_scene s;
         size_t bytes = 0;
         start_kind(&s, kind);
-        for (int filling = SPS_FILLING_SPLAT; filling <= SPS_FILLING_GATHER; ++filling) {
-            s.view.filling = (sps_filling)filling;
-            CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plans[filling]));
+        for (int i = 0; i < 2; ++i) {
+            s.view.filling = i ? SPS_FILLING_GATHER : SPS_FILLING_SPLAT;
+            CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plans[i]));
         }
         check_render(fresh, &s, image_a);
         sps_get_stats(fresh, &stats);
@@ -295,12 +381,13 @@ static void test_workers_and_failures(void) {
 static void test_bad(void) {
     check_scene s;
     start(&s, noise);
-    s.view.filling = (sps_filling)2;
-    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.filling is 2");
+    s.view.filling = (sps_filling)3;
+    check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.filling is 3");
 }
 
 int main(void) {
     check_random random = {9};
+    deep.technique = SPS_TMAP_DEEP;
     for (int i = 0; i < GRID * GRID * GRID; ++i) noise[i] = (float)check_next(&random);
     dot[(7 * GRID + 7) * GRID + 7] = 1; /* the last voxel of its brick */
     check_lumps(lumps, GRID);
@@ -308,8 +395,11 @@ int main(void) {
     RUN(test_samples);
     RUN(test_pictures_alike);
     RUN(test_splatted);
+    RUN(test_reasons);
+    RUN(test_chosen);
     RUN(test_scattered_thinly);
     RUN(test_held);
+    RUN(test_held_table);
     RUN(test_bytes);
     RUN(test_workers_and_failures);
     RUN(test_bad);

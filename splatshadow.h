@@ -764,7 +764,8 @@ typedef enum sps_scattering {
    always splatted. */
 typedef enum sps_filling {
     /* Each volume, in each pass, as costs less by the number and size of its footprints, and the number of its samples.
-       The same in every build and for any number of workers. */
+       The same in every build and for any number of workers; but from frame to frame it may change, and the picture
+       with it by what the two are apart, some 0.1 % of what is bright, less at high quality. */
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels, 6^3 at high and ultra, per 0.8 voxels or less of a ray in gas. Mostly

@@ -61,7 +61,7 @@ static outcome check_chosen(const check_scene *s, int sheets, int tables, const 
     const sps_pass_report *pass = o.plan.pass;
     const int sweeps = sheets > 0 ? sheets : 1;
     if (!CHECK((int)(o.stats.tables_made + o.stats.tables_held) == tables) ||
-        !CHECK((o.stats.light_fragments > 0) == (sheets > 0)))
+        !CHECK((o.stats.light_fragments + o.stats.light_samples > 0) == (sheets > 0)))
         printf("    %d tables\n", (int)o.stats.tables_made);
     if (!CHECK(pass[SPS_PASS_LIGHT_SHEETS].runs == sheets || (!seen && pass[SPS_PASS_LIGHT_SHEETS].runs > sheets)) ||
         !CHECK(pass[SPS_PASS_LIGHT_MAPS].runs == tables || (!seen && pass[SPS_PASS_LIGHT_MAPS].runs > tables)) ||
@@ -396,7 +396,8 @@ static void test_anywhere(void) {
         }
         o = render_with(context, &s, image_a);
         if (!CHECK((int)o.stats.tables_made == o.plan.pass[SPS_PASS_LIGHT_MAPS].runs) ||
-            !CHECK((o.stats.light_fragments > 0) == (o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs > 0)))
+            !CHECK((o.stats.light_fragments + o.stats.light_samples > 0) ==
+                   (o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs > 0)))
             printf("    scene %d: %d tables\n", n, (int)o.stats.tables_made);
         tables += o.stats.tables_made > 0, sheets += o.stats.light_fragments > 0;
         parts += o.plan.sweep_count > 1 && o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs == 0;

@@ -769,10 +769,12 @@ typedef enum sps_filling {
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels, 6^3 at high and ultra, per 0.8 voxels or less of a ray in gas. Mostly
-       faster where a voxel is up to some pixels wide: cost is proportional to pixels times slabs. Volumes are splatted
-       nevertheless, one by one and in each pass, if their voxels are less than about 0.55 pixels wide somewhere, if
-       they are not all well before the eye or the light, if slabs are thicker than 12 voxels, or if they are scattered
-       too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra. */
+       faster unless voxels are many pixels wide: cost is proportional to pixels times slabs. Where voxels are smaller
+       than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
+       sampled, at draft and medium and unless they are classified. Volumes are splatted nevertheless, one by one and in
+       each pass, if no level fits all of them, if they are not all well before the eye or the light, if slabs are
+       thicker than 12 voxels, or if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels
+       within reach of one, 10800 at high and ultra; a third to a seventh more for levels. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -1776,11 +1778,13 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_IMAGES,      /* that lights throw, >>projectors */
     SPSI_BUFFER_BLOCK,       /* one block of values, its positions and flags, >>gather */
     SPSI_BUFFER_BRICKS,
-    SPSI_BUFFER_BRICK_PRINTS,  /* fingerprints of the bricks, for shadow tables */
-    SPSI_BUFFER_SEGMENTS,      /* the list of voxel segments */
-    SPSI_BUFFER_FIELDS,        /* weights of taps, and what is known of each field, >>taps */
-    SPSI_BUFFER_FIELD_GRIDS,   /* where their bricks are */
-    SPSI_BUFFER_FIELD_VALUES,  /* of their bricks */
+    SPSI_BUFFER_BRICK_PRINTS, /* fingerprints of the bricks, for shadow tables */
+    SPSI_BUFFER_SEGMENTS,     /* the list of voxel segments */
+    SPSI_BUFFER_FIELDS,       /* weights of taps, and what is known of each field, >>taps */
+    SPSI_BUFFER_FIELD_GRIDS,  /* where their bricks are */
+    SPSI_BUFFER_FIELD_VALUES, /* of their bricks */
+    SPSI_BUFFER_LEVEL_GRIDS,  /* the same of their coarser levels */
+    SPSI_BUFFER_LEVEL_VALUES,
     SPSI_BUFFER_FACES,         /* triangles, >>polygons */
     SPSI_BUFFER_FACE_ROWS,     /* the rows that each triangle covers */
     SPSI_BUFFER_FACE_ORDER,    /* the order of the triangles in their tree, >>trees */
@@ -4272,6 +4276,7 @@ typedef struct spsi_cell_grid {
 } spsi_cell_grid;
 
 #define SPSI_TAP_STEPS 1024 /* places between two voxels for which there are weights, >>taps */
+#define SPSI_LEVELS    8    /* of voxels twice as large each, besides those that were read */
 
 /* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
 typedef struct spsi_voxel_field {
@@ -4293,6 +4298,8 @@ typedef struct spsi_fields {
     int filled;                              /* 1: bricks have their values */
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
+    int leveled;                             /* 1: so have those of coarser levels */
+    spsi_voxel_field levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_fields;
 
 /* Results of reading a frame's data. Before that, bounds are those of the volumes' boxes. */
@@ -11198,13 +11205,19 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    which eighths of it have none. Samples lie in the middle of equal steps h, up to 0.8 voxels, along a pixel's ray. The
    integral over a slab is h times their sum plus h / 24 times the change of the field's differences from its first to
    its last step (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts
-   it, its rest has samples of its own. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3. */
+   it, its rest has samples of its own. Where voxels are smaller than pixels, a pixel has four rays, and volumes have a
+   pyramid: each level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum
+   is cos^3. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made from its finer one in
+   about 60 operations per voxel. */
 
-#define SPSI_TAP_MOST     16       /* samples of a ray in a slab; thicker slabs are splatted */
-#define SPSI_TAP_STEP     0.8      /* voxels between samples of a ray, at most */
-#define SPSI_TAP_VARIANCE 0.125    /* of a footprint, in square pixels, at least: half that of the pixel filter */
-#define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
-#define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
+#define SPSI_TAP_MOST 16  /* samples of a ray in a slab; thicker slabs are splatted */
+#define SPSI_TAP_STEP 0.8 /* voxels between samples of a ray, at most */
+#define SPSI_TAP_VARIANCE                                                                                              \
+    0.125                         /* of a voxel, in squares of the distance of rays, at least: half the pixel filter's \
+                                   */
+#define SPSI_TAP_WIDEST  1.0      /* at most, of a voxel of a coarser level */
+#define SPSI_FIELD_BATCH 16       /* bricks that a task fills */
+#define SPSI_FIELD_CELLS 16777216 /* 2^24: floats count bricks of a grid */
 
 /* Nanoseconds, by which filling is chosen; only their ratios matter. One core of a machine with vectors of 16: where
    vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
@@ -11317,6 +11330,7 @@ typedef struct spsi_field_job {
     const spsi_brick *bricks; /* of relevant voxels */
     int taps;
     const spsi_voxel_field *field;
+    const spsi_voxel_field *fine; /* the next finer one, of a level */
 } spsi_field_job;
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
@@ -11411,12 +11425,100 @@ static void spsi_field_apron_task(void *data, int index, int worker) {
     }
 }
 
+/* ---- coarser levels ---- */
+
+/* The brick of the next level that a brick is part of. */
+static inline int spsi_level_brick(int brick) { return (brick + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
+
+/* The box of the next level: of bricks that have a voxel of the finer one's bricks within reach. */
+static void spsi_level_place(const spsi_voxel_field *fine, spsi_voxel_field *level) {
+    for (int k = 0; k < 3; ++k) {
+        level->low[k] = spsi_level_brick(fine->low[k] - 1);
+        level->size[k] = spsi_level_brick(fine->low[k] + fine->size[k]) + 1 - level->low[k];
+    }
+}
+
+/* Numbers the bricks of a level about those that the finer one holds. Each may have voxels of its own. */
+static void spsi_level_number(const spsi_voxel_field *fine, spsi_voxel_field *level) {
+    const size_t cells = spsi_field_cells(level);
+    for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
+    for (int held = 0; held < fine->count; ++held) {
+        const int place = fine->places[held], *size = fine->size;
+        const int at[3] = {place % size[0] + fine->low[0], place / size[0] % size[1] + fine->low[1],
+                           place / (size[0] * size[1]) + fine->low[2]};
+        for (int n = 0; n < 8; ++n) {
+            int own[3];
+            for (int k = 0; k < 3; ++k) own[k] = spsi_level_brick(at[k] + (n >> k & 1 ? 1 : -1));
+            level->grid[spsi_field_cell(level, own)] = 1;
+        }
+    }
+    level->count = 0;
+    for (size_t i = 0; i < cells; ++i) {
+        if (level->grid[i]) level->places[level->count] = (int)i;
+        level->sources[i] = level->grid[i] = level->grid[i] ? level->count++ : -1;
+    }
+}
+
+/* Halves a brick and one voxel about it, along each axis: weights 1, 3, 3 and 1 of 8. Writes 4^3 voxels. */
+static void spsi_level_octant(int taps, const float *fine, float *coarse) {
+    enum { FROM = SPSI_BRICK + 2, TO = SPSI_BRICK / 2 };
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), first = taps / 2 - 2;
+    float x_halved[FROM][FROM][TO], xy_halved[FROM][TO][TO];
+    for (int z = 0; z < FROM; ++z)
+        for (int y = 0; y < FROM; ++y)
+            for (int x = 0; x < TO; ++x) {
+                const float *v = fine + ((z + first) * edge + y + first) * pitch + 2 * x + first;
+                x_halved[z][y][x] = 0.125f * (v[0] + v[3]) + 0.375f * (v[1] + v[2]);
+            }
+    for (int z = 0; z < FROM; ++z)
+        for (int y = 0; y < TO; ++y)
+            for (int x = 0; x < TO; ++x)
+                xy_halved[z][y][x] = 0.125f * (x_halved[z][2 * y][x] + x_halved[z][2 * y + 3][x]) +
+                                     0.375f * (x_halved[z][2 * y + 1][x] + x_halved[z][2 * y + 2][x]);
+    for (int z = 0; z < TO; ++z)
+        for (int y = 0; y < TO; ++y)
+            for (int x = 0; x < TO; ++x)
+                coarse[(z * edge + y) * pitch + x] = 0.125f * (xy_halved[2 * z][y][x] + xy_halved[2 * z + 3][y][x]) +
+                                                     0.375f * (xy_halved[2 * z + 1][y][x] + xy_halved[2 * z + 2][y][x]);
+}
+
+/* Fills a level's bricks with their own voxels, an eighth from each brick of the finer one. */
+static void spsi_level_own_task(void *data, int index, int worker) {
+    const spsi_field_job *job = (const spsi_field_job *)data;
+    const spsi_voxel_field *level = job->field, *fine = job->fine;
+    const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), *size = level->size, taps = job->taps;
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
+    const size_t floats = spsi_field_floats(taps);
+    (void)worker;
+    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
+        const int place = level->places[held];
+        const int at[3] = {place % size[0] + level->low[0], place / size[0] % size[1] + level->low[1],
+                           place / (size[0] * size[1]) + level->low[2]};
+        float *values = level->values + (size_t)held * floats;
+        memset(values, 0, floats * sizeof *values);
+        for (int n = 0; n < 8; ++n) {
+            int own[3], to[3], inside = 1, number;
+            for (int k = 0; k < 3; ++k) {
+                own[k] = 2 * at[k] + (n >> k & 1);
+                to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
+                inside &= own[k] >= fine->low[k] && own[k] < fine->low[k] + fine->size[k];
+            }
+            number = inside ? fine->grid[spsi_field_cell(fine, own)] : -1;
+            if (number >= 0)
+                spsi_level_octant(taps, fine->values + (size_t)number * floats,
+                                  values + (to[2] * edge + to[1]) * pitch + to[0]);
+        }
+    }
+}
+
 /* ---- rays ---- */
 
 /* A field as a target's rays see it. Voxels' centres have whole places, counted from the field's first brick. */
 typedef struct spsi_tapper {
     const spsi_fields *fields;
-    const spsi_voxel_field *field;
+    const spsi_voxel_field *field; /* of its level */
+    int level;                     /* 0: voxels as they were read */
+    int across;                    /* rays along each side of a pixel: 1 or 2 */
     spsi_linear at[3], slab;
     int whole;    /* 1: neither polygons nor the near plane cut slabs */
     float near_d; /* t at which rays begin, as t - depth_reference */
@@ -11537,8 +11639,10 @@ typedef struct spsi_tap_line {
     int steps;              /* samples in a slab */
 } spsi_tap_line;
 
-static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *tile, int x, int y, spsi_tap_line *line) {
-    const float fx = (float)x, fy = (float)y;
+static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *tile, int x, int y, int part,
+                                       spsi_tap_line *line) {
+    const float off = t->across > 1 ? 0.25f : 0;
+    const float fx = (float)x + (part & 1 ? off : -off), fy = (float)y + (part & 2 ? off : -off);
     float square = 0, steps;
     line->base = t->slab.base[0] + fx * t->slab.base[1] + fy * t->slab.base[2];
     line->slope = t->slab.slope[0] + fx * t->slab.slope[1] + fy * t->slab.slope[2];
@@ -11587,15 +11691,16 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_line *line, floa
     return sum * (to - from) / (float)count;
 }
 
-/* Adds to a pixel's sheets. One more sample on either side of all tells the slopes at the ends. */
-static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, float *sheet) {
+/* Adds to a pixel's sheets what one of its rays finds. One more sample on either side of all tells the slopes at the
+   ends. */
+static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, float *sheet) {
     float samples[(SPSI_CHUNK + 4) * SPSI_TAP_MOST + 2];
     const float *first = samples + 1;
     float per_slab, weight;
     int count, slabs[2], held;
     spsi_tap_line line;
     spsi_tap_ray ray;
-    spsi_tap_line_build(t, tile, x, y, &line);
+    spsi_tap_line_build(t, tile, x, y, part, &line);
     spsi_tap_line_slabs(&line, tile->slab_count, slabs);
     count = tile->slab_count * line.steps + 2;
     per_slab = 1 / line.slope;
@@ -11619,17 +11724,27 @@ static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y,
 }
 
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const spsi_slabs *slabs, spsi_tapper *tapper) {
-    const spsi_voxel_field *field = &fields->list[lattice->medium];
+                              const spsi_slabs *slabs, int level, int across, spsi_tapper *tapper) {
+    const int medium = lattice->medium;
     double rows[3][3];
     memset(tapper, 0, sizeof *tapper);
-    spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
-    for (int k = 0; k < 3; ++k)
-        spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * field->low[k], &tapper->at[k]);
-    spsi_linear_of_slabs(rays, slabs, &tapper->slab);
     tapper->fields = fields;
-    tapper->field = field;
+    tapper->level = level;
+    tapper->across = across;
+    tapper->field = level ? &fields->levels[medium][level - 1] : &fields->list[medium];
+    spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
+    for (int k = 0; k < 3; ++k) {
+        for (int i = 0; i < 3; ++i) rows[k][i] *= pow(0.5, level);
+        spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * tapper->field->low[k], &tapper->at[k]);
+    }
+    spsi_linear_of_slabs(rays, slabs, &tapper->slab);
     tapper->near_d = spsi_rays_begin(rays);
+}
+
+/* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
+static double spsi_tapper_reach(const spsi_tapper *tapper) {
+    const double reach = tapper->fields->taps / 2.0;
+    return tapper->level ? (reach + 1.5) * pow(2, tapper->level) : reach;
 }
 
 /* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
@@ -11685,16 +11800,18 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
     }
     length = sqrt(spsi_dot(along, along)) / slope; /* voxels in a slab */
     volume = fabs(spsi_determinant(across[0], across[1], along)) / slope;
-    return fmax(ceil(length / SPSI_TAP_STEP), 1) / volume;
+    return fmax(ceil(length / SPSI_TAP_STEP), 1) / volume * tapper->across * tapper->across;
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
 static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
                                           const spsi_splatter *splatter, const double q[3]) {
-    double slope, square = 0;
+    double slope, variance, square = 0;
     float x, y;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
-    if (spsi_least_variance(splatter, q) < SPSI_TAP_VARIANCE) return SPSI_SPLAT_SMALL;
+    variance = pow(4, tapper->level) * spsi_least_variance(splatter, q) * tapper->across * tapper->across;
+    if (variance < SPSI_TAP_VARIANCE && splatter->filter > 0) return SPSI_SPLAT_SMALL;
+    if (variance > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
     x = (float)(rays->perspective ? q[0] / q[2] : q[0]);
     y = (float)(rays->perspective ? q[1] / q[2] : q[1]);
     slope = (double)(tapper->slab.slope[0] + x * tapper->slab.slope[1] + y * tapper->slab.slope[2]);
@@ -11708,10 +11825,10 @@ static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_
     return SPSI_GATHER_ASKED;
 }
 
-/* The ray coordinates of a point of a field's box, from its first corner, 0, to its last, 1. */
+/* The ray coordinates of a point of the box of the bricks that were read, from its first corner, 0, to its last, 1. */
 static void spsi_tapper_point(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                               const double share[3], double q[3]) {
-    const spsi_voxel_field *field = tapper->field;
+    const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
     double at[3], point[3];
     for (int k = 0; k < 3; ++k) at[k] = SPSI_BRICK * (field->low[k] + share[k] * field->size[k]) + 0.5;
     spsi_voxel_position(lattice, at, point);
@@ -11739,15 +11856,22 @@ static spsi_verdict spsi_tapper_serves(const spsi_tapper *tapper, const spsi_lat
 static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *lattice, const spsi_rays *rays,
                             const spsi_splatter *splatter) {
     static const double middle[3] = {0.5, 0.5, 0.5};
-    const spsi_voxel_field *field = tapper->field;
-    const double cut = (double)splatter->cut;
+    const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
+    const double cut = (double)splatter->cut, volume = field->volume * pow(0.125, tapper->level);
     double q[3], area, fragments, samples;
     spsi_tapper_point(tapper, lattice, rays, middle, q);
     area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
-    samples = field->volume * spsi_tapper_density(tapper, rays, q);
+    samples = volume * spsi_tapper_density(tapper, rays, q);
     return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
+}
+
+/* Number of coarser levels that a volume has: none if it is classified, since what a mean looks like is not the mean of
+   looks, or if the picture is to be sharper than levels are. */
+static int spsi_levels_wanted(const spsi_frame *frame, int medium) {
+    const int classified = frame->matter.materials[frame->media[medium].channel].table != NULL;
+    return classified || frame->view.quality > SPS_QUALITY_MEDIUM ? 0 : SPSI_LEVELS;
 }
 
 /* How a volume fills sheets, whose splatter is ready; `slopes`: 1: those of its gradient, too. Builds the tapper of one
@@ -11756,13 +11880,15 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
                                       const spsi_slabs *slabs, const spsi_splatter *splatter, int slopes,
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
-    spsi_verdict verdict;
+    spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     if (slopes) return SPSI_SPLAT_SLOPES;
-    spsi_tapper_build(fields, lattice, rays, slabs, tapper);
+    for (int n = 0; n < 2 + spsi_levels_wanted(frame, lattice->medium) && verdict == SPSI_SPLAT_SMALL; ++n) {
+        spsi_tapper_build(fields, lattice, rays, slabs, spsi_most(n - 1, 0), n > 0 ? 2 : 1, tapper);
+        verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
+    }
     tapper->whole = splatter->whole;
-    verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
@@ -11781,16 +11907,44 @@ static size_t spsi_field_cells_most(size_t bricks) {
 static size_t spsi_field_grid_bytes(size_t cells) { return cells * 3 * sizeof(int); }
 static size_t spsi_field_brick_bytes(int taps) { return spsi_field_floats(taps) * sizeof(float) + 1; }
 
+/* Places the boxes of a volume's coarser levels. */
+static void spsi_levels_place(spsi_fields *fields, int medium) {
+    memset(fields->levels[medium], 0, sizeof fields->levels[medium]);
+    for (int n = 0; n < SPSI_LEVELS; ++n)
+        spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
+}
+
+/* Upper bound of the bytes of a volume's coarser levels, given that of the bricks that it holds. */
+static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t held) {
+    spsi_voxel_field levels[2];
+    size_t bytes = 0;
+    memset(levels, 0, sizeof levels);
+    for (int k = 0; k < 3; ++k) {
+        levels[0].low[k] = -1;
+        levels[0].size[k] = (frame->media[medium].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
+    }
+    for (int n = 0; n < spsi_levels_wanted(frame, medium); ++n) {
+        size_t cells;
+        spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
+        cells = spsi_field_cells(&levels[1 - n % 2]);
+        held = 8 * held < cells ? 8 * held : cells;
+        bytes += spsi_field_grid_bytes(cells) + held * spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    }
+    return bytes;
+}
+
 /* Upper bound of the bytes of all fields, for a number of bricks that may be read. */
 static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
-    size_t all = 0, most = spsi_field_cells_most(bricks);
+    const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    size_t all = 0, bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
         size_t cells = 1;
         for (int k = 0; k < 3; ++k) cells *= (size_t)((frame->media[m].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2);
-        all += cells < most ? cells : most;
+        cells = cells < most ? cells : most;
+        bytes += spsi_levels_bytes(frame, m, 27 * bricks < cells ? 27 * bricks : cells);
+        all += cells;
     }
-    return sizeof(spsi_fields) + spsi_field_grid_bytes(all) +
-           (27 * bricks < all ? 27 * bricks : all) * spsi_field_brick_bytes(spsi_taps_wanted(frame));
+    return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
 }
 
 /* Places a field for each volume. Returns the number of bricks in all grids. */
@@ -11819,7 +11973,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     frame->content->fields = fields;
     if (context->field_taps == taps) return SPS_OK;
     context->field_taps = 0;
-    fields->filled = 0;
+    fields->filled = fields->leveled = 0;
     spsi_fields_weigh(fields, taps);
     memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
                                  spsi_field_grid_bytes(1));
@@ -11828,6 +11982,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
         spsi_voxel_field *field = &fields->list[m];
         const size_t cells = spsi_field_cells(field);
         if (cells == 0) continue;
+        spsi_levels_place(fields, m);
         field->grid = memory;
         field->sources = memory + cells;
         field->places = memory + 2 * cells;
@@ -11838,12 +11993,10 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     return SPS_OK;
 }
 
-/* Fills the bricks of all fields, unless they are. That is done when a volume is to be gathered, while bricks are
-   sorted, but its time is that of reading. */
+/* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
 static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
     const size_t floats = spsi_field_floats(fields->taps);
-    const double start = spsi_clock(context);
     spsi_field_job job;
     size_t count = 0, held = 0;
     float *values;
@@ -11854,6 +12007,7 @@ static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame
     job.context = context;
     job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
     job.taps = fields->taps;
+    job.fine = NULL;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
         const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
@@ -11865,8 +12019,60 @@ static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame
         spsi_parallel(context, tasks, spsi_field_apron_task, &job);
     }
     fields->filled = 1;
-    context->stats.seconds_gather += spsi_clock(context) - start;
-    context->stats.seconds_bin -= spsi_clock(context) - start;
+    return SPS_OK;
+}
+
+/* Makes grids of all coarser levels. Returns the number of bricks that they hold. */
+static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fields *fields) {
+    size_t count = 0;
+    for (int m = 0; m < frame->medium_count; ++m)
+        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n) {
+            spsi_voxel_field *level = &fields->levels[m][n];
+            const size_t cells = spsi_field_cells(level);
+            level->grid = memory;
+            level->sources = memory + cells;
+            level->places = memory + 2 * cells;
+            memory += 3 * cells;
+            spsi_level_number(n ? level - 1 : &fields->list[m], level);
+            count += (size_t)level->count;
+        }
+    return count;
+}
+
+/* Fills the coarser levels of all fields, which are filled themselves, unless they are; when the first volume is to be
+   gathered from one. */
+static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame) {
+    spsi_fields *fields = frame->content->fields;
+    const size_t floats = spsi_field_floats(fields->taps);
+    spsi_field_job job;
+    size_t cells = 0, count, held = 0;
+    float *values;
+    int *grids;
+    if (fields->leveled) return SPS_OK;
+    for (int m = 0; m < frame->medium_count; ++m)
+        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
+            cells += spsi_field_cells(&fields->levels[m][n]);
+    grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, spsi_field_grid_bytes(1));
+    if (!grids) return context->result;
+    count = spsi_levels_number(frame, grids, fields);
+    values = (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, count, spsi_field_brick_bytes(fields->taps));
+    if (!values) return context->result;
+    job.context = context;
+    job.bricks = NULL;
+    job.taps = fields->taps;
+    for (int m = 0; m < frame->medium_count; ++m)
+        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n) {
+            spsi_voxel_field *level = &fields->levels[m][n];
+            const int tasks = (level->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
+            level->values = values + held * floats;
+            level->holds = (unsigned char *)(values + count * floats) + held;
+            held += (size_t)level->count;
+            job.field = level;
+            job.fine = n ? level - 1 : &fields->list[m];
+            spsi_parallel(context, tasks, spsi_level_own_task, &job);
+            spsi_parallel(context, tasks, spsi_field_apron_task, &job);
+        }
+    fields->leveled = 1;
     return SPS_OK;
 }
 
@@ -12165,9 +12371,8 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     const spsi_rays *rays = target->rays;
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
-    const double reach = spsi_gathers(target->verdicts[brick->lattice])
-                             ? fmax(SPSI_REACH, target->frame->content->fields->taps / 2.0)
-                             : SPSI_REACH;
+    const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
+    const double reach = gathers ? fmax(SPSI_REACH, spsi_tapper_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
     int ahead = 0, back = 0;
     for (int corner = 0; corner < 8; ++corner) {
         double at[3], point[3], q[3];
@@ -12197,7 +12402,7 @@ static double spsi_target_reach(const spsi_target *target, int lattice) {
     double reach = 0;
     if (!spsi_gathers(target->verdicts[lattice])) return (double)splatter->reach_slabs;
     for (int axis = 0; axis < 3; ++axis) reach += fabs((double)splatter->slab_step[axis]);
-    return 1 + reach * target->frame->content->fields->taps / 2;
+    return 1 + reach * spsi_tapper_reach(&target->tappers[lattice]);
 }
 
 static void spsi_bricks_task(void *data, int index, int worker) {
@@ -12262,13 +12467,25 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Fills the volumes' fields if a target gathers any. */
+/* Fills the volumes' fields if a target gathers any, and their levels likewise. That is done while bricks are sorted,
+   but its time is that of reading. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
-    int gathers = 0;
+    sps_context *context = contents->context;
+    const double start = spsi_clock(context);
+    double seconds;
+    int gathers = 0, level = 0;
     for (int n = 0; n < contents->target_count; ++n)
-        for (int i = 0; i < contents->frame->medium_count; ++i)
-            gathers |= spsi_gathers(contents->targets[n]->verdicts[i]);
-    return gathers ? spsi_fields_fill(contents->context, contents->frame) : SPS_OK;
+        for (int i = 0; i < contents->frame->medium_count; ++i) {
+            if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
+            gathers = 1;
+            level = spsi_most(level, contents->targets[n]->tappers[i].level);
+        }
+    if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
+    if (level > 0 && spsi_levels_fill(context, contents->frame)) return context->result;
+    seconds = spsi_clock(context) - start;
+    context->stats.seconds_gather += seconds;
+    context->stats.seconds_bin -= seconds;
+    return SPS_OK;
 }
 
 /* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
@@ -12418,6 +12635,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     spsi_tapper here = *tapper;
     float *channel;
     here.slab.base[0] -= (float)shift;
+    here.scale /= (float)(here.across * here.across);
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     for (int n = 0; n < 64; ++n) {
@@ -12429,7 +12647,8 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
         if (!(patches >> n & 1)) continue;
         for (int y = y0; y <= y1; ++y)
             for (int x = x0; x <= x1; ++x)
-                spsi_tap_sheets(&here, tile, x, y, channel + (y - tile->y0) * tile->pitch + (x - tile->x0));
+                for (int part = 0; part < here.across * here.across; ++part)
+                    spsi_tap_sheets(&here, tile, x, y, part, channel + (y - tile->y0) * tile->pitch + (x - tile->x0));
     }
 }
 
@@ -14135,8 +14354,9 @@ static void spsi_print_face(const spsi_filling *filling) {
     job.filling = filling;
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
     for (int i = 0; i < frame->medium_count && volumes; ++i) {
-        const uint64_t gathers = (uint64_t)spsi_gathers(volumes->target.verdicts[i]);
-        job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), gathers);
+        const int gathers = spsi_gathers(volumes->target.verdicts[i]);
+        const int way = gathers ? volumes->target.tappers[i].across + 2 * volumes->target.tappers[i].level : 0;
+        job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
     }
     if (volumes) {
         job.start = spsi_fingerprint(job.start, &volumes->slabs.start, sizeof volumes->slabs.start);
@@ -22338,6 +22558,7 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
             field->size[k] = (frame->media[m].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
             volume *= frame->media[m].size[k] + fields->taps;
         }
+        spsi_levels_place(fields, m);
         field->count = spsi_field_cells(field) <= spsi_field_cells_most((size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
         field->voxels = (double)reading->voxels_of[m];

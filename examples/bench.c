@@ -1728,18 +1728,134 @@ static void bench_paths(void) {
     ex_session_end(&session);
 }
 
+/* --------------------------------------------------------------------------------------------- filling sheets */
+
+enum { FILLING_SIZE = 512, LARGE = 960 };
+
+static int full_density(void *user, size_t count, const double *positions, float *out) {
+    (void)user;
+    for (size_t i = 0; i < count; ++i, positions += 3)
+        out[i] = (float)(1.2 + sin(7 * positions[0]) * sin(5 * positions[1]) * sin(6 * positions[2]));
+    return 0;
+}
+
+static void full_frame(frame *f) {
+    blob_frame(f, 256, FILLING_SIZE);
+    f->volume.eval_fn = full_density, f->volume.extinction = 0.3f;
+    f->scene.mesh_count = 0;
+}
+
+/* One frame, splatted and gathered, and as the library chooses. */
+static void bench_ways(ex_session *session, const frame *f, const char *name) {
+    contender c[3];
+    for (int i = 0; i < 3; ++i) {
+        contender_set(&c[i], session, f, 0);
+        c[i].view.filling = i == 0 ? SPS_FILLING_SPLAT : i == 1 ? SPS_FILLING_GATHER : SPS_FILLING_AUTO;
+    }
+    race(c, 3, REPEATS);
+    printf("%-34s %8.3f %8.3f %8.3f s %7.2f\n", name, c[0].seconds, c[1].seconds, c[2].seconds,
+           c[0].seconds / c[2].seconds);
+}
+
+/* Root mean square difference from the means of the pixels of a large picture, which is `times` as wide. */
+static double error_of_means(const frame *f, const frame *large, int times) {
+    double sum = 0;
+    for (int y = 0; y < f->view.height; ++y)
+        for (int x = 0; x < f->view.width; ++x) {
+            const float *from = large->rgba + 4 * (size_t)(y * times * large->view.width + x * times);
+            double mean = 0, off;
+            for (int i = 0; i < times * times; ++i)
+                mean += (double)from[4 * (i / times * large->view.width + i % times)] / (times * times);
+            off = (double)f->rgba[4 * (size_t)(y * f->view.width + x)] - mean;
+            sum += off * off;
+        }
+    return sqrt(sum / (f->view.width * (double)f->view.height));
+}
+
+/* Pictures in which voxels are smaller than pixels. */
+static void bench_small(ex_session *session, frame *f, const char *name) {
+    frame large;
+    f->scene.mesh_count = 0; /* whose edges have no filter */
+    frame_copy(&large, f);
+    free(large.rgba);
+    large.view.width = LARGE, large.view.height = LARGE * 3 / 4;
+    large.view.quality = SPS_QUALITY_HIGH;
+    large.rgba = (float *)ex_allocate((size_t)LARGE * LARGE, 4 * sizeof(float));
+    render_seconds(session, &large, &large.view);
+    for (int times = 24; times > 1; times /= 2) {
+        contender c[2];
+        double error[2];
+        f->view.width = LARGE / times, f->view.height = LARGE * 3 / 4 / times;
+        for (int i = 0; i < 2; ++i) {
+            contender_set(&c[i], session, f, 0);
+            c[i].view.filling = i ? SPS_FILLING_AUTO : SPS_FILLING_SPLAT;
+            render_seconds(session, f, &c[i].view);
+            error[i] = error_of_means(f, &large, times);
+        }
+        race(c, 2, REPEATS);
+        printf("%-12s %4d x %-4d %8.4f %8.4f s %7.2f %10.5f %10.5f\n", name, f->view.width, f->view.height,
+               c[0].seconds, c[1].seconds, c[0].seconds / c[1].seconds, error[0], error[1]);
+    }
+    frame_end(&large);
+}
+
+static void bench_filling(void) {
+    ex_session session;
+    ex_grid grid;
+    frame f;
+    printf("\nFilling sheets, medium, voxels held, 1 worker, %d x %d\n", FILLING_SIZE, FILLING_SIZE);
+    printf("%-34s %8s %8s %8s   %7s\n", "", "splatted", "gathered", "chosen", "ratio");
+    ex_session_measure(&session, program, 1);
+    for (int slab = 1; slab <= 8; slab *= 8) {
+        blob_frame(&f, 128, FILLING_SIZE);
+        f.view.slab = slab;
+        bench_ways(&session, &f, slab == 1 ? "blob 128^3 over a plane" : "... slabs of 8 voxels");
+        frame_end(&f);
+    }
+    full_frame(&f);
+    bench_ways(&session, &f, "256^3 full of gas");
+    frame_end(&f);
+    if (!smoke_load(&grid)) {
+        smoke_frame(&f, &grid);
+        free(f.rgba), f.rgba = (float *)ex_allocate((size_t)FILLING_SIZE * FILLING_SIZE, 4 * sizeof(float));
+        f.view.width = f.view.height = FILLING_SIZE;
+        f.mesh.triangle_count = 2, f.mesh.read_fn = plane_read;
+        for (int i = 0; i < 3; ++i) f.mesh.color[i] = 0.4f, f.scene.ambient[i] = 0.1f;
+        bench_ways(&session, &f, "smoke over a ground");
+        frame_end(&f), ex_grid_free(&grid);
+    }
+    if (!bonsai_load(&grid)) {
+        bonsai_frame(&f, &grid);
+        bench_ways(&session, &f, "bonsai, a surface");
+        frame_end(&f), ex_grid_free(&grid);
+    }
+    printf("%-24s %8s %8s   %7s %10s %10s\n", "small pictures", "splatted", "chosen", "ratio", "error", "chosen's");
+    blob_frame(&f, 128, LARGE);
+    bench_small(&session, &f, "blob 128^3");
+    frame_end(&f);
+    if (!smoke_load(&grid)) {
+        smoke_frame(&f, &grid);
+        free(f.rgba), f.rgba = (float *)ex_allocate((size_t)LARGE * LARGE, 4 * sizeof(float));
+        bench_small(&session, &f, "smoke");
+        frame_end(&f), ex_grid_free(&grid);
+    }
+    ex_session_end(&session);
+}
+
 int main(int argc, char **argv) {
     const int speed = argc == 1 || (argc == 2 && strcmp(argv[1], "speed") == 0);
     const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
+    const int filling = speed || (argc == 2 && strcmp(argv[1], "filling") == 0);
     const int maps = speed || (argc == 2 && strcmp(argv[1], "maps") == 0);
     const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
     const int edges = speed || (argc == 2 && strcmp(argv[1], "edges") == 0);
     const int lights = speed || (argc == 2 && strcmp(argv[1], "lights") == 0);
     const int scattering = speed || (argc == 2 && strcmp(argv[1], "scattering") == 0);
     const int paths = speed || (argc == 2 && strcmp(argv[1], "paths") == 0);
-    if (!maps && !accuracy && !polygons && !edges && !lights && !scattering && !paths) {
+    if (!filling && !maps && !accuracy && !polygons && !edges && !lights && !scattering && !paths) {
         fprintf(stderr,
-                "%s: give nothing, or `speed`, or `lights`, or `polygons`, or `edges`, or `scattering`, or `paths`, or "
+                "%s: give nothing, or `speed`, or `filling`, or `lights`, or `polygons`, or `edges`, or `scattering`, "
+                "or `paths`, or "
                 "`maps`, or `accuracy`\n",
                 argv[0]);
         return 2;
@@ -1751,6 +1867,7 @@ int main(int argc, char **argv) {
         bench_empty_space();
         bench_particles();
     }
+    if (filling) bench_filling();
     if (lights) {
         bench_lights();
         bench_all_tables();

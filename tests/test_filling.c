@@ -8,7 +8,7 @@ enum { SIDE = 20, COUNT = 4 * SIDE * SIDE, GRID = 16 };
 static float image_a[COUNT], image_b[COUNT], image_c[COUNT];
 static sps_context *context;
 static check_triangles faces;
-static float noise[GRID * GRID * GRID], lumps[GRID * GRID * GRID], dot[GRID * GRID * GRID];
+static float noise[GRID * GRID * GRID], lumps[GRID * GRID * GRID], dot[GRID * GRID * GRID], ball[GRID * GRID * GRID];
 
 /* Number of samples of the last picture. */
 static double samples_of(sps_context *of) {
@@ -198,13 +198,99 @@ static void test_pictures_alike(void) {
     }
 }
 
+/* --- small pictures --- */
+
+/* A voxel of a field or a level, counted from the volume's first one; 0 where none is held. */
+static double voxel_of(const spsi_fields *fields, const spsi_voxel_field *field, const int at[3]) {
+    const int border = fields->taps / 2 - 1, edge = spsi_field_edge(fields->taps);
+    int brick[3], in[3], number;
+    for (int k = 0; k < 3; ++k) {
+        brick[k] = (at[k] + 8 * SPSI_BRICK) / SPSI_BRICK - 8;
+        in[k] = at[k] - SPSI_BRICK * brick[k] + border;
+        if (brick[k] < field->low[k] || brick[k] >= field->low[k] + field->size[k]) return 0;
+    }
+    number = field->grid[spsi_field_cell(field, brick)];
+    if (number < 0) return 0;
+    return (double)field->values[(size_t)number * spsi_field_floats(fields->taps) +
+                                 (size_t)((in[2] * edge + in[1]) * spsi_field_pitch(fields->taps) + in[0])];
+}
+
+/* Each level's voxels are those of the finer one, weighted by 1, 3, 3 and 1 of 8 along each axis: to within the floats
+   of three such sums. None is lost: their sum is an eighth of the finer one's. */
+static void test_levels(void) {
+    static const double weights[4] = {0.125, 0.375, 0.375, 0.125};
+    const spsi_fields *fields;
+    check_scene s;
+    start(&s, noise);
+    check_orthographic(&s.view.camera, 20);
+    if (!check_render(context, &s, image_a)) return;
+    fields = (const spsi_fields *)context->buffers[SPSI_BUFFER_FIELDS].data;
+    if (!CHECK(samples_of(context) > 0 && fields->leveled)) return;
+    for (int n = 0; n < SPSI_LEVELS; ++n) {
+        const spsi_voxel_field *fine = n ? &fields->levels[0][n - 1] : &fields->list[0], *level = &fields->levels[0][n];
+        double sums[2] = {0, 0}, worst = 0;
+        for (int at = 0; at < 32 * 32 * 32; ++at) {
+            const int coarse[3] = {at % 32 - 8, at / 32 % 32 - 8, at / 1024 - 8};
+            double sum = 0, value = voxel_of(fields, level, coarse);
+            for (int i = 0; i < 64; ++i) {
+                const int of[3] = {2 * coarse[0] + i % 4 - 1, 2 * coarse[1] + i / 4 % 4 - 1,
+                                   2 * coarse[2] + i / 16 - 1};
+                sum += weights[i % 4] * weights[i / 4 % 4] * weights[i / 16] * voxel_of(fields, fine, of);
+            }
+            worst = fmax(worst, fabs(sum - value));
+            sums[0] += voxel_of(fields, fine, coarse);
+            sums[1] += value;
+        }
+        CHECK(worst <= 1e-6);
+        if (!CHECK(fabs(sums[1] - sums[0] / 8) <= 1e-5 * sums[0]))
+            printf("    level %d: %g, %g\n", n, sums[0], sums[1]);
+    }
+}
+
+/* Optical depth of a thin ball with a Gaussian profile, as many pixels see it that voxels are smaller than: its sum is
+   that of any picture. Its own variance is w, in square pixels, at which the steepest change with variance is that of
+   its peak: 1 / w of it. What rays differ by from the pixel's filter, 0.25, is at most 0.0625 for two of them to a side
+   and 5.78 / 4 of the voxel's variance, below 0.25 / 4, on a level: +- 0.25 in all. */
+static void test_small_pictures(void) {
+    for (int size = 9; size < 100; size *= 2) {
+        const double w = 0.2 * 0.2 * SIDE * SIDE * 4.0 / (0.1 * size * 0.1 * size);
+        double sums[2] = {0, 0}, peak = 0;
+        sps_plan_report plan;
+        check_scene s;
+        start(&s, ball);
+        check_orthographic(&s.view.camera, 0.1 * size);
+        s.volume[0].extinction = 0.01f;
+        check_color(s.volume[0].albedo, 0, 0, 0);
+        for (int splat = 0; splat < 2; ++splat) {
+            float *image = splat ? image_b : image_a;
+            s.view.filling = splat ? SPS_FILLING_SPLAT : SPS_FILLING_GATHER;
+            CHECK_OK(context, sps_plan(context, &s.scene, &s.view, &plan));
+            if (!check_render(context, &s, image)) return;
+            CHECK((samples_of(context) > 0) == !splat && plan.eye_gathered == !splat);
+            for (int i = 0; i < SIDE * SIDE; ++i) {
+                image[4 * i + 3] = -log1pf(-image[4 * i + 3]);
+                sums[splat] += (double)image[4 * i + 3];
+                peak = fmax(peak, (double)image[4 * i + 3]);
+            }
+        }
+        if (!CHECK(fabs(sums[1] / sums[0] - 1) <= 0.01) ||
+            !CHECK(check_largest(image_a, image_b, COUNT) <= 0.25 / w * peak + 0.005 * peak))
+            printf("    %d: sums %g and %g, %g of %g apart, w %g\n", size, sums[0], sums[1],
+                   check_largest(image_a, image_b, COUNT), peak, w);
+        if (getenv("CHECK_FIGURES"))
+            printf("voxels of %.3f pixels: %.3f %% apart\n", SIDE * 2.0 / GRID / (0.1 * size),
+                   100 * check_largest(image_a, image_b, COUNT) / peak);
+    }
+}
+
 /* --- what is splatted nevertheless --- */
 
 static void test_splatted(void) {
     for (int n = 0; n < 5; ++n) {
         check_scene s;
         start(&s, noise);
-        if (n == 1) check_orthographic(&s.view.camera, 8); /* voxels of 0.4 pixels */
+        if (n == 1) check_orthographic(&s.view.camera, 12); /* voxels of 0.2 pixels */
+        if (n == 1) s.view.quality = SPS_QUALITY_HIGH;      /* has no coarser levels */
         if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
         if (n == 3) s.view.slab = 14;
         if (n == 4) s.view.filling = SPS_FILLING_SPLAT;
@@ -238,7 +324,7 @@ static void test_reasons(void) {
             s.light[0].shadow_source = SPS_SHADOW_SHEETS;
             s.volume[0].revision = 1;
             s.view.filling = n == 4 ? SPS_FILLING_SPLAT : n == 5 ? SPS_FILLING_GATHER : SPS_FILLING_AUTO;
-            if (n == 1) check_orthographic(&s.view.camera, 9); /* voxels of 0.4 pixels */
+            if (n == 1) check_orthographic(&s.view.camera, 12), s.view.quality = SPS_QUALITY_HIGH;
             if (n == 2) check_set3(s.view.camera.position, 0.2, 0.1, 0.4), check_perspective(&s.view.camera, 0.4);
             if (n == 3) s.view.slab = 14;
             if (n == 6) check_orthographic(&s.view.camera, 0.2); /* of 12 pixels */
@@ -351,7 +437,8 @@ static void test_held_table(void) {
 
 /* The plan's pass of reading includes fields, whose bound is the difference from splatting. */
 static void test_bytes(void) {
-    static const int own[] = {SPSI_BUFFER_FIELDS, SPSI_BUFFER_FIELD_GRIDS, SPSI_BUFFER_FIELD_VALUES};
+    static const int own[] = {SPSI_BUFFER_FIELDS, SPSI_BUFFER_FIELD_GRIDS, SPSI_BUFFER_FIELD_VALUES,
+                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES};
     for (int kind = GAS; kind <= MIXED; kind += MIXED) {
         sps_context *fresh = check_context(NULL);
         sps_plan_report plans[2];
@@ -359,6 +446,7 @@ static void test_bytes(void) {
         check_scene s;
         size_t bytes = 0;
         start_kind(&s, kind);
+        if (kind == GAS) check_orthographic(&s.view.camera, 20); /* it has levels then */
         for (int i = 0; i < 2; ++i) {
             s.view.filling = i ? SPS_FILLING_GATHER : SPS_FILLING_SPLAT;
             CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plans[i]));
@@ -366,7 +454,8 @@ static void test_bytes(void) {
         check_render(fresh, &s, image_a);
         sps_get_stats(fresh, &stats);
         CHECK(stats.bytes_peak <= plans[1].bytes);
-        for (int i = 0; i < 3; ++i) bytes += fresh->buffers[own[i]].size;
+        for (int i = 0; i < 5; ++i) bytes += fresh->buffers[own[i]].size;
+        CHECK((fresh->buffers[SPSI_BUFFER_LEVEL_VALUES].size > 0) == (kind == GAS));
         CHECK(bytes > 0 && bytes <= plans[1].pass[SPS_PASS_GATHER].bytes - plans[0].pass[SPS_PASS_GATHER].bytes);
         sps_destroy(fresh);
     }
@@ -375,6 +464,10 @@ static void test_bytes(void) {
 static void test_workers_and_failures(void) {
     check_scene s;
     start_kind(&s, MIXED);
+    check_workers(&s, image_a, image_b);
+    CHECK(check_failing(&s, 0, 4, image_a, image_b) > 8);
+    start_kind(&s, GAS);
+    check_orthographic(&s.view.camera, 20);
     check_workers(&s, image_a, image_b);
     CHECK(check_failing(&s, 0, 4, image_a, image_b) > 8);
 }
@@ -390,11 +483,17 @@ int main(void) {
     check_random random = {9};
     deep.technique = SPS_TMAP_DEEP;
     for (int i = 0; i < GRID * GRID * GRID; ++i) noise[i] = (float)check_next(&random);
+    for (int i = 0; i < GRID * GRID * GRID; ++i) {
+        const double x = i % GRID - 7.5, y = i / GRID % GRID - 7.5, z = i / (GRID * GRID) - 7.5;
+        ball[i] = (float)exp(-(x * x + y * y + z * z) / (2 * 1.6 * 1.6)); /* 0.2 wide */
+    }
     dot[(7 * GRID + 7) * GRID + 7] = 1; /* the last voxel of its brick */
     check_lumps(lumps, GRID);
     context = check_context(NULL);
     RUN(test_samples);
     RUN(test_pictures_alike);
+    RUN(test_levels);
+    RUN(test_small_pictures);
     RUN(test_splatted);
     RUN(test_reasons);
     RUN(test_chosen);

@@ -328,7 +328,8 @@ static void test_blob(void) {
         }
 }
 
-/* Pixels of three voxels: footprints are widened to half a pixel, and keep their integral. */
+/* Pixels of three voxels: footprints are widened to half a pixel, and keep their integral. What is gathered is in
+   test_filling.c. */
 static void test_pixel_filter(void) {
     const double way[3] = {0.3, -0.2, -1}, wide = 0.5 * 0.5 + 0.15 * 0.15;
     check_scene s;
@@ -336,6 +337,7 @@ static void test_pixel_filter(void) {
     double width;
     check_clear(&s, 9, 7);
     aim(&s, way, 2.1);
+    s.view.filling = SPS_FILLING_SPLAT;
     add_blob(&s, &field, &width, 1.5);
     if (!check_render(context, &s, image_a)) return;
     for (int i = 0; i < 63; ++i) {

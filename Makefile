@@ -104,8 +104,8 @@ build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor
 
 # --------------------------------------------------------------------------------------------------- measuring
 
-# `build/bench speed` prints only the times, `build/bench filling` those of filling sheets either way, `build/bench maps` those of transmittance maps, `build/bench edges` errors
-# and times of samples of polygons' edges; bench_plain is plain C.
+# `build/bench speed` prints only the times, `build/bench filling` those of splatting and of gathering, `build/bench maps`
+# those of transmittance maps, `build/bench edges` errors and times of samples of polygons' edges; bench_plain is plain C.
 .PHONY: bench accuracy
 bench: build/bench build/bench_plain
 	build/bench

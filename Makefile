@@ -159,7 +159,7 @@ COMPILE_wide_sanitized = clang $(STANDARD) -O1 -gline-tables-only -march=native 
 # for others); under sanitizers those with most kinds of memory access, the slow ones with vectors; elsewhere the most
 # sensitive ones.
 TESTS_native    = $(TESTS) fuzz soak
-TESTS_sanitized = test_extremes test_transmittance test_arrays test_filling
+TESTS_sanitized = test_extremes test_transmittance test_arrays
 TESTS_wide_sanitized = test_engineering test_files test_polygons test_tmaps test_watertight
 TESTS_cpp       = test_plan test_arrays
 TESTS_baseline  = test_simd

@@ -765,7 +765,8 @@ typedef enum sps_scattering {
 typedef enum sps_filling {
     /* Each volume, in each pass, as costs less by the number and size of its footprints, and the number of its samples.
        The same in every build and for any number of workers; but from frame to frame it may change, and the picture
-       with it by what the two are apart, some 0.1 % of what is bright, less at high quality. */
+       with it by what the two are apart: mostly 0.1 % of a gas, 1 % of a classified one (CHECK_FIGURES=1 of
+       tests/test_filling.c), less at high quality. */
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels, 6^3 at high and ultra, per 0.8 voxels or less of a ray in gas. Mostly
@@ -774,7 +775,7 @@ typedef enum sps_filling {
        sampled, at draft and medium and unless they are classified. Volumes are splatted nevertheless, one by one and in
        each pass, if no level fits all of them, if they are not all well before the eye or the light, if slabs are
        thicker than 12 voxels, or if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels
-       within reach of one, 10800 at high and ultra; a third to a seventh more for levels. */
+       within reach of one, 10800 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -919,7 +920,8 @@ typedef struct sps_stats_report {
     /* By clock_fn, in this order: reading voxels, particles and triangles; rasterising triangles; passing their points
        to shade_fn; building their tree; tracing shadow rays through it; binning bricks and particles; the lights'
        sheets; light from cell to cell, or spreading from sheet to sheet; the eye's sheets, shading and the image; all
-       of the call. Set by sps_render; sps_reference and sps_tmap_finish set only seconds_total. */
+       of the call. What gathering needs beyond voxels is made by the stage that first needs it. Set by sps_render;
+       sps_reference and sps_tmap_finish set only seconds_total. */
     double seconds_gather, seconds_polygons, seconds_textures, seconds_tree, seconds_shadow_rays;
     double seconds_bin, seconds_light, seconds_cells, seconds_eye, seconds_total;
     uint64_t range_calls, read_calls, eval_calls, triangle_calls, particle_calls, projector_calls, background_calls;
@@ -11210,14 +11212,12 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    is cos^3. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made from its finer one in
    about 60 operations per voxel. */
 
-#define SPSI_TAP_MOST 16  /* samples of a ray in a slab; thicker slabs are splatted */
-#define SPSI_TAP_STEP 0.8 /* voxels between samples of a ray, at most */
-#define SPSI_TAP_VARIANCE                                                                                              \
-    0.125                         /* of a voxel, in squares of the distance of rays, at least: half the pixel filter's \
-                                   */
-#define SPSI_TAP_WIDEST  1.0      /* at most, of a voxel of a coarser level */
-#define SPSI_FIELD_BATCH 16       /* bricks that a task fills */
-#define SPSI_FIELD_CELLS 16777216 /* 2^24: floats count bricks of a grid */
+#define SPSI_TAP_MOST     16       /* samples of a ray in a slab; thicker slabs are splatted */
+#define SPSI_TAP_STEP     0.8      /* voxels between samples of a ray, at most */
+#define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, relative to rays' distances: half that of the pixel filter */
+#define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
+#define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
+#define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
 
 /* Nanoseconds, by which filling is chosen; only their ratios matter. One core of a machine with vectors of 16: where
    vectors are shorter, fragments cost more. The choice does not depend on that, so that pictures don't either.
@@ -11260,8 +11260,8 @@ static void spsi_field_reach(const spsi_brick *brick, int taps, int range[2][3])
     }
 }
 
-/* The brick that an eighth belongs to. */
-static inline int spsi_field_brick_of(int eighth) { return (eighth + 2) / 2 - 1; }
+/* Half, rounded down: the brick of an eighth, or that of the next coarser level. */
+static inline int spsi_field_half(int at) { return (at + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
 
 /* Number of bricks in a field's grid. */
 static size_t spsi_field_cells(const spsi_voxel_field *field) {
@@ -11274,6 +11274,19 @@ static size_t spsi_field_cell(const spsi_voxel_field *field, const int at[3]) {
                ((size_t)(at[1] - field->low[1]) + (size_t)field->size[1] * (size_t)(at[2] - field->low[2]));
 }
 
+/* The brick at a place of a field's grid. */
+static void spsi_field_at(const spsi_voxel_field *field, int place, int at[3]) {
+    at[0] = place % field->size[0] + field->low[0];
+    at[1] = place / field->size[0] % field->size[1] + field->low[1];
+    at[2] = place / (field->size[0] * field->size[1]) + field->low[2];
+}
+
+static int spsi_field_has(const spsi_voxel_field *field, const int at[3]) {
+    int has = 1;
+    for (int k = 0; k < 3; ++k) has &= at[k] >= field->low[k] && at[k] < field->low[k] + field->size[k];
+    return has;
+}
+
 /* Places the grid about a volume's bricks. */
 static void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_field *field) {
     int high[3] = {-1, -1, -1};
@@ -11283,8 +11296,8 @@ static void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_fiel
         spsi_field_reach(&bricks[i], taps, range);
         field->voxels += bricks[i].count;
         for (int k = 0; k < 3; ++k) {
-            field->low[k] = spsi_least(field->low[k], spsi_field_brick_of(range[0][k]));
-            high[k] = spsi_most(high[k], spsi_field_brick_of(range[1][k]));
+            field->low[k] = spsi_least(field->low[k], spsi_field_half(range[0][k]));
+            high[k] = spsi_most(high[k], spsi_field_half(range[1][k]));
         }
     }
     for (int k = 0; k < 3; ++k) field->size[k] = field->end > field->first ? high[k] - field->low[k] + 1 : 0;
@@ -11299,7 +11312,7 @@ static void spsi_field_mark(const spsi_brick *brick, int taps, spsi_voxel_field 
             for (at[0] = range[0][0]; at[0] <= range[1][0]; ++at[0]) {
                 int own[3], bit = 0;
                 for (int k = 0; k < 3; ++k) {
-                    own[k] = spsi_field_brick_of(at[k]);
+                    own[k] = spsi_field_half(at[k]);
                     bit |= (at[k] & 1) << k;
                 }
                 field->grid[spsi_field_cell(field, own)] |= 1 << bit;
@@ -11405,36 +11418,34 @@ static unsigned char spsi_field_holds(int taps, const float *values) {
 /* Fills the aprons of bricks whose own voxels are in place. */
 static void spsi_field_apron_task(void *data, int index, int worker) {
     const spsi_field_job *job = (const spsi_field_job *)data;
-    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
+    const spsi_voxel_field *field = job->field;
+    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
     const size_t floats = spsi_field_floats(taps);
     (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const int place = job->field->places[held], *size = job->field->size;
-        const int at[3] = {place % size[0], place / size[0] % size[1], place / (size[0] * size[1])};
-        float *values = job->field->values + (size_t)held * floats;
+        float *values = field->values + (size_t)held * floats;
+        int at[3];
+        spsi_field_at(field, field->places[held], at);
         for (int n = 0; n < 27; ++n) {
             const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
-            int inside = n != 13, other;
-            for (int k = 0; k < 3; ++k) inside &= at[k] + off[k] >= 0 && at[k] + off[k] < size[k];
-            if (!inside) continue;
-            other = place + off[0] + size[0] * (off[1] + size[1] * off[2]);
-            if (job->field->sources[other] < 0) continue;
-            spsi_field_copy(taps, off, job->field->values + (size_t)job->field->grid[other] * floats, values);
+            const int other[3] = {at[0] + off[0], at[1] + off[1], at[2] + off[2]};
+            size_t cell;
+            if (n == 13 || !spsi_field_has(field, other)) continue;
+            cell = spsi_field_cell(field, other);
+            if (field->sources[cell] < 0) continue;
+            spsi_field_copy(taps, off, field->values + (size_t)field->grid[cell] * floats, values);
         }
-        job->field->holds[held] = spsi_field_holds(taps, values);
+        field->holds[held] = spsi_field_holds(taps, values);
     }
 }
 
 /* ---- coarser levels ---- */
 
-/* The brick of the next level that a brick is part of. */
-static inline int spsi_level_brick(int brick) { return (brick + 2 * SPSI_SIZE_MAX) / 2 - SPSI_SIZE_MAX; }
-
 /* The box of the next level: of bricks that have a voxel of the finer one's bricks within reach. */
 static void spsi_level_place(const spsi_voxel_field *fine, spsi_voxel_field *level) {
     for (int k = 0; k < 3; ++k) {
-        level->low[k] = spsi_level_brick(fine->low[k] - 1);
-        level->size[k] = spsi_level_brick(fine->low[k] + fine->size[k]) + 1 - level->low[k];
+        level->low[k] = spsi_field_half(fine->low[k] - 1);
+        level->size[k] = spsi_field_half(fine->low[k] + fine->size[k]) + 1 - level->low[k];
     }
 }
 
@@ -11443,12 +11454,11 @@ static void spsi_level_number(const spsi_voxel_field *fine, spsi_voxel_field *le
     const size_t cells = spsi_field_cells(level);
     for (size_t i = 0; i < cells; ++i) level->grid[i] = 0;
     for (int held = 0; held < fine->count; ++held) {
-        const int place = fine->places[held], *size = fine->size;
-        const int at[3] = {place % size[0] + fine->low[0], place / size[0] % size[1] + fine->low[1],
-                           place / (size[0] * size[1]) + fine->low[2]};
+        int at[3];
+        spsi_field_at(fine, fine->places[held], at);
         for (int n = 0; n < 8; ++n) {
             int own[3];
-            for (int k = 0; k < 3; ++k) own[k] = spsi_level_brick(at[k] + (n >> k & 1 ? 1 : -1));
+            for (int k = 0; k < 3; ++k) own[k] = spsi_field_half(at[k] + (n >> k & 1 ? 1 : -1));
             level->grid[spsi_field_cell(level, own)] = 1;
         }
     }
@@ -11486,24 +11496,22 @@ static void spsi_level_octant(int taps, const float *fine, float *coarse) {
 static void spsi_level_own_task(void *data, int index, int worker) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *level = job->field, *fine = job->fine;
-    const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), *size = level->size, taps = job->taps;
+    const int end = spsi_least(level->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
     const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
     const size_t floats = spsi_field_floats(taps);
     (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        const int place = level->places[held];
-        const int at[3] = {place % size[0] + level->low[0], place / size[0] % size[1] + level->low[1],
-                           place / (size[0] * size[1]) + level->low[2]};
         float *values = level->values + (size_t)held * floats;
+        int at[3];
+        spsi_field_at(level, level->places[held], at);
         memset(values, 0, floats * sizeof *values);
         for (int n = 0; n < 8; ++n) {
-            int own[3], to[3], inside = 1, number;
+            int own[3], to[3], number;
             for (int k = 0; k < 3; ++k) {
                 own[k] = 2 * at[k] + (n >> k & 1);
                 to[k] = border + SPSI_BRICK / 2 * (n >> k & 1);
-                inside &= own[k] >= fine->low[k] && own[k] < fine->low[k] + fine->size[k];
             }
-            number = inside ? fine->grid[spsi_field_cell(fine, own)] : -1;
+            number = spsi_field_has(fine, own) ? fine->grid[spsi_field_cell(fine, own)] : -1;
             if (number >= 0)
                 spsi_level_octant(taps, fine->values + (size_t)number * floats,
                                   values + (to[2] * edge + to[1]) * pitch + to[0]);
@@ -11734,7 +11742,7 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     tapper->field = level ? &fields->levels[medium][level - 1] : &fields->list[medium];
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
-        for (int i = 0; i < 3; ++i) rows[k][i] *= pow(0.5, level);
+        for (int i = 0; i < 3; ++i) rows[k][i] /= 1 << level;
         spsi_linear_build(rays, rows[k], lattice->corner, -0.5 - SPSI_BRICK * tapper->field->low[k], &tapper->at[k]);
     }
     spsi_linear_of_slabs(rays, slabs, &tapper->slab);
@@ -11744,7 +11752,7 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
 /* How far voxels reach, in those that were read: a level's weights are for up to 1.5 finer voxels more. */
 static double spsi_tapper_reach(const spsi_tapper *tapper) {
     const double reach = tapper->fields->taps / 2.0;
-    return tapper->level ? (reach + 1.5) * pow(2, tapper->level) : reach;
+    return tapper->level ? (reach + 1.5) * (1 << tapper->level) : reach;
 }
 
 /* The covariance of a footprint, xx, yy and xy, without the pixel filter, at ray coordinates (x t, y t, t). */
@@ -11786,42 +11794,40 @@ typedef enum spsi_verdict {
 
 static inline int spsi_gathers(spsi_verdict verdict) { return verdict >= SPSI_GATHER_ASKED; }
 
-/* Samples per voxel's volume at a point in ray coordinates: pixels to its cross-section times steps to its length. */
-static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
+/* The way through a slab, in voxels of the field along each axis, of the ray through a point in ray coordinates. */
+static void spsi_tapper_way(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3], double way[3]) {
     const double x = rays->perspective ? q[0] / q[2] : q[0], y = rays->perspective ? q[1] / q[2] : q[1];
-    const double depth = q[2] - rays->depth_reference;
-    const spsi_linear *slab = &tapper->slab;
-    const double slope = fabs((double)slab->slope[0] + x * (double)slab->slope[1] + y * (double)slab->slope[2]);
-    double across[2][3], along[3], length, volume;
+    const float *slab = tapper->slab.slope;
+    const double slope = fabs((double)slab[0] + x * (double)slab[1] + y * (double)slab[2]);
     for (int k = 0; k < 3; ++k) {
-        const spsi_linear *at = &tapper->at[k];
-        for (int i = 0; i < 2; ++i) across[i][k] = (double)at->base[1 + i] + depth * (double)at->slope[1 + i];
-        along[k] = (double)at->slope[0] + x * (double)at->slope[1] + y * (double)at->slope[2];
+        const float *change = tapper->at[k].slope;
+        way[k] = ((double)change[0] + x * (double)change[1] + y * (double)change[2]) / slope;
     }
-    length = sqrt(spsi_dot(along, along)) / slope; /* voxels in a slab */
-    volume = fabs(spsi_determinant(across[0], across[1], along)) / slope;
-    return fmax(ceil(length / SPSI_TAP_STEP), 1) / volume * tapper->across * tapper->across;
+}
+
+/* Samples per voxel's volume at a point in ray coordinates: rays to its cross-section times steps to its length. */
+static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *rays, const double q[3]) {
+    const double depth = q[2] - rays->depth_reference;
+    double across[2][3], way[3], steps;
+    spsi_tapper_way(tapper, rays, q, way);
+    for (int k = 0; k < 3; ++k)
+        for (int i = 0; i < 2; ++i)
+            across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
+    steps = fmax(ceil(sqrt(spsi_dot(way, way)) / SPSI_TAP_STEP), 1);
+    return steps * tapper->across * tapper->across / fabs(spsi_determinant(across[0], across[1], way));
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
 static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
                                           const spsi_splatter *splatter, const double q[3]) {
-    double slope, variance, square = 0;
-    float x, y;
+    const double finer = (double)(tapper->across << tapper->level);
+    double way[3], variance;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
-    variance = pow(4, tapper->level) * spsi_least_variance(splatter, q) * tapper->across * tapper->across;
+    variance = finer * finer * spsi_least_variance(splatter, q);
     if (variance < SPSI_TAP_VARIANCE && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     if (variance > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
-    x = (float)(rays->perspective ? q[0] / q[2] : q[0]);
-    y = (float)(rays->perspective ? q[1] / q[2] : q[1]);
-    slope = (double)(tapper->slab.slope[0] + x * tapper->slab.slope[1] + y * tapper->slab.slope[2]);
-    for (int k = 0; k < 3; ++k) {
-        const spsi_linear *linear = &tapper->at[k];
-        const double change = (double)(linear->slope[0] + x * linear->slope[1] + y * linear->slope[2]);
-        square += change * change;
-    }
-    if (!(square <= slope * slope * (SPSI_TAP_MOST * SPSI_TAP_STEP * SPSI_TAP_MOST * SPSI_TAP_STEP)))
-        return SPSI_SPLAT_THICK;
+    spsi_tapper_way(tapper, rays, q, way);
+    if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * SPSI_TAP_STEP)) return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
 
@@ -11857,12 +11863,12 @@ static int spsi_tapper_pays(const spsi_tapper *tapper, const spsi_lattice *latti
                             const spsi_splatter *splatter) {
     static const double middle[3] = {0.5, 0.5, 0.5};
     const spsi_voxel_field *field = &tapper->fields->list[lattice->medium];
-    const double cut = (double)splatter->cut, volume = field->volume * pow(0.125, tapper->level);
+    const double cut = (double)splatter->cut, size = (double)(1 << tapper->level);
     double q[3], area, fragments, samples;
     spsi_tapper_point(tapper, lattice, rays, middle, q);
     area = SPSI_PI * cut * cut * spsi_footprint_variance(splatter, q);
     fragments = area * (1 + 4.0 / 3 * (double)splatter->reach_slabs); /* mean chord of a ball of that radius */
-    samples = volume * spsi_tapper_density(tapper, rays, q);
+    samples = field->volume / (size * size * size) * spsi_tapper_density(tapper, rays, q);
     return samples * (tapper->fields->taps == 4 ? SPSI_COST_SAMPLE : SPSI_COST_SAMPLE_WIDE) <
            field->voxels * (SPSI_COST_FOOTPRINT + SPSI_COST_FRAGMENT * fragments);
 }
@@ -11914,21 +11920,27 @@ static void spsi_levels_place(spsi_fields *fields, int medium) {
         spsi_level_place(n ? &fields->levels[medium][n - 1] : &fields->list[medium], &fields->levels[medium][n]);
 }
 
-/* Upper bound of the bytes of a volume's coarser levels, given that of the bricks that it holds. */
-static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t held) {
+/* A field that has all of a volume within reach. */
+static void spsi_field_whole(const spsi_medium *medium, spsi_voxel_field *field) {
+    for (int k = 0; k < 3; ++k) {
+        field->low[k] = -1;
+        field->size[k] = (medium->size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
+    }
+}
+
+/* Upper bound of the bytes of a volume's coarser levels. A brick of voxels is within reach of 3^3 bricks on each: those
+   of the finer level and one about them are up to five in a row. A side of less than three bricks may grow to three. */
+static size_t spsi_levels_bytes(const spsi_frame *frame, int medium, size_t bricks) {
+    const size_t most = 9 * spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     spsi_voxel_field levels[2];
     size_t bytes = 0;
-    memset(levels, 0, sizeof levels);
-    for (int k = 0; k < 3; ++k) {
-        levels[0].low[k] = -1;
-        levels[0].size[k] = (frame->media[medium].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
-    }
+    spsi_field_whole(&frame->media[medium], &levels[0]);
     for (int n = 0; n < spsi_levels_wanted(frame, medium); ++n) {
         size_t cells;
         spsi_level_place(&levels[n % 2], &levels[1 - n % 2]);
         cells = spsi_field_cells(&levels[1 - n % 2]);
-        held = 8 * held < cells ? 8 * held : cells;
-        bytes += spsi_field_grid_bytes(cells) + held * spsi_field_brick_bytes(spsi_taps_wanted(frame));
+        cells = cells < most ? cells : most;
+        bytes += spsi_field_grid_bytes(cells) + (27 * bricks < cells ? 27 * bricks : cells) * each;
     }
     return bytes;
 }
@@ -11938,11 +11950,12 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
     const size_t most = spsi_field_cells_most(bricks), each = spsi_field_brick_bytes(spsi_taps_wanted(frame));
     size_t all = 0, bytes = sizeof(spsi_fields);
     for (int m = 0; m < frame->medium_count; ++m) {
-        size_t cells = 1;
-        for (int k = 0; k < 3; ++k) cells *= (size_t)((frame->media[m].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2);
-        cells = cells < most ? cells : most;
-        bytes += spsi_levels_bytes(frame, m, 27 * bricks < cells ? 27 * bricks : cells);
-        all += cells;
+        spsi_voxel_field field;
+        size_t cells;
+        spsi_field_whole(&frame->media[m], &field);
+        cells = spsi_field_cells(&field);
+        all += cells < most ? cells : most;
+        bytes += spsi_levels_bytes(frame, m, bricks);
     }
     return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
 }
@@ -11964,11 +11977,22 @@ static size_t spsi_fields_begin(const sps_context *context, const spsi_frame *fr
     return all;
 }
 
-/* Makes grids of the bricks of all fields, unless they are held with their voxels. */
+/* Lays a field's grid out. Returns the end of its memory. */
+static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
+    const size_t cells = spsi_field_cells(field);
+    field->grid = memory;
+    field->sources = memory + cells;
+    field->places = memory + 2 * cells;
+    return memory + 3 * cells;
+}
+
+/* Makes grids of the bricks of all fields, unless they are held with their voxels or everything is splatted. */
 static sps_result spsi_fields_place(sps_context *context, const spsi_frame *frame) {
     const int taps = spsi_taps_wanted(frame);
-    spsi_fields *fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
+    spsi_fields *fields;
     int *memory;
+    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
+    fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
     if (!fields) return context->result;
     frame->content->fields = fields;
     if (context->field_taps == taps) return SPS_OK;
@@ -11980,44 +12004,57 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     if (!memory) return context->result;
     for (int m = 0; m < frame->medium_count; ++m) {
         spsi_voxel_field *field = &fields->list[m];
-        const size_t cells = spsi_field_cells(field);
-        if (cells == 0) continue;
+        if (spsi_field_cells(field) == 0) continue;
         spsi_levels_place(fields, m);
-        field->grid = memory;
-        field->sources = memory + cells;
-        field->places = memory + 2 * cells;
-        memory += 3 * cells;
+        memory = spsi_field_lay(field, memory);
         spsi_field_number((const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data, taps, field);
     }
     context->field_taps = taps;
     return SPS_OK;
 }
 
+/* Bricks of several fields, one field after the other. */
+typedef struct spsi_field_stock {
+    float *values;
+    size_t count, used; /* bricks */
+} spsi_field_stock;
+
+static sps_result spsi_field_stock_reserve(sps_context *context, spsi_buffer_id id, int taps, size_t count,
+                                           spsi_field_stock *stock) {
+    stock->values = (float *)spsi_reserve(context, id, count, spsi_field_brick_bytes(taps));
+    stock->count = count;
+    stock->used = 0;
+    return stock->values ? SPS_OK : context->result;
+}
+
+/* Fills a field, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
+static void spsi_field_fill(sps_context *context, int taps, spsi_field_stock *stock, const spsi_voxel_field *fine,
+                            spsi_voxel_field *field) {
+    const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
+    spsi_field_job job;
+    field->values = stock->values + stock->used * spsi_field_floats(taps);
+    field->holds = (unsigned char *)(stock->values + stock->count * spsi_field_floats(taps)) + stock->used;
+    stock->used += (size_t)field->count;
+    job.context = context;
+    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    job.taps = taps;
+    job.field = field;
+    job.fine = fine;
+    spsi_parallel(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
+    spsi_parallel(context, tasks, spsi_field_apron_task, &job);
+}
+
 /* Fills the bricks of all fields, unless they are; when the first volume is to be gathered. */
 static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
-    const size_t floats = spsi_field_floats(fields->taps);
-    spsi_field_job job;
-    size_t count = 0, held = 0;
-    float *values;
+    spsi_field_stock stock;
+    size_t count = 0;
     if (fields->filled) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m) count += (size_t)fields->list[m].count;
-    values = (float *)spsi_reserve(context, SPSI_BUFFER_FIELD_VALUES, count, spsi_field_brick_bytes(fields->taps));
-    if (!values) return context->result;
-    job.context = context;
-    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    job.taps = fields->taps;
-    job.fine = NULL;
-    for (int m = 0; m < frame->medium_count; ++m) {
-        spsi_voxel_field *field = &fields->list[m];
-        const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
-        field->values = values + held * floats;
-        field->holds = (unsigned char *)(values + count * floats) + held;
-        held += (size_t)field->count;
-        job.field = field;
-        spsi_parallel(context, tasks, spsi_field_own_task, &job);
-        spsi_parallel(context, tasks, spsi_field_apron_task, &job);
-    }
+    if (spsi_field_stock_reserve(context, SPSI_BUFFER_FIELD_VALUES, fields->taps, count, &stock))
+        return context->result;
+    for (int m = 0; m < frame->medium_count; ++m)
+        spsi_field_fill(context, fields->taps, &stock, NULL, &fields->list[m]);
     fields->filled = 1;
     return SPS_OK;
 }
@@ -12028,11 +12065,7 @@ static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fiel
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n) {
             spsi_voxel_field *level = &fields->levels[m][n];
-            const size_t cells = spsi_field_cells(level);
-            level->grid = memory;
-            level->sources = memory + cells;
-            level->places = memory + 2 * cells;
-            memory += 3 * cells;
+            memory = spsi_field_lay(level, memory);
             spsi_level_number(n ? level - 1 : &fields->list[m], level);
             count += (size_t)level->count;
         }
@@ -12043,10 +12076,8 @@ static size_t spsi_levels_number(const spsi_frame *frame, int *memory, spsi_fiel
    gathered from one. */
 static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame) {
     spsi_fields *fields = frame->content->fields;
-    const size_t floats = spsi_field_floats(fields->taps);
-    spsi_field_job job;
-    size_t cells = 0, count, held = 0;
-    float *values;
+    spsi_field_stock stock;
+    size_t cells = 0, count;
     int *grids;
     if (fields->leveled) return SPS_OK;
     for (int m = 0; m < frame->medium_count; ++m)
@@ -12055,23 +12086,12 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
     grids = (int *)spsi_reserve(context, SPSI_BUFFER_LEVEL_GRIDS, cells, spsi_field_grid_bytes(1));
     if (!grids) return context->result;
     count = spsi_levels_number(frame, grids, fields);
-    values = (float *)spsi_reserve(context, SPSI_BUFFER_LEVEL_VALUES, count, spsi_field_brick_bytes(fields->taps));
-    if (!values) return context->result;
-    job.context = context;
-    job.bricks = NULL;
-    job.taps = fields->taps;
+    if (spsi_field_stock_reserve(context, SPSI_BUFFER_LEVEL_VALUES, fields->taps, count, &stock))
+        return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n) {
-            spsi_voxel_field *level = &fields->levels[m][n];
-            const int tasks = (level->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
-            level->values = values + held * floats;
-            level->holds = (unsigned char *)(values + count * floats) + held;
-            held += (size_t)level->count;
-            job.field = level;
-            job.fine = n ? level - 1 : &fields->list[m];
-            spsi_parallel(context, tasks, spsi_level_own_task, &job);
-            spsi_parallel(context, tasks, spsi_field_apron_task, &job);
-        }
+        for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
+            spsi_field_fill(context, fields->taps, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
+                            &fields->levels[m][n]);
     fields->leveled = 1;
     return SPS_OK;
 }
@@ -12467,12 +12487,8 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     return SPS_OK;
 }
 
-/* Fills the volumes' fields if a target gathers any, and their levels likewise. That is done while bricks are sorted,
-   but its time is that of reading. */
+/* Fills the volumes' fields if a target gathers any, and their levels likewise. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
-    sps_context *context = contents->context;
-    const double start = spsi_clock(context);
-    double seconds;
     int gathers = 0, level = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
@@ -12480,12 +12496,8 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
             gathers = 1;
             level = spsi_most(level, contents->targets[n]->tappers[i].level);
         }
-    if (gathers && spsi_fields_fill(context, contents->frame)) return context->result;
-    if (level > 0 && spsi_levels_fill(context, contents->frame)) return context->result;
-    seconds = spsi_clock(context) - start;
-    context->stats.seconds_gather += seconds;
-    context->stats.seconds_bin -= seconds;
-    return SPS_OK;
+    if (gathers && spsi_fields_fill(contents->context, contents->frame)) return contents->context->result;
+    return level > 0 ? spsi_levels_fill(contents->context, contents->frame) : SPS_OK;
 }
 
 /* Finds the chunks and boxes of all bricks, and allocates the targets' sheets. `second` may be NULL. */
@@ -22451,7 +22463,7 @@ static sps_result spsi_render_frame(sps_context *context, spsi_frame *frame, con
     memset(&picture, 0, sizeof picture);
     picture.frame = frame;
     if (spsi_gather(context, frame) || spsi_gather_particles(context, frame)) return context->result;
-    if (frame->view.filling != SPS_FILLING_SPLAT && spsi_fields_place(context, frame)) return context->result;
+    if (spsi_fields_place(context, frame)) return context->result;
     if (spsi_decide_scattering(context, frame, &context->stats.scatter_bound)) return context->result;
     spsi_choose_shadows(context, frame);
     if (!spsi_has_shadow_tables(frame)) spsi_shadow_tables_drop(context);
@@ -22541,7 +22553,7 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
    side or, if that is less, each apart from the others. */
 static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     spsi_fields *fields;
-    if (frame->view.filling == SPS_FILLING_SPLAT) return SPS_OK;
+    if (frame->view.filling == SPS_FILLING_SPLAT || frame->medium_count == 0) return SPS_OK;
     if (reading->held) return spsi_fields_place(context, frame);
     context->field_taps = 0; /* they are not what is held */
     fields = (spsi_fields *)spsi_reserve(context, SPSI_BUFFER_FIELDS, 1, sizeof *fields);
@@ -22553,11 +22565,8 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
         spsi_voxel_field *field = &fields->list[m];
         const double bricks = (double)reading->bricks_of[m], most = pow(SPSI_BRICK + fields->taps, 3);
         double volume = 1;
-        for (int k = 0; k < 3; ++k) {
-            field->low[k] = -1;
-            field->size[k] = (frame->media[m].size[k] + SPSI_BRICK - 1) / SPSI_BRICK + 2;
-            volume *= frame->media[m].size[k] + fields->taps;
-        }
+        spsi_field_whole(&frame->media[m], field);
+        for (int k = 0; k < 3; ++k) volume *= frame->media[m].size[k] + fields->taps;
         spsi_levels_place(fields, m);
         field->count = spsi_field_cells(field) <= spsi_field_cells_most((size_t)reading->bricks_of[m]);
         field->volume = spsi_minimum(volume, most * bricks);
@@ -22714,7 +22723,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
                                           "gathered: view.filling asks for it",
                                           "gathered: samples cost less than footprints would"};
     const spsi_rays *rays = of_light ? &sweep->rays : &frame->content->eye;
-    int count = 0;
+    int count = 0, judged = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
@@ -22728,7 +22737,7 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
         if (!of_light && material->table) spsi_splatter_classified(&splatter);
         verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, slopes && material->table,
                                     &tapper);
-        if (i == 0) *why = reasons[verdict];
+        if (judged++ == 0) *why = reasons[verdict];
         count += spsi_gathers(verdict);
     }
     *gathered = spsi_most(*gathered, count);

@@ -1855,8 +1855,7 @@ int main(int argc, char **argv) {
     if (!filling && !maps && !accuracy && !polygons && !edges && !lights && !scattering && !paths) {
         fprintf(stderr,
                 "%s: give nothing, or `speed`, or `filling`, or `lights`, or `polygons`, or `edges`, or `scattering`, "
-                "or `paths`, or "
-                "`maps`, or `accuracy`\n",
+                "or `paths`, or `maps`, or `accuracy`\n",
                 argv[0]);
         return 2;
     }

@@ -772,9 +772,10 @@ typedef enum sps_filling {
     /* Pixel by pixel: one sample of 4^3 voxels, 6^3 at high and ultra, per 0.8 voxels or less of a ray in gas. Mostly
        faster unless voxels are many pixels wide: cost is proportional to pixels times slabs. Where voxels are smaller
        than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
-       sampled, at draft and medium and unless they are classified. Volumes are splatted nevertheless, one by one and in
-       each pass, if no level fits all of them, if they are not all well before the eye or the light, if slabs are
-       thicker than 12 voxels, or if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels
+       sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels smaller than 0.9
+       pixels has four rays in these, by which it finds their gradients. Volumes are splatted nevertheless, one by one
+       and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if slabs
+       are thicker than 12 voxels, or if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels
        within reach of one, 10800 at high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
@@ -11207,15 +11208,20 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    which eighths of it have none. Samples lie in the middle of equal steps h, up to 0.8 voxels, along a pixel's ray. The
    integral over a slab is h times their sum plus h / 24 times the change of the field's differences from its first to
    its last step (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts
-   it, its rest has samples of its own. Where voxels are smaller than pixels, a pixel has four rays, and volumes have a
-   pyramid: each level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum
-   is cos^3. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made from its finer one in
-   about 60 operations per voxel. */
+   it, its rest has samples of its own. Where voxels are smaller than pixels, a pixel has four rays, whose differences
+   are the slopes of surfaces (an eighth of a pixel apart: at half a pixel they fall short by 1.1 to 1.6 times the
+   error, at a sixteenth weights are too coarse), and volumes that are not classified have a pyramid: each level's
+   voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Cost: about
+   20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made from its finer one in about 60 operations
+   per voxel.
+ */
 
 #define SPSI_TAP_MOST     16       /* samples of a ray in a slab; thicker slabs are splatted */
 #define SPSI_TAP_STEP     0.8      /* voxels between samples of a ray, at most */
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, relative to rays' distances: half that of the pixel filter */
 #define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
+#define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to four rays of it, along each axis */
+#define SPSI_TAP_BESIDE   0.0625f  /* the same if their differences are slopes */
 #define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
 
@@ -11527,6 +11533,7 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *field; /* of its level */
     int level;                     /* 0: voxels as they were read */
     int across;                    /* rays along each side of a pixel: 1 or 2 */
+    float aside;                   /* pixels from its centre to them, along each axis */
     spsi_linear at[3], slab;
     int whole;    /* 1: neither polygons nor the near plane cut slabs */
     float near_d; /* t at which rays begin, as t - depth_reference */
@@ -11649,8 +11656,7 @@ typedef struct spsi_tap_line {
 
 static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *tile, int x, int y, int part,
                                        spsi_tap_line *line) {
-    const float off = t->across > 1 ? 0.25f : 0;
-    const float fx = (float)x + (part & 1 ? off : -off), fy = (float)y + (part & 2 ? off : -off);
+    const float fx = (float)x + (part & 1 ? t->aside : -t->aside), fy = (float)y + (part & 2 ? t->aside : -t->aside);
     float square = 0, steps;
     line->base = t->slab.base[0] + fx * t->slab.base[1] + fy * t->slab.base[2];
     line->slope = t->slab.slope[0] + fx * t->slab.slope[1] + fy * t->slab.slope[2];
@@ -11699,9 +11705,18 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_line *line, floa
     return sum * (to - from) / (float)count;
 }
 
+/* Adds a ray's share, a quarter, of a pixel's sheet to sheets of its slopes: d/dx is the difference of the means of the
+   two rays on either side, divided by how far they are apart. */
+static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, size_t at, int part, float share) {
+    const float change = share / t->aside;
+    tile->slopes[at] += part & 1 ? change : -change;
+    tile->slopes[at + tile->channel_size] += part & 2 ? change : -change;
+}
+
 /* Adds to a pixel's sheets what one of its rays finds. One more sample on either side of all tells the slopes at the
-   ends. */
-static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, float *sheet) {
+   ends. `pixel`: its place in a sheet. */
+static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, float *sheets,
+                            size_t pixel) {
     float samples[(SPSI_CHUNK + 4) * SPSI_TAP_MOST + 2];
     const float *first = samples + 1;
     float per_slab, weight;
@@ -11719,7 +11734,7 @@ static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y,
     held = spsi_tap_samples(t->fields, t->field, &ray, slabs[0] * line.steps, slabs[1] * line.steps + 2, samples);
     if (held == 0) return;
     tile->samples += (uint64_t)held;
-    for (int slab = 0; slab < tile->slab_count; ++slab, first += line.steps, sheet += tile->sheet_size) {
+    for (int slab = 0; slab < tile->slab_count; ++slab, first += line.steps, pixel += tile->sheet_size) {
         const float a = ((float)slab - line.base) * per_slab, b = ((float)slab + 1 - line.base) * per_slab;
         const float enter = spsi_lower(a, b), leave = spsi_higher(a, b), *last = first + line.steps - 1;
         float sum = ((last[1] - last[0]) - (first[0] - first[-1])) * (1.0f / 24);
@@ -11727,7 +11742,9 @@ static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y,
         sum *= weight;
         if (enter < line.nearest || leave > line.limit)
             sum = spsi_tap_part(t, &line, spsi_higher(enter, line.nearest), spsi_lower(leave, line.limit), tile);
-        if (sum > 0) *sheet += sum * t->scale;
+        if (sum <= 0) continue;
+        sheets[pixel] += sum * t->scale;
+        if (tile->slopes) spsi_tap_slopes(t, tile, pixel, part, sum * t->scale);
     }
 }
 
@@ -11739,6 +11756,7 @@ static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lat
     tapper->fields = fields;
     tapper->level = level;
     tapper->across = across;
+    tapper->aside = across > 1 ? SPSI_TAP_ASIDE : 0;
     tapper->field = level ? &fields->levels[medium][level - 1] : &fields->list[medium];
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
@@ -11786,7 +11804,6 @@ typedef enum spsi_verdict {
     SPSI_SPLAT_NEAR,
     SPSI_SPLAT_THICK,
     SPSI_SPLAT_SPREAD, /* there is no field */
-    SPSI_SPLAT_SLOPES,
     SPSI_SPLAT_CHEAPER,
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
@@ -11889,12 +11906,12 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
-    if (slopes) return SPSI_SPLAT_SLOPES;
-    for (int n = 0; n < 2 + spsi_levels_wanted(frame, lattice->medium) && verdict == SPSI_SPLAT_SMALL; ++n) {
+    for (int n = slopes; n < 2 + spsi_levels_wanted(frame, lattice->medium) && verdict == SPSI_SPLAT_SMALL; ++n) {
         spsi_tapper_build(fields, lattice, rays, slabs, spsi_most(n - 1, 0), n > 0 ? 2 : 1, tapper);
         verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
     }
     tapper->whole = splatter->whole;
+    if (slopes) tapper->aside = SPSI_TAP_BESIDE;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
@@ -12644,12 +12661,14 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     const spsi_tapper *tapper = &target->tappers[medium];
     spsi_tile *tile = fill->tile;
     const int margin = tile->margin, shift = fill->contents->first_slab - target->shape.slab_margin;
+    const int slopes = target->slope_channels[medium];
     spsi_tapper here = *tapper;
     float *channel;
     here.slab.base[0] -= (float)shift;
     here.scale /= (float)(here.across * here.across);
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
+    tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
     for (int n = 0; n < 64; ++n) {
         const int column = n % 8, row = n / 8, left = tile->x0 + margin, top = tile->y0 + margin;
         const int x0 = column == 0 ? tile->x0 : left + column * SPSI_PATCH;
@@ -12660,7 +12679,8 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
         for (int y = y0; y <= y1; ++y)
             for (int x = x0; x <= x1; ++x)
                 for (int part = 0; part < here.across * here.across; ++part)
-                    spsi_tap_sheets(&here, tile, x, y, part, channel + (y - tile->y0) * tile->pitch + (x - tile->x0));
+                    spsi_tap_sheets(&here, tile, x, y, part, channel,
+                                    (size_t)((y - tile->y0) * tile->pitch + x - tile->x0));
     }
 }
 
@@ -22718,7 +22738,6 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
                                           "splatted: voxels are near the eye or the light, or behind it",
                                           "splatted: slabs are thicker than 12 voxels",
                                           "splatted: voxels are scattered too thinly, or none is relevant",
-                                          "splatted: gradients have sheets, since voxels are smaller than pixels",
                                           "splatted: footprints cost less than samples would",
                                           "gathered: view.filling asks for it",
                                           "gathered: samples cost less than footprints would"};

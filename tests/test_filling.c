@@ -319,7 +319,7 @@ static void test_small_pictures(void) {
 /* The same ball, classified, as a surface: its values differ as above, by 0.25 / w at most, since its rays add only
    0.004 to the variance of a voxel, and the transfer function's extinction rises 1.5 times as fast as in proportion. */
 static void test_small_surfaces(void) {
-    for (int size = 4; size < 10; ++size) {
+    for (int size = 4; size < 10; size += 2) {
         const double w = 0.2 * 0.2 * SIDE * SIDE * 4.0 / (size * size), allowed = 1.5 * 0.25 / w;
         double mean = 0, gathered, splatted, apart;
         check_scene s;

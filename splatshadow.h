@@ -10149,9 +10149,9 @@ static void spsi_image_divide(const spsi_frame *frame) {
    polygons and at the near plane, and footprints are widened to a pixel by its filter. Classified volumes as the eye
    sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
    sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
-   smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps). Sheets hold
-   the integral of value over t; the length of a ray per t is applied at shading. Cost: about 14 vector operations per
-   vector of fragments and section, and 25 per row. */
+   smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps).
+   Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Cost: about 14 vector
+   operations per vector of fragments and section, and 25 per row. */
 
 /* A kernel near a perspective eye, in units of t's standard deviation, so that fourth powers stay in range. */
 typedef struct spsi_near_case {

@@ -5467,7 +5467,7 @@ static double spsi_voxel_pixels(const spsi_frame *frame, const spsi_medium *medi
 /* Chooses how gradients are computed. Differences over two pixels fall short of a sharp edge by up to a sixth of
    (pixels / 0.65 voxels)^2, and normals lean towards the slabs' normal; over four pixels, which costs a tenth of a
    frame's time, they are right to 1 % down to one pixel per voxel. Below that they need sheets of their own, with three
-   times as much splatting. */
+   times as much splatting, or four rays a pixel. */
 static void spsi_resolve_gradients(spsi_frame *frame) {
     double pixels = HUGE_VAL;
     int near_by = 0;
@@ -11208,13 +11208,12 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    which eighths of it have none. Samples lie in the middle of equal steps h, up to 0.8 voxels, along a pixel's ray. The
    integral over a slab is h times their sum plus h / 24 times the change of the field's differences from its first to
    its last step (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts
-   it, its rest has samples of its own. Where voxels are smaller than pixels, a pixel has four rays, whose differences
-   are the slopes of surfaces (an eighth of a pixel apart: at half a pixel they fall short by 1.1 to 1.6 times the
-   error, at a sixteenth weights are too coarse), and volumes that are not classified have a pyramid: each level's
-   voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3. Cost: about
-   20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made from its finer one in about 60 operations
-   per voxel.
- */
+   it, its rest has samples of its own. Where voxels are smaller than pixels, a pixel has four rays. Those of
+   a surface lie near its centre, where it is classified anyway, and their differences are its slopes: rays half a pixel
+   apart would let steep ones fall short, much nearer ones would show that weights come in steps. Volumes that are not
+   classified have a pyramid: each level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and
+   1, whose spectrum is cos^3. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made
+   from its finer one in about 60 operations per voxel. */
 
 #define SPSI_TAP_MOST     16       /* samples of a ray in a slab; thicker slabs are splatted */
 #define SPSI_TAP_STEP     0.8      /* voxels between samples of a ray, at most */
@@ -11714,12 +11713,12 @@ static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, 
 }
 
 /* Adds to a pixel's sheets what one of its rays finds. One more sample on either side of all tells the slopes at the
-   ends. `pixel`: its place in a sheet. */
-static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, float *sheets,
-                            size_t pixel) {
+   ends. */
+static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, float *sheets) {
     float samples[(SPSI_CHUNK + 4) * SPSI_TAP_MOST + 2];
     const float *first = samples + 1;
     float per_slab, weight;
+    size_t pixel = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0); /* of the current sheet */
     int count, slabs[2], held;
     spsi_tap_line line;
     spsi_tap_ray ray;
@@ -12679,8 +12678,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
         for (int y = y0; y <= y1; ++y)
             for (int x = x0; x <= x1; ++x)
                 for (int part = 0; part < here.across * here.across; ++part)
-                    spsi_tap_sheets(&here, tile, x, y, part, channel,
-                                    (size_t)((y - tile->y0) * tile->pitch + x - tile->x0));
+                    spsi_tap_sheets(&here, tile, x, y, part, channel);
     }
 }
 

@@ -116,6 +116,18 @@ enum {
     KINDS
 };
 
+/* How far the gathered picture, image_a, and the splatted one, image_b, are off a marched one, and from each other,
+   relative to its mean. Returns 0 if marching fails. */
+static int compare_ways(const check_scene *s, double *gathered, double *splatted, double *apart) {
+    double mean = 0;
+    if (!check_march(context, s, 0.75, image_c, NULL)) return 0;
+    for (int i = 0; i < COUNT; ++i) mean += (double)image_c[i] / COUNT;
+    *gathered = check_rms(image_a, image_c, COUNT) / mean;
+    *splatted = check_rms(image_b, image_c, COUNT) / mean;
+    *apart = check_rms(image_a, image_b, COUNT) / mean;
+    return 1;
+}
+
 static void start_kind(check_scene *s, int kind) {
     static const double corner[3] = {-3, -0.6, -3}, u[3] = {0, 0.8, 6}, v[3] = {6, 0, 0};
     const int classified = kind == CLASSIFIED || kind == SURFACE || kind == CUT_CLASSIFIED;
@@ -171,7 +183,7 @@ static void start_kind(check_scene *s, int kind) {
 static void test_pictures_alike(void) {
     for (int kind = 0; kind < KINDS; ++kind) {
         check_scene s;
-        double mean = 0, gathered, splatted, apart, wave;
+        double gathered, splatted, apart, wave;
         sps_stats_report stats;
         start_kind(&s, kind);
         if (!check_render(context, &s, image_a)) return;
@@ -182,11 +194,7 @@ static void test_pictures_alike(void) {
         if (!check_render(context, &s, image_b)) return;
         CHECK(samples_of(context) == 0);
         if (check_memory_only()) continue;
-        if (!check_march(context, &s, 0.75, image_c, NULL)) return;
-        for (int i = 0; i < COUNT; ++i) mean += (double)image_c[i] / COUNT;
-        gathered = check_rms(image_a, image_c, COUNT) / mean;
-        splatted = check_rms(image_b, image_c, COUNT) / mean;
-        apart = check_rms(image_a, image_b, COUNT) / mean;
+        if (!compare_ways(&s, &gathered, &splatted, &apart)) return;
         if (getenv("CHECK_FIGURES"))
             printf("kind %2d: gathered off by %.3f %%, splatted by %.3f %%, %.3f %% apart\n", kind, 100 * gathered,
                    100 * splatted, 100 * apart);
@@ -321,7 +329,7 @@ static void test_small_pictures(void) {
 static void test_small_surfaces(void) {
     for (int size = 4; size < 10; size += 2) {
         const double w = 0.2 * 0.2 * SIDE * SIDE * 4.0 / (size * size), allowed = 1.5 * 0.25 / w;
-        double mean = 0, gathered, splatted, apart;
+        double gathered, splatted, apart;
         check_scene s;
         start(&s, ball);
         check_orthographic(&s.view.camera, size);
@@ -335,11 +343,7 @@ static void test_small_surfaces(void) {
         if (!check_render(context, &s, image_b)) return;
         CHECK(samples_of(context) == 0);
         if (check_memory_only()) continue;
-        if (!check_march(context, &s, 0.75, image_c, NULL)) return;
-        for (int i = 0; i < COUNT; ++i) mean += (double)image_c[i] / COUNT;
-        gathered = check_rms(image_a, image_c, COUNT) / mean;
-        splatted = check_rms(image_b, image_c, COUNT) / mean;
-        apart = check_rms(image_a, image_b, COUNT) / mean;
+        if (!compare_ways(&s, &gathered, &splatted, &apart)) return;
         if (!CHECK(gathered <= splatted + allowed) || !CHECK(apart <= allowed))
             printf("    %d: %g, splatted %g, apart %g, allowed %g\n", size, gathered, splatted, apart, allowed);
         if (getenv("CHECK_FIGURES"))

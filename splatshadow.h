@@ -769,14 +769,15 @@ typedef enum sps_filling {
        tests/test_filling.c), less at high quality. */
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
-    /* Pixel by pixel: one sample of 4^3 voxels, 6^3 at high and ultra, per 0.8 voxels or less of a ray in gas. Mostly
-       faster unless voxels are many pixels wide: cost is proportional to pixels times slabs. Where voxels are smaller
-       than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
-       sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels smaller than 0.9
-       pixels has four rays in these, by which it finds their gradients. Volumes are splatted nevertheless, one by one
-       and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if slabs
-       are thicker than 12 voxels, or if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels
-       within reach of one, 10800 at high and ultra, and roughly an eighth as many on each coarser level. */
+    /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
+       voxel or less. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where
+       voxels are smaller than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a
+       coarser level are sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels
+       smaller than 0.9 pixels has four rays in these, by which it finds their gradients. Volumes are splatted
+       nevertheless, one by one and in each pass, if no level fits all of them, if they are not all well before the eye
+       or the light, if rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too
+       thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra, and
+       roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -1312,6 +1313,11 @@ static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u <<
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
 #define SPSI_HAS_FIRST
+static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
+    const __m512i words = _mm512_i32gather_epi32(_mm512_cvttps_epi32(at), grid, 4);
+    _mm512_storeu_si512(found, words);
+    return _mm512_test_epi32_mask(words, _mm512_sllv_epi32(_mm512_set1_epi32(1), _mm512_cvttps_epi32(bit)));
+}
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_AVX2)
@@ -1376,6 +1382,12 @@ static inline __m256i spsi_first(int count) {
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
 #define SPSI_HAS_FIRST
+static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
+    const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)grid, _mm256_cvttps_epi32(at), 4);
+    const __m256i place = _mm256_sub_epi32(_mm256_set1_epi32(31), _mm256_cvttps_epi32(bit));
+    _mm256_storeu_si256((__m256i *)(void *)found, words);
+    return _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(words, place)));
+}
 #define SPSI_HAS_LOOKUP
 
 #elif defined(SPSI_SIMD_SSE2)
@@ -1531,6 +1543,19 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[1] = spsi_load(ys);
 }
 
+/* Gathers grid[at], per lane, into `found`. Returns a bit per lane: whether bit number `bit` is set there. */
+static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
+    float places[SPSI_LANES], numbers[SPSI_LANES];
+    int lanes = 0;
+    spsi_store(places, at);
+    spsi_store(numbers, bit);
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        found[i] = grid[(ptrdiff_t)places[i]];
+        lanes |= (int)(found[i] >> (int)numbers[i] & 1) << i;
+    }
+    return lanes;
+}
+
 /* Gathers table[4 * entry] to table[4 * entry + 3], per lane, for a whole-numbered entry. */
 static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v four[4]) {
     float at[SPSI_LANES], lanes[4][SPSI_LANES];
@@ -1553,16 +1578,15 @@ static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) {
     return _mm_fmadd_ps(_mm_set1_ps(a), b, c);
 #endif
 }
-static inline float spsi_four_dot(spsi_four a, spsi_four b) {
-    const __m128 all = _mm_mul_ps(a, b), half = _mm_add_ps(all, _mm_movehl_ps(all, all));
-    return _mm_cvtss_f32(_mm_add_ss(half, _mm_shuffle_ps(half, half, 1)));
-}
+static inline void spsi_four_store(float *p, spsi_four a) { _mm_storeu_ps(p, a); }
+static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return _mm_mul_ps(a, b); }
 #elif defined(SPSI_SIMD_NEON)
 typedef float32x4_t spsi_four;
 static inline spsi_four spsi_four_load(const float *p) { return vld1q_f32(p); }
 static inline spsi_four spsi_four_scale(float a, spsi_four b) { return vmulq_n_f32(b, a); }
 static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) { return vfmaq_n_f32(c, b, a); }
-static inline float spsi_four_dot(spsi_four a, spsi_four b) { return vaddvq_f32(vmulq_f32(a, b)); }
+static inline void spsi_four_store(float *p, spsi_four a) { vst1q_f32(p, a); }
+static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) { return vmulq_f32(a, b); }
 #else
 typedef struct spsi_four {
     float lane[4];
@@ -1580,10 +1604,62 @@ static inline spsi_four spsi_four_add(float a, spsi_four b, spsi_four c) {
     for (int i = 0; i < 4; ++i) c.lane[i] += a * b.lane[i];
     return c;
 }
-static inline float spsi_four_dot(spsi_four a, spsi_four b) {
-    return (a.lane[0] * b.lane[0] + a.lane[2] * b.lane[2]) + (a.lane[1] * b.lane[1] + a.lane[3] * b.lane[3]);
+static inline void spsi_four_store(float *p, spsi_four a) { memcpy(p, a.lane, sizeof a.lane); }
+static inline spsi_four spsi_four_mul(spsi_four a, spsi_four b) {
+    for (int i = 0; i < 4; ++i) b.lane[i] *= a.lane[i];
+    return b;
 }
 #endif
+
+/* The sums of four floats each, per lane: of fours[0] to fours[3], of the next four, and so on. */
+#if defined(SPSI_SIMD_AVX512)
+static inline spsi_v spsi_sum_fours(const float *fours) {
+    const __m512i order = _mm512_set_epi32(15, 11, 7, 3, 14, 10, 6, 2, 13, 9, 5, 1, 12, 8, 4, 0);
+    __m512 r[4], low[2], high[2];
+    for (int i = 0; i < 4; ++i) r[i] = _mm512_loadu_ps(fours + 16 * i);
+    for (int i = 0; i < 2; ++i) {
+        low[i] = _mm512_unpacklo_ps(r[2 * i], r[2 * i + 1]);
+        high[i] = _mm512_unpackhi_ps(r[2 * i], r[2 * i + 1]);
+        low[i] = _mm512_add_ps(low[i], high[i]);
+    }
+    r[0] = _mm512_add_ps(_mm512_shuffle_ps(low[0], low[1], 0x44), _mm512_shuffle_ps(low[0], low[1], 0xee));
+    return _mm512_permutexvar_ps(order, r[0]);
+}
+#elif defined(SPSI_SIMD_AVX2)
+static inline spsi_v spsi_sum_fours(const float *fours) {
+    __m256 half[2];
+    for (int i = 0; i < 2; ++i)
+        half[i] = _mm256_hadd_ps(_mm256_loadu_ps(fours + 16 * i), _mm256_loadu_ps(fours + 16 * i + 8));
+    return _mm256_permutevar8x32_ps(_mm256_hadd_ps(half[0], half[1]), _mm256_set_epi32(7, 3, 6, 2, 5, 1, 4, 0));
+}
+#elif defined(SPSI_SIMD_SSE2)
+static inline spsi_v spsi_sum_fours(const float *fours) {
+    __m128 half[2];
+    for (int i = 0; i < 2; ++i) {
+        const __m128 a = _mm_loadu_ps(fours + 8 * i), b = _mm_loadu_ps(fours + 8 * i + 4);
+        half[i] = _mm_add_ps(_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
+    }
+    return _mm_add_ps(_mm_movelh_ps(half[0], half[1]), _mm_movehl_ps(half[1], half[0]));
+}
+#elif defined(SPSI_SIMD_NEON)
+static inline spsi_v spsi_sum_fours(const float *fours) {
+    const float32x4_t low = vpaddq_f32(vld1q_f32(fours), vld1q_f32(fours + 4));
+    return vpaddq_f32(low, vpaddq_f32(vld1q_f32(fours + 8), vld1q_f32(fours + 12)));
+}
+#else
+static inline spsi_v spsi_sum_fours(const float *fours) { return (fours[0] + fours[2]) + (fours[1] + fours[3]); }
+#endif
+
+/* The lowest bit of those that are set; at least one is. */
+static inline int spsi_lowest_bit(int bits) {
+#if defined(__GNUC__)
+    return __builtin_ctz((unsigned)bits);
+#else
+    int lowest = 0;
+    while (!(bits >> lowest & 1)) ++lowest;
+    return lowest;
+#endif
+}
 
 /* Gathers the four neighbours (x,y), (x+1,y), (x,y+1), (x+1,y+1) for a bilinear lookup. */
 static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, spsi_v y, spsi_v quad[4]) {
@@ -4286,13 +4362,14 @@ typedef struct spsi_voxel_field {
     int low[3], size[3];  /* its bricks: the first, and their number along each axis */
     int first, end;       /* the volume's bricks of relevant voxels */
     double voxels;        /* number of those voxels */
+    float most;           /* maximum of their values; 0: unknown */
     double volume;        /* of what is within their reach, in voxels; an upper bound */
     int *grid;            /* per brick: which one holds it; -1: no voxel is within reach. NULL: there is no field */
     int *sources;         /* per brick: that of relevant voxels; -1: none */
     int *places;          /* per brick held: where it is in the grid */
     int count;            /* of bricks held */
     float *values;        /* of the first brick held */
-    unsigned char *holds; /* per brick held: bit mask of eighths that have voxels within reach */
+    uint32_t *eighths;    /* per brick: 256 times which one holds it, plus a bit per eighth that has voxels in reach */
 } spsi_voxel_field;
 
 /* Those of all volumes. */
@@ -5571,6 +5648,7 @@ typedef struct spsi_brick {
     int lattice, base[3];          /* index of its lattice; its first voxel */
     unsigned char low[3], high[3]; /* minimum and maximum of its voxels' steps */
     int segment, first, count;     /* index of the segment; range of voxels in it */
+    float most;                    /* maximum of their values */
 } spsi_brick;
 
 typedef struct spsi_block {
@@ -5791,6 +5869,7 @@ static void spsi_brick_fill(const spsi_block *block, const int base[3], spsi_seg
     memcpy(brick->base, base, sizeof brick->base);
     brick->first = segment->used;
     brick->count = 0;
+    brick->most = 0;
     for (int i = 0; i < 3; ++i) end[i] = spsi_least(SPSI_BRICK, block->core_high[i] - base[i]);
     for (int z = 0; z < end[2]; ++z)
         for (int y = 0; y < end[1]; ++y) {
@@ -5806,6 +5885,7 @@ static void spsi_brick_fill(const spsi_block *block, const int base[3], spsi_seg
                 segment->z[segment->used] = (float)z;
                 segment->value[segment->used++] = value;
                 brick->count += 1;
+                brick->most = spsi_higher(brick->most, value);
             }
         }
 }
@@ -9199,16 +9279,16 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
     return spsi_select(way.inside, spsi_map_way_mean(&way, share), spsi_set(1));
 }
 
-/* Whether a face of a depth map may shade any of the ways from d0 to d1: one lookup of a cell, which spares most slabs
-   the lookups of four texels' planes. Both ends must lie within a cell of the middle's, or the answer is yes. */
-static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
-                                           spsi_v d1) {
+/* The lanes whose ways from d0 to d1 a face of a depth map may shade, as bits: one lookup of a cell, which spares most
+   slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a cell
+   of the middle's, or lie before and behind the light. */
+static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1,
+                                          int *wide) {
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
     spsi_v q[2][3], cell[2], deepest;
-    int clear = 0; /* bit mask of lanes that miss the face */
-    int wide = 0;  /* bit mask of lanes that may be shaded, if only because their ends are too far apart to tell */
+    int clear = 0, crossing = 0; /* bits of lanes that miss the face, and whose ends lie on both sides of the light */
     for (int i = 0; i < 3; ++i) {
         const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
         const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
@@ -9219,19 +9299,36 @@ static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, 
     if (rays->perspective) {
         for (int end = 0; end < 2; ++end) q[end][2] = spsi_add(q[end][2], spsi_set((float)rays->depth_reference));
         clear = spsi_bits(spsi_less(spsi_max(q[0][2], q[1][2]), near_t));
-        wide = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
+        crossing = spsi_bits(spsi_less(spsi_min(q[0][2], q[1][2]), near_t));
         for (int end = 0; end < 2; ++end)
             for (int i = 0; i < 2; ++i) q[end][i] = spsi_div(q[end][i], spsi_max(q[end][2], near_t));
     }
+    *wide = crossing;
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
-        clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~wide;
-        wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
+        clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
+        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
-    wide |= spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest));
-    return (wide & ~clear) != 0;
+    *wide &= ~clear;
+    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+}
+
+/* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones are looked at in parts: those of
+   thick slabs. */
+static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
+                                           spsi_v d1) {
+    const int parts = 8;
+    const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts));
+    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d0, d1, &wide);
+    if (!wide) return shadable != 0;
+    for (int part = 0; part < parts; ++part) {
+        const spsi_v from = spsi_fma(step, spsi_set((float)part), d0);
+        shadable = spsi_depth_map_shadable(map, face, at, y, from, spsi_add(from, step), &wide);
+        if (shadable | wide) return 1;
+    }
+    return 0;
 }
 
 /* --- translucent polygons --- */
@@ -11205,18 +11302,21 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    21 Filling sheets from the pixels' side. The field at a point is the sum of 4^3 or 6^3 voxels about it, weighted
    along each axis by the kernel; weights add up to 1, and are for 1025 places between voxels. Voxels lie in bricks of
    8^3 with an apron, so that all taps of a point are in one; a brick is held if any voxel is within reach, and knows
-   which eighths of it have none. Samples lie in the middle of equal steps h, up to 0.8 voxels, along a pixel's ray. The
-   integral over a slab is h times their sum plus h / 24 times the change of the field's differences from its first to
-   its last step (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts
-   it, its rest has samples of its own. Where voxels are smaller than pixels, a pixel has four rays. Those of
-   a surface lie near its centre, where it is classified anyway, and their differences are its slopes: rays half a pixel
-   apart would let steep ones fall short, much nearer ones would show that weights come in steps. Volumes that are not
-   classified have a pyramid: each level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and
-   1, whose spectrum is cos^3. Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3; a level is made
+   which eighths of it have none. Samples lie in the middle of equal steps h along a pixel's ray. The integral over a
+   slab is h times their sum plus h / 24 times the change of the field's differences from its first to its last step
+   (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts it, its rest
+   has samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after
+   the other. Where voxels are smaller than pixels, a pixel has four rays. Those of a surface lie near its centre, where
+   it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall
+   short, much nearer ones would show that weights come in steps. Volumes that are not classified have a pyramid: each
+   level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
+   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and 60 per vector of samples; a level is made
    from its finer one in about 60 operations per voxel. */
 
-#define SPSI_TAP_MOST     16       /* samples of a ray in a slab; thicker slabs are splatted */
-#define SPSI_TAP_STEP     0.8      /* voxels between samples of a ray, at most */
+#define SPSI_TAP_MOST     11       /* samples of a ray in a slab; thicker slabs are splatted */
+#define SPSI_TAP_STEP     1.45     /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
+#define SPSI_TAP_STEP_6   1.0      /* the same with 6^3 voxels */
+#define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, relative to rays' distances: half that of the pixel filter */
 #define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
 #define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to four rays of it, along each axis */
@@ -11229,14 +11329,20 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    Footprints count 1.35 times, as those that lie in two tiles or chunks of slabs. */
 #define SPSI_COST_FOOTPRINT   90.0
 #define SPSI_COST_FRAGMENT    0.57
-#define SPSI_COST_SAMPLE      10.0
-#define SPSI_COST_SAMPLE_WIDE 13.0 /* of 6^3 voxels */
+#define SPSI_COST_SAMPLE      8.0
+#define SPSI_COST_SAMPLE_WIDE 11.0 /* of 6^3 voxels */
 
 /* Floats along the edges of a brick with its apron, and from one row to the next. */
 static inline int spsi_field_edge(int taps) { return SPSI_BRICK + taps - 1; }
 static inline int spsi_field_pitch(int taps) { return taps > 4 ? 16 : 12; }
 static inline size_t spsi_field_floats(int taps) {
     return (size_t)(spsi_field_edge(taps) * spsi_field_edge(taps) * spsi_field_pitch(taps));
+}
+
+/* Voxels between samples of a ray, at most. Samples h apart take waves of voxels for others: along the ray, those of
+   length h, of which the kernel leaves exp(-2 (pi sigma / h)^2), 2 % or, with 6^3 voxels, 0.02 %. */
+static inline double spsi_tap_step(const spsi_fields *fields) {
+    return fields->taps > 4 ? SPSI_TAP_STEP_6 : SPSI_TAP_STEP;
 }
 
 static void spsi_fields_weigh(spsi_fields *fields, int taps) {
@@ -11300,6 +11406,7 @@ static void spsi_field_place(const spsi_brick *bricks, int taps, spsi_voxel_fiel
         int range[2][3];
         spsi_field_reach(&bricks[i], taps, range);
         field->voxels += bricks[i].count;
+        field->most = spsi_higher(field->most, bricks[i].most);
         for (int k = 0; k < 3; ++k) {
             field->low[k] = spsi_least(field->low[k], spsi_field_half(range[0][k]));
             high[k] = spsi_most(high[k], spsi_field_half(range[1][k]));
@@ -11412,12 +11519,13 @@ static int spsi_field_any(int taps, const float *first) {
     return 0;
 }
 
-static unsigned char spsi_field_holds(int taps, const float *values) {
+/* A bit for each eighth that has. */
+static uint32_t spsi_field_eighths(int taps, const float *values) {
     const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), half = SPSI_BRICK / 2;
-    int holds = 0;
+    int bits = 0;
     for (int n = 0; n < 8; ++n)
-        holds |= spsi_field_any(taps, values + ((n / 4 * edge + n / 2 % 2) * pitch + n % 2) * half) << n;
-    return (unsigned char)holds;
+        bits |= spsi_field_any(taps, values + ((n / 4 * edge + n / 2 % 2) * pitch + n % 2) * half) << n;
+    return (uint32_t)bits;
 }
 
 /* Fills the aprons of bricks whose own voxels are in place. */
@@ -11440,7 +11548,7 @@ static void spsi_field_apron_task(void *data, int index, int worker) {
             if (field->sources[cell] < 0) continue;
             spsi_field_copy(taps, off, field->values + (size_t)field->grid[cell] * floats, values);
         }
-        field->holds[held] = spsi_field_holds(taps, values);
+        field->eighths[field->places[held]] = (uint32_t)held << 8 | spsi_field_eighths(taps, values);
     }
 }
 
@@ -11539,7 +11647,8 @@ typedef struct spsi_tapper {
     float scale;  /* of values */
 } spsi_tapper;
 
-static inline float spsi_taps_four(const float *from, const float *x, const float *y, const float *z) {
+/* The taps of a place, still to be added up: those of each column along x. */
+static inline spsi_four spsi_taps_four(const float *from, const float *x, const float *y, const float *z) {
     enum { EDGE = SPSI_BRICK + 3, PITCH = 12 };
     spsi_four sum, plane;
     for (int k = 0; k < 4; ++k, from += EDGE * PITCH) {
@@ -11549,10 +11658,10 @@ static inline float spsi_taps_four(const float *from, const float *x, const floa
         plane = spsi_four_add(y[3], spsi_four_load(from + 3 * PITCH), plane);
         sum = k == 0 ? spsi_four_scale(z[0], plane) : spsi_four_add(z[k], plane, sum);
     }
-    return spsi_four_dot(spsi_four_load(x), sum);
+    return spsi_four_mul(spsi_four_load(x), sum);
 }
 
-static inline float spsi_taps_six(const float *from, const float *x, const float *y, const float *z) {
+static inline spsi_four spsi_taps_six(const float *from, const float *x, const float *y, const float *z) {
     enum { EDGE = SPSI_BRICK + 5, PITCH = 16 };
     spsi_four sum[2], plane[2];
     for (int k = 0; k < 6; ++k, from += EDGE * PITCH)
@@ -11562,189 +11671,262 @@ static inline float spsi_taps_six(const float *from, const float *x, const float
                 plane[half] = spsi_four_add(y[j], spsi_four_load(from + 4 * half + j * PITCH), plane[half]);
             sum[half] = k == 0 ? spsi_four_scale(z[0], plane[half]) : spsi_four_add(z[k], plane[half], sum[half]);
         }
-    return spsi_four_dot(spsi_four_load(x), sum[0]) + spsi_four_dot(spsi_four_load(x + 4), sum[1]);
+    sum[0] = spsi_four_mul(spsi_four_load(x), sum[0]);
+    return spsi_four_add(1, spsi_four_mul(spsi_four_load(x + 4), sum[1]), sum[0]);
 }
 
-/* A ray through a field, by samples. */
-typedef struct spsi_tap_ray {
-    float at[3], step[3]; /* the place of sample 0, and from one to the next */
-} spsi_tap_ray;
-
-/* Narrows a range of samples to those inside the field's bricks. */
-static inline void spsi_tap_clip(const spsi_voxel_field *field, const spsi_tap_ray *ray, int *first, int *end) {
-    float low = (float)*first, high = (float)*end;
-    for (int k = 0; k < 3; ++k) {
-        const float edge = (float)(field->size[k] * SPSI_BRICK), step = ray->step[k];
-        float a, b;
-        if (fabsf(step) < 1e-9f) {
-            if (ray->at[k] < 0 || ray->at[k] >= edge) high = low;
-            continue;
-        }
-        a = -ray->at[k] / step;
-        b = (edge - ray->at[k]) / step;
-        low = spsi_higher(low, a < b ? a : b);
-        high = spsi_lower(high, a < b ? b : a);
-    }
-    *first = low < high ? (int)ceilf(low) : *end;
-    *end = low < high ? (int)ceilf(high) : *end;
-}
-
-/* Where a vector of samples finds its taps: whole numbers. */
+/* Where a vector of places finds its taps. */
 typedef struct spsi_tap_places {
-    int brick[SPSI_LANES];  /* in the grid */
-    int eighth[SPSI_LANES]; /* of the brick */
-    int first[SPSI_LANES];  /* float of the brick */
+    uint32_t eighths[SPSI_LANES]; /* those of the field */
+    int first[SPSI_LANES];        /* float of the brick */
     int weights[3][SPSI_LANES];
 } spsi_tap_places;
 
-static inline void spsi_tap_find(const spsi_voxel_field *field, const spsi_tap_ray *ray, int taps, int sample,
-                                 spsi_tap_places *places) {
-    const spsi_v number = spsi_add(spsi_set((float)sample), spsi_iota()), zero = spsi_set(0);
+/* Returns the lanes that have voxels within reach, as bits. */
+static inline int spsi_tap_find(const spsi_voxel_field *field, int taps, const spsi_v place[3], spsi_tap_places *at) {
     const float pitch = (float)spsi_field_pitch(taps), layer = pitch * (float)spsi_field_edge(taps);
     const float strides[3] = {1, pitch, layer};
-    spsi_v brick = zero, eighth = zero, first = zero;
+    spsi_v brick = spsi_set(0), eighth = spsi_set(0), first = spsi_set(0);
     for (int k = 2; k >= 0; --k) {
         const spsi_v last = spsi_set((float)(field->size[k] * SPSI_BRICK - 1));
-        const spsi_v place = spsi_max(spsi_fma(number, spsi_set(ray->step[k]), spsi_set(ray->at[k])), zero);
-        const spsi_v whole = spsi_min(spsi_floor(place), last), beyond = spsi_min(spsi_sub(place, whole), spsi_set(1));
+        const spsi_v inside = spsi_max(place[k], spsi_set(0)), whole = spsi_min(spsi_floor(inside), last);
+        const spsi_v beyond = spsi_min(spsi_sub(inside, whole), spsi_set(1));
         const spsi_v column = spsi_floor(spsi_mul(whole, spsi_set(1.0f / SPSI_BRICK)));
         const spsi_v within = spsi_fma(column, spsi_set(-SPSI_BRICK), whole);
         brick = spsi_fma(brick, spsi_set((float)field->size[k]), column);
         first = spsi_fma(within, spsi_set(strides[k]), first);
         eighth = spsi_fma(eighth, spsi_set(2), spsi_floor(spsi_mul(within, spsi_set(2.0f / SPSI_BRICK))));
-        spsi_store_int(places->weights[k], spsi_round(spsi_mul(beyond, spsi_set(SPSI_TAP_STEPS))));
+        spsi_store_int(at->weights[k], spsi_round(spsi_mul(beyond, spsi_set(SPSI_TAP_STEPS))));
     }
-    spsi_store_int(places->brick, brick);
-    spsi_store_int(places->first, first);
-    spsi_store_int(places->eighth, eighth);
+    spsi_store_int(at->first, first);
+    return spsi_lookup_bit(field->eighths, brick, eighth, at->eighths);
 }
 
-/* The field at samples `first` to `end` of a ray, where it is not 0. Returns their number. */
-static int spsi_tap_samples(const spsi_fields *fields, const spsi_voxel_field *field, const spsi_tap_ray *ray,
-                            int first, int end, float *samples) {
+/* The field at a vector of places, in those of `lanes`, bits, that have voxels within reach, and 0 in others. Places of
+   `lanes` lie inside the field's bricks. Counts samples in *count. */
+static inline spsi_v spsi_tap_values(const spsi_fields *fields, const spsi_voxel_field *field, const spsi_v place[3],
+                                     int lanes, uint64_t *count) {
     const int taps = fields->taps;
     const size_t floats = spsi_field_floats(taps);
-    int held = 0;
-    spsi_tap_clip(field, ray, &first, &end);
-    for (int n = first; n < end; n += SPSI_LANES) {
-        const int count = spsi_least(SPSI_LANES, end - n);
-        spsi_tap_places at;
-        spsi_tap_find(field, ray, taps, n, &at);
-        for (int i = 0; i < count; ++i) {
-            const int brick = field->grid[at.brick[i]];
-            const float *from, *x, *y, *z;
-            if (brick < 0 || !(field->holds[brick] >> at.eighth[i] & 1)) continue;
-            from = field->values + (size_t)brick * floats + at.first[i];
-            x = fields->weights[at.weights[0][i]];
-            y = fields->weights[at.weights[1][i]];
-            z = fields->weights[at.weights[2][i]];
-            samples[n + i] = taps == 4 ? spsi_taps_four(from, x, y, z) : spsi_taps_six(from, x, y, z);
-            held += 1;
-        }
+    float fours[4 * SPSI_LANES];
+    spsi_tap_places at;
+    lanes &= spsi_tap_find(field, taps, place, &at);
+    if (!lanes) return spsi_set(0);
+    memset(fours, 0, sizeof fours);
+    for (; lanes; lanes &= lanes - 1) {
+        const int i = spsi_lowest_bit(lanes);
+        const float *from = field->values + (size_t)(at.eighths[i] >> 8) * floats + at.first[i];
+        const float *x = fields->weights[at.weights[0][i]], *y = fields->weights[at.weights[1][i]];
+        const float *z = fields->weights[at.weights[2][i]];
+        spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_four(from, x, y, z) : spsi_taps_six(from, x, y, z));
+        *count += 1;
     }
-    return held;
+    return spsi_sum_fours(fours);
 }
 
-/* A pixel's ray through the slabs of a tile: slab coordinate `base + slope d` at depth d. */
-typedef struct spsi_tap_line {
-    float base, slope;
-    float at[3], change[3]; /* place in the field at depth 0, and its change with depth */
-    float nearest, limit;   /* depths at which it begins, and ends at a polygon */
-    int steps;              /* samples in a slab */
-} spsi_tap_line;
+/* The rays of a vector of pixels through the slabs of a tile: slab s begins at depth (s - base) * per_slab. */
+typedef struct spsi_tap_rays {
+    spsi_v base, per_slab;
+    spsi_v at[3], change[3];  /* place in the field at depth 0, and its change with depth */
+    spsi_v start[3], step[3]; /* place of sample 0, half a step behind the first slab's beginning, and to the next */
+    spsi_v nearest, limit;    /* depths at which rays begin, and end at polygons */
+    spsi_v first, end;        /* samples of which rays have any */
+    int steps;                /* samples in a slab */
+} spsi_tap_rays;
 
-static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *tile, int x, int y, int part,
-                                       spsi_tap_line *line) {
-    const float fx = (float)x + (part & 1 ? t->aside : -t->aside), fy = (float)y + (part & 2 ? t->aside : -t->aside);
-    float square = 0, steps;
-    line->base = t->slab.base[0] + fx * t->slab.base[1] + fy * t->slab.base[2];
-    line->slope = t->slab.slope[0] + fx * t->slab.slope[1] + fy * t->slab.slope[2];
+/* Narrows the range of samples to those inside the field's bricks. */
+static inline void spsi_tap_rays_clip(const spsi_voxel_field *field, spsi_tap_rays *rays) {
+    const spsi_v zero = spsi_set(0);
     for (int k = 0; k < 3; ++k) {
-        const spsi_linear *at = &t->at[k];
-        line->at[k] = at->base[0] + fx * at->base[1] + fy * at->base[2];
-        line->change[k] = at->slope[0] + fx * at->slope[1] + fy * at->slope[2];
-        square += line->change[k] * line->change[k];
+        const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK)), at = rays->start[k], step = rays->step[k];
+        const spsi_m level = spsi_less(spsi_abs(step), spsi_set(1e-9f));
+        const spsi_v over = spsi_div(spsi_set(1), spsi_select(level, spsi_set(1e-9f), step));
+        const spsi_v a = spsi_mul(spsi_sub(zero, at), over), b = spsi_mul(spsi_sub(edge, at), over);
+        const spsi_v low = spsi_min(a, b), high = spsi_max(a, b);
+        rays->first = spsi_max(rays->first, low);
+        rays->end = spsi_min(rays->end, high);
     }
-    steps = ceilf(sqrtf(square) / fabsf(line->slope) * (float)(1 / SPSI_TAP_STEP));
-    line->steps = spsi_most(1, (int)spsi_lower(steps, SPSI_TAP_MOST));
-    line->nearest = -SPSI_INFINITY;
-    line->limit = SPSI_INFINITY;
-    if (!tile->clamped || t->whole) return;
-    line->nearest = t->near_d;
-    line->limit = spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y);
 }
 
-/* The slabs, of `count`, between where a ray begins and where it ends: the first, and the one behind the last. */
-static inline void spsi_tap_line_slabs(const spsi_tap_line *line, int count, int slabs[2]) {
-    const float a = line->base + line->slope * line->nearest, b = line->base + line->slope * line->limit;
-    const float most = (float)count;
-    slabs[0] = (int)spsi_lower(spsi_higher(floorf(spsi_lower(a, b)), 0), most);
-    slabs[1] = (int)spsi_lower(spsi_higher(ceilf(spsi_higher(a, b)), (float)slabs[0]), most);
-}
-
-/* Samples at equal steps, the first of them half a step behind `from`; `count` of them reach to depth `to`. */
-static inline void spsi_tap_line_cut(const spsi_tap_line *line, float from, float to, int count, spsi_tap_ray *ray) {
-    const float step = (to - from) / (float)count;
+static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, int x, int y, int part, int steps,
+                                       spsi_tap_rays *rays) {
+    const spsi_v fx = spsi_add(spsi_set((float)x + (part & 1 ? t->aside : -t->aside)), spsi_iota());
+    const float fy = (float)y + (part & 2 ? t->aside : -t->aside), per_step = 1 / (float)steps;
+    const spsi_v slope = spsi_linear_slope(&t->slab, fx, fy);
+    rays->steps = steps;
+    rays->base = spsi_linear_base(&t->slab, fx, fy);
+    rays->per_slab = spsi_div(spsi_set(1), slope);
     for (int k = 0; k < 3; ++k) {
-        ray->step[k] = line->change[k] * step;
-        ray->at[k] = line->at[k] + line->change[k] * (from + 0.5f * step);
+        const spsi_v middle = spsi_mul(spsi_sub(spsi_set(0.5f * per_step), rays->base), rays->per_slab);
+        rays->at[k] = spsi_linear_base(&t->at[k], fx, fy);
+        rays->change[k] = spsi_linear_slope(&t->at[k], fx, fy);
+        rays->start[k] = spsi_fma(rays->change[k], middle, rays->at[k]);
+        rays->step[k] = spsi_mul(spsi_mul(rays->change[k], rays->per_slab), spsi_set(per_step));
     }
+    rays->nearest = spsi_set(-SPSI_INFINITY);
+    rays->limit = spsi_set(SPSI_INFINITY);
+    rays->first = spsi_set(-1);
+    rays->end = spsi_set((float)(tile->slab_count * steps + 1));
+    if (tile->clamped && !t->whole) {
+        spsi_v begin, end, low, high; /* slab coordinates, samples */
+        rays->nearest = spsi_set(t->near_d);
+        rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
+        begin = spsi_fma(slope, rays->nearest, rays->base);
+        end = spsi_fma(slope, rays->limit, rays->base);
+        low = spsi_mul(spsi_floor(spsi_min(begin, end)), spsi_set((float)steps));
+        high = spsi_mul(spsi_floor(spsi_max(begin, end)), spsi_set((float)steps));
+        rays->first = spsi_max(rays->first, spsi_sub(low, spsi_set(1)));
+        rays->end = spsi_min(rays->end, spsi_add(high, spsi_set((float)steps + 1)));
+    }
+    spsi_tap_rays_clip(t->field, rays);
 }
 
-/* The integral over a part of a slab, from its own samples. */
-static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_line *line, float from, float to, spsi_tile *tile) {
-    float samples[SPSI_TAP_MOST] = {0}, sum = 0;
-    const float share = (to - from) * fabsf(line->slope) * (float)line->steps;
+/* Sample number `n` of each ray. */
+static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, int lanes,
+                                     uint64_t *count) {
+    const spsi_v number = spsi_set((float)n);
+    spsi_v place[3];
+    lanes &= spsi_bits(spsi_less(number, rays->end)) & ~spsi_bits(spsi_less(number, rays->first));
+    if (!lanes) return spsi_set(0);
+    for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, rays->step[k], rays->start[k]);
+    return spsi_tap_values(t->fields, t->field, place, lanes, count);
+}
+
+/* Whether places lie inside a field's bricks, as bits. */
+static inline int spsi_tap_inside(const spsi_voxel_field *field, const spsi_v place[3]) {
+    int lanes = (1 << SPSI_LANES) - 1;
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK));
+        lanes &= spsi_bits(spsi_less(place[k], edge)) & ~spsi_bits(spsi_less(place[k], spsi_set(0)));
+    }
+    return lanes;
+}
+
+static inline float spsi_lane(spsi_v a, int lane) {
+    float lanes[SPSI_LANES];
+    spsi_store(lanes, a);
+    return lanes[lane];
+}
+
+/* The integral over a part of a slab on one of the rays, from samples of its own. */
+static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int lane, float from, float to,
+                           uint64_t *samples) {
+    const float share = (to - from) / fabsf(spsi_lane(rays->per_slab, lane)) * (float)rays->steps;
     const int count = spsi_most(1, (int)ceilf(spsi_lower(share, SPSI_TAP_MOST)));
-    spsi_tap_ray ray;
-    if (!(from < to)) return 0;
-    spsi_tap_line_cut(line, from, to, count, &ray);
-    tile->samples += (uint64_t)spsi_tap_samples(t->fields, t->field, &ray, 0, count, samples);
-    for (int n = 0; n < count; ++n) sum += samples[n];
-    return sum * (to - from) / (float)count;
-}
-
-/* Adds a ray's share, a quarter, of a pixel's sheet to sheets of its slopes: d/dx is the difference of the means of the
-   two rays on either side, divided by how far they are apart. */
-static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, size_t at, int part, float share) {
-    const float change = share / t->aside;
-    tile->slopes[at] += part & 1 ? change : -change;
-    tile->slopes[at + tile->channel_size] += part & 2 ? change : -change;
-}
-
-/* Adds to a pixel's sheets what one of its rays finds. One more sample on either side of all tells the slopes at the
-   ends. */
-static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, float *sheets) {
-    float samples[(SPSI_CHUNK + 4) * SPSI_TAP_MOST + 2];
-    const float *first = samples + 1;
-    float per_slab, weight;
-    size_t pixel = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0); /* of the current sheet */
-    int count, slabs[2], held;
-    spsi_tap_line line;
-    spsi_tap_ray ray;
-    spsi_tap_line_build(t, tile, x, y, part, &line);
-    spsi_tap_line_slabs(&line, tile->slab_count, slabs);
-    count = tile->slab_count * line.steps + 2;
-    per_slab = 1 / line.slope;
-    weight = fabsf(per_slab) / (float)line.steps;
-    memset(samples, 0, (size_t)count * sizeof *samples);
-    spsi_tap_line_cut(&line, -line.base * per_slab, (1 - line.base) * per_slab, line.steps, &ray);
-    for (int k = 0; k < 3; ++k) ray.at[k] -= ray.step[k];
-    held = spsi_tap_samples(t->fields, t->field, &ray, slabs[0] * line.steps, slabs[1] * line.steps + 2, samples);
-    if (held == 0) return;
-    tile->samples += (uint64_t)held;
-    for (int slab = 0; slab < tile->slab_count; ++slab, first += line.steps, pixel += tile->sheet_size) {
-        const float a = ((float)slab - line.base) * per_slab, b = ((float)slab + 1 - line.base) * per_slab;
-        const float enter = spsi_lower(a, b), leave = spsi_higher(a, b), *last = first + line.steps - 1;
-        float sum = ((last[1] - last[0]) - (first[0] - first[-1])) * (1.0f / 24);
-        for (int n = 0; n < line.steps; ++n) sum += first[n];
-        sum *= weight;
-        if (enter < line.nearest || leave > line.limit)
-            sum = spsi_tap_part(t, &line, spsi_higher(enter, line.nearest), spsi_lower(leave, line.limit), tile);
-        if (sum <= 0) continue;
-        sheets[pixel] += sum * t->scale;
-        if (tile->slopes) spsi_tap_slopes(t, tile, pixel, part, sum * t->scale);
+    const float step = (to - from) / (float)count;
+    float sum = 0;
+    for (int n = 0; n < count; n += SPSI_LANES) {
+        int lanes = (1 << spsi_least(SPSI_LANES, count - n)) - 1;
+        const spsi_v number = spsi_add(spsi_iota(), spsi_set((float)n + 0.5f));
+        const spsi_v depth = spsi_fma(number, spsi_set(step), spsi_set(from));
+        float values[SPSI_LANES];
+        spsi_v place[3];
+        for (int k = 0; k < 3; ++k) {
+            const float at = spsi_lane(rays->at[k], lane), change = spsi_lane(rays->change[k], lane);
+            place[k] = spsi_fma(spsi_set(change), depth, spsi_set(at));
+        }
+        lanes &= spsi_tap_inside(t->field, place);
+        spsi_store(values, spsi_tap_values(t->fields, t->field, place, lanes, samples));
+        for (int i = 0; i < SPSI_LANES; ++i) sum += values[i];
     }
+    return sum * step;
+}
+
+/* Integrals over a slab that rays enter and leave at the given depths: `whole`, or the part between where a ray begins
+   and where it ends. */
+static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi_v enter, spsi_v leave, spsi_v whole,
+                           int lanes, uint64_t *samples) {
+    const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
+    float sums[SPSI_LANES], begins[SPSI_LANES], ends[SPSI_LANES];
+    int cut = spsi_bits(spsi_less(enter, rays->nearest)) | spsi_bits(spsi_less(rays->limit, leave));
+    if (!cut) return whole;
+    spsi_store(sums, spsi_select(spsi_less(from, to), whole, spsi_set(0)));
+    spsi_store(begins, from);
+    spsi_store(ends, to);
+    for (cut &= lanes & spsi_bits(spsi_less(from, to)); cut; cut &= cut - 1) {
+        const int i = spsi_lowest_bit(cut);
+        sums[i] = spsi_tap_part(t, rays, i, begins[i], ends[i], samples);
+    }
+    return spsi_load(sums);
+}
+
+/* Adds a ray's share, a quarter, of pixels' sheets to sheets of their slopes: d/dx is the difference of the means of
+   the two rays on either side, divided by how far they are apart. */
+static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, size_t at, int part, spsi_v share) {
+    const spsi_v change = spsi_mul(share, spsi_set(1 / t->aside));
+    for (int axis = 0; axis < 2; ++axis) {
+        float *slopes = tile->slopes + at + (size_t)axis * tile->channel_size;
+        spsi_store(slopes, spsi_fma(change, spsi_set(part >> axis & 1 ? 1.0f : -1.0f), spsi_load(slopes)));
+    }
+}
+
+/* The slabs in which a vector's rays have samples, or their neighbours: the first, and the one behind the last. */
+static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int lanes, int count, int slabs[2]) {
+    float first[SPSI_LANES], end[SPSI_LANES], low = SPSI_INFINITY, high = -SPSI_INFINITY;
+    spsi_store(first, rays->first);
+    spsi_store(end, rays->end);
+    for (; lanes; lanes &= lanes - 1) {
+        const int i = spsi_lowest_bit(lanes);
+        if (!(first[i] < end[i])) continue;
+        low = spsi_lower(low, first[i]);
+        high = spsi_higher(high, end[i]);
+    }
+    slabs[0] = low < high ? spsi_most(0, (int)floorf(low / (float)rays->steps) - 1) : count;
+    slabs[1] = low < high ? spsi_least(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
+}
+
+/* Adds to the sheets of a vector of pixels what one of their rays finds. One more sample on either side of a slab tells
+   the slopes at its ends. */
+static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, int lanes, int steps,
+                            float *sheets) {
+    size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
+    uint64_t samples = 0;
+    spsi_v before, first, weight;
+    int slabs[2];
+    spsi_tap_rays rays;
+    spsi_tap_rays_build(t, tile, x, y, part, steps, &rays);
+    spsi_tap_slabs(&rays, lanes, tile->slab_count, slabs);
+    if (slabs[0] >= slabs[1]) return;
+    weight = spsi_mul(spsi_abs(rays.per_slab), spsi_set(t->scale / (float)steps));
+    before = spsi_tap_sample(t, &rays, slabs[0] * steps - 1, lanes, &samples);
+    first = spsi_tap_sample(t, &rays, slabs[0] * steps, lanes, &samples);
+    at += (size_t)slabs[0] * tile->sheet_size;
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += tile->sheet_size) {
+        const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays.base), rays.per_slab);
+        const spsi_v b = spsi_add(a, rays.per_slab);
+        spsi_v sum = first, last = first, next;
+        for (int n = slab * steps + 1; n < (slab + 1) * steps; ++n) {
+            last = spsi_tap_sample(t, &rays, n, lanes, &samples);
+            sum = spsi_add(sum, last);
+        }
+        next = spsi_tap_sample(t, &rays, (slab + 1) * steps, lanes, &samples);
+        sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), spsi_set(1.0f / 24), sum);
+        sum = spsi_mul(sum, weight);
+        if (tile->clamped && !t->whole)
+            sum = spsi_tap_cut(t, &rays, spsi_min(a, b), spsi_max(a, b), sum, lanes, &samples);
+        before = last;
+        first = next;
+        sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
+        spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
+        if (tile->slopes) spsi_tap_slopes(t, tile, at, part, sum);
+    }
+    tile->samples += samples;
+}
+
+/* Number of samples in a slab on the rays of a tile: on those through its corners steps are short enough. */
+static int spsi_tap_steps(const spsi_tapper *t, const spsi_tile *tile) {
+    float most = 0;
+    for (int corner = 0; corner < 4; ++corner) {
+        const float x = (float)(corner & 1 ? tile->x1 : tile->x0), y = (float)(corner & 2 ? tile->y1 : tile->y0);
+        const float slope = t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
+        float square = 0;
+        for (int k = 0; k < 3; ++k) {
+            const float change = t->at[k].slope[0] + x * t->at[k].slope[1] + y * t->at[k].slope[2];
+            square += change * change;
+        }
+        most = spsi_higher(most, ceilf(sqrtf(square) / fabsf(slope) * (float)(1 / spsi_tap_step(t->fields))));
+    }
+    return spsi_most(1, (int)spsi_lower(most, SPSI_TAP_MOST));
 }
 
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
@@ -11803,6 +11985,7 @@ typedef enum spsi_verdict {
     SPSI_SPLAT_NEAR,
     SPSI_SPLAT_THICK,
     SPSI_SPLAT_SPREAD, /* there is no field */
+    SPSI_SPLAT_OPAQUE, /* taps' ends would shade the skin of matter that is opaque within them */
     SPSI_SPLAT_CHEAPER,
     SPSI_GATHER_ASKED,
     SPSI_GATHER_CHEAPER
@@ -11829,7 +12012,7 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < 2; ++i)
             across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
-    steps = fmax(ceil(sqrt(spsi_dot(way, way)) / SPSI_TAP_STEP), 1);
+    steps = fmax(ceil(sqrt(spsi_dot(way, way)) / spsi_tap_step(tapper->fields)), 1);
     return steps * tapper->across * tapper->across / fabs(spsi_determinant(across[0], across[1], way));
 }
 
@@ -11843,7 +12026,7 @@ static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_
     if (variance < SPSI_TAP_VARIANCE && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     if (variance > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
     spsi_tapper_way(tapper, rays, q, way);
-    if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * SPSI_TAP_STEP)) return SPSI_SPLAT_THICK;
+    if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields))) return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
 
@@ -11896,6 +12079,13 @@ static int spsi_levels_wanted(const spsi_frame *frame, int medium) {
     return classified || frame->view.quality > SPS_QUALITY_MEDIUM ? 0 : SPSI_LEVELS;
 }
 
+/* Optical depth of a gas's densest voxel; 0 if it is classified, or not read. */
+static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lattice) {
+    const spsi_material *material = &frame->matter.materials[frame->media[lattice->medium].channel];
+    const double extinction = (double)material->extinction * (double)frame->content->fields->list[lattice->medium].most;
+    return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
+}
+
 /* How a volume fills sheets, whose splatter is ready; `slopes`: 1: those of its gradient, too. Builds the tapper of one
    that is gathered. */
 static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
@@ -11912,6 +12102,7 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
     tapper->whole = splatter->whole;
     if (slopes) tapper->aside = SPSI_TAP_BESIDE;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
+    if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
 }
 
@@ -11926,8 +12117,8 @@ static size_t spsi_field_cells_most(size_t bricks) {
 }
 
 /* Bytes of grids and of held bricks. */
-static size_t spsi_field_grid_bytes(size_t cells) { return cells * 3 * sizeof(int); }
-static size_t spsi_field_brick_bytes(int taps) { return spsi_field_floats(taps) * sizeof(float) + 1; }
+static size_t spsi_field_grid_bytes(size_t cells) { return cells * (3 * sizeof(int) + sizeof(uint32_t)); }
+static size_t spsi_field_brick_bytes(int taps) { return spsi_field_floats(taps) * sizeof(float); }
 
 /* Places the boxes of a volume's coarser levels. */
 static void spsi_levels_place(spsi_fields *fields, int medium) {
@@ -11999,7 +12190,8 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     field->grid = memory;
     field->sources = memory + cells;
     field->places = memory + 2 * cells;
-    return memory + 3 * cells;
+    field->eighths = (uint32_t *)(void *)(memory + 3 * cells);
+    return memory + 4 * cells;
 }
 
 /* Makes grids of the bricks of all fields, unless they are held with their voxels or everything is splatted. */
@@ -12049,7 +12241,7 @@ static void spsi_field_fill(sps_context *context, int taps, spsi_field_stock *st
     const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
     spsi_field_job job;
     field->values = stock->values + stock->used * spsi_field_floats(taps);
-    field->holds = (unsigned char *)(stock->values + stock->count * spsi_field_floats(taps)) + stock->used;
+    memset(field->eighths, 0, spsi_field_cells(field) * sizeof *field->eighths);
     stock->used += (size_t)field->count;
     job.context = context;
     job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
@@ -12654,31 +12846,40 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Adds a gathered volume to the patches of a tile. */
+/* The lanes of a vector of a tile's pixels that lie in patches, of which `row` has a bit for each in a row. */
+static int spsi_patch_lanes(const spsi_tile *tile, int x, int row) {
+    const int left = tile->x0 + tile->margin;
+    int lanes = 0;
+    for (int i = 0; i < spsi_least(SPSI_LANES, tile->x1 + 1 - x); ++i)
+        lanes |= (row >> spsi_patch_at(x + i - left) & 1) << i;
+    return lanes;
+}
+
+/* Adds a gathered volume to the patches of a tile. Pixels go row by row down a column of patches, so that bricks stay
+   in the level-1 cache. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
-    const spsi_tapper *tapper = &target->tappers[medium];
     spsi_tile *tile = fill->tile;
-    const int margin = tile->margin, shift = fill->contents->first_slab - target->shape.slab_margin;
-    const int slopes = target->slope_channels[medium];
-    spsi_tapper here = *tapper;
+    const int margin = tile->margin, top = tile->y0 + margin, slopes = target->slope_channels[medium];
+    spsi_tapper here = target->tappers[medium];
     float *channel;
-    here.slab.base[0] -= (float)shift;
+    int steps;
+    here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale /= (float)(here.across * here.across);
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
-    for (int n = 0; n < 64; ++n) {
-        const int column = n % 8, row = n / 8, left = tile->x0 + margin, top = tile->y0 + margin;
-        const int x0 = column == 0 ? tile->x0 : left + column * SPSI_PATCH;
-        const int x1 = column == 7 ? tile->x1 : spsi_least(tile->x1, left + column * SPSI_PATCH + SPSI_PATCH - 1);
-        const int y0 = row == 0 ? tile->y0 : top + row * SPSI_PATCH;
-        const int y1 = row == 7 ? tile->y1 : spsi_least(tile->y1, top + row * SPSI_PATCH + SPSI_PATCH - 1);
-        if (!(patches >> n & 1)) continue;
-        for (int y = y0; y <= y1; ++y)
-            for (int x = x0; x <= x1; ++x)
+    steps = spsi_tap_steps(&here, tile);
+    for (int n = 0; n < 8; ++n) {
+        const int y0 = n == 0 ? tile->y0 : top + n * SPSI_PATCH;
+        const int y1 = n == 7 ? tile->y1 : spsi_least(tile->y1, top + n * SPSI_PATCH + SPSI_PATCH - 1);
+        const int row = (int)(patches >> 8 * n & 0xff);
+        for (int x = tile->x0; x <= tile->x1 && row; x += SPSI_LANES) {
+            const int lanes = spsi_patch_lanes(tile, x, row);
+            for (int y = y0; y <= y1 && lanes; ++y)
                 for (int part = 0; part < here.across * here.across; ++part)
-                    spsi_tap_sheets(&here, tile, x, y, part, channel);
+                    spsi_tap_sheets(&here, tile, x, y, part, lanes, steps, channel);
+        }
     }
 }
 
@@ -22734,8 +22935,9 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
     static const char *const reasons[] = {"splatted: view.filling asks for it",
                                           "splatted: voxels are smaller than pixels or texels",
                                           "splatted: voxels are near the eye or the light, or behind it",
-                                          "splatted: slabs are thicker than 12 voxels",
+                                          "splatted: rays cross too many voxels in a slab",
                                           "splatted: voxels are scattered too thinly, or none is relevant",
+                                          "splatted: gas is opaque within a fraction of a voxel",
                                           "splatted: footprints cost less than samples would",
                                           "gathered: view.filling asks for it",
                                           "gathered: samples cost less than footprints would"};

@@ -399,7 +399,7 @@ static void test_anywhere(void) {
             !CHECK((o.stats.light_fragments + o.stats.light_samples > 0) ==
                    (o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs > 0)))
             printf("    scene %d: %d tables\n", n, (int)o.stats.tables_made);
-        tables += o.stats.tables_made > 0, sheets += o.stats.light_fragments > 0;
+        tables += o.stats.tables_made > 0, sheets += o.stats.light_fragments + o.stats.light_samples > 0;
         parts += o.plan.sweep_count > 1 && o.plan.pass[SPS_PASS_LIGHT_SHEETS].runs == 0;
     }
     CHECK(tables > 80 && sheets > 30 && parts > 10);

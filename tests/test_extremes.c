@@ -816,6 +816,9 @@ static void test_many_thin_slabs(void) {
     s.view.slab = 16.0 / 2000;
     RENDERS(&s, rgba);
     CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.003);
+    s.view.filling = SPS_FILLING_SPLAT; /* as slabs of any thickness can be */
+    RENDERS(&s, rgba);
+    CHECK_NEAR(optical_depth(middle(rgba)), 1, 0.003);
     s.view.slab = 1e3;
     RENDERS(&s, other);
     CHECK_NEAR(optical_depth(middle(other)), 1, 0.003);

@@ -196,8 +196,8 @@ static void test_everything_runs(const outcome *full) {
                i != SPS_PASS_SPREADING && i != SPS_PASS_CELLS));
     CHECK(full->plan.sweep_count == 1 && full->plan.sheet_channels == 1 && full->plan.color_channels == 1);
     CHECK(full->plan.slab_count > 4 && full->plan.shadow_width > 4 && full->plan.shadow_height > 4);
-    CHECK(full->stats.eye_fragments > 0 && full->stats.light_fragments > 0 && full->stats.pixels_of_polygons > 0);
-    CHECK(full->stats.eye_footprints > 0 && full->stats.light_footprints > 0);
+    CHECK(full->stats.eye_fragments + full->stats.eye_samples > 0 && full->stats.pixels_of_polygons > 0);
+    CHECK(full->stats.light_fragments + full->stats.light_samples > 0);
     CHECK(full->stats.slabs > 0 && full->stats.slabs <= (uint64_t)full->plan.slab_count);
     CHECK(full->seen.read_calls == 1 && full->triangle_calls == 1 && full->background_calls == 0);
 }

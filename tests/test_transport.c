@@ -91,8 +91,8 @@ static double lattice_sum(double x, double y, double reach) {
     return sum;
 }
 
-/* One voxel of a constant grid, enlarged: its ripple is that of the lattice, and no more. Straight through whole
-   kernels only their footprints matter: 1e-5 for the floats of exp and of alpha, 2e-7 / 1.5e-2. */
+/* One voxel of a constant grid, enlarged and splatted: its ripple is that of the lattice, and no more. Straight through
+   whole kernels only their footprints matter: 1e-5 for the floats of exp and of alpha, 2e-7 / 1.5e-2. */
 static void test_ripple(void) {
     static const sps_quality qualities[4] = {SPS_QUALITY_DRAFT, SPS_QUALITY_MEDIUM, SPS_QUALITY_HIGH,
                                              SPS_QUALITY_ULTRA};
@@ -104,6 +104,7 @@ static void test_ripple(void) {
         check_clear(&s, 21, 21);
         check_orthographic(&s.view.camera, 0.1 * 21 / 20.5);
         s.view.quality = qualities[n];
+        s.view.filling = SPS_FILLING_SPLAT;
         volume = check_add_volume(&s, 15, 13, 15, check_box(-0.75, -0.65, -0.75, 0.75, 0.65, 0.75));
         volume->read_fn = check_read_constant;
         volume->user = &one;

@@ -809,6 +809,15 @@ typedef struct sps_view {
        scatter without shadow, mostly far less; 0.01 spares most lookups of thin gas. Shadows of polygons are never
        skipped. */
     float lookup_threshold;
+    /* Optical depth, along any ray of the eye or of a light's sheets, by which gas may be off so that fewer rays are
+       followed through it where it is smooth, 0..1. 0: all are. Sixteen rays stand for a patch of 8 x 8 pixels or
+       texels, and fewer samples for a thick slab, where the third differences of voxels show that they are off by no
+       more. That is a bound, far from what a picture is off by: errors of either sign add up in it as if they had one.
+       Sharp or noisy gas remains as it is, as do particles, classified volumes, what emits, voxels smaller than 0.55
+       pixels, shadow tables, and all that is splatted; kernels' own ripple (sps_quality) is not part of it. What was
+       used of it is in the statistics, eye_bound and light_bound. Cost: 256 bytes per tile of 64 x 64 pixels or texels,
+       8 per brick of voxels, and once, after these are read, some 10 operations per voxel. */
+    float tolerance;
     sps_scattering scattering; /* 0, the default: SPS_SCATTERING_AUTO, as often as the scene calls for */
     /* SPS_SCATTERING_FULL: cells along the longest side of the gas, up to 256. 0: from quality, 24, 48, 64 or 96. Error
        is proportional to the optical depth of a cell where gas is dense. SPS_SCATTERING_CONVOLUTION: half the texels
@@ -944,6 +953,8 @@ typedef struct sps_stats_report {
     uint64_t eye_footprints, eye_fragments;
     uint64_t light_footprints, light_fragments;
     uint64_t eye_samples, light_samples; /* of volumes that are gathered */
+    /* Optical depth by which any ray of the eye, or of a light's sheets, may be off for sps_view.tolerance. */
+    float eye_bound, light_bound;
     uint64_t tables_made, tables_held; /* shadow tables that were made or updated, and taken over from the last call */
     /* Of all these tables: patches of up to 8 x 8 texels, of the whole depth range, that were filled, and that were
        kept from the last call. */
@@ -1864,6 +1875,9 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_FIELD_VALUES, /* of their bricks */
     SPSI_BUFFER_LEVEL_GRIDS,  /* the same of their coarser levels */
     SPSI_BUFFER_LEVEL_VALUES,
+    SPSI_BUFFER_BENDS,       /* how much fields bend, >>taps */
+    SPSI_BUFFER_EYE_SPENT,   /* of a tolerance, >>targets */
+    SPSI_BUFFER_LIGHT_SPENT,
     SPSI_BUFFER_FACES,         /* triangles, >>polygons */
     SPSI_BUFFER_FACE_ROWS,     /* the rows that each triangle covers */
     SPSI_BUFFER_FACE_ORDER,    /* the order of the triangles in their tree, >>trees */
@@ -2559,6 +2573,17 @@ static inline spsi_v spsi_linear_base(const spsi_linear *linear, spsi_v x, float
 
 static inline spsi_v spsi_linear_slope(const spsi_linear *linear, spsi_v x, float y) {
     return spsi_fma(x, spsi_set(linear->slope[1]), spsi_set(linear->slope[0] + y * linear->slope[2]));
+}
+
+/* The same for pixels that are not in a row. */
+static inline spsi_v spsi_linear_base_at(const spsi_linear *linear, spsi_v x, spsi_v y) {
+    const float *base = linear->base;
+    return spsi_fma(x, spsi_set(base[1]), spsi_fma(y, spsi_set(base[2]), spsi_set(base[0])));
+}
+
+static inline spsi_v spsi_linear_slope_at(const spsi_linear *linear, spsi_v x, spsi_v y) {
+    const float *slope = linear->slope;
+    return spsi_fma(x, spsi_set(slope[1]), spsi_fma(y, spsi_set(slope[2]), spsi_set(slope[0])));
 }
 
 /* World length per unit of t along the rays of a row of pixels. */
@@ -4379,6 +4404,7 @@ typedef struct spsi_fields {
     float weights[SPSI_TAP_STEPS + 1][8];    /* by place; those beyond `taps` are 0 */
     spsi_voxel_field list[SPSI_VOLUMES_MAX]; /* by medium */
     int leveled;                             /* 1: so have those of coarser levels */
+    float *bends;                            /* per brick of relevant voxels, see spsi_field_bend; NULL: unknown */
     spsi_voxel_field levels[SPSI_VOLUMES_MAX][SPSI_LEVELS];
 } spsi_fields;
 
@@ -5034,6 +5060,9 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
     if (!(view->lookup_threshold >= 0 && view->lookup_threshold <= 1))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "lookup_threshold",
                                (double)view->lookup_threshold, "it must be 0..1");
+    if (!(view->tolerance >= 0 && view->tolerance <= 1))
+        return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "tolerance", (double)view->tolerance,
+                               "it must be 0..1");
     if ((int)view->filling < 0 || view->filling > SPS_FILLING_GATHER)
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, SPS_OBJECT_VIEW, -1, "filling", (double)(int)view->filling,
                                "it must be an sps_filling");
@@ -11310,8 +11339,11 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall
    short, much nearer ones would show that weights come in steps. Volumes that are not classified have a pyramid: each
    level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
-   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and 60 per vector of samples; a level is made
-   from its finer one in about 60 operations per voxel. */
+   With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
+   midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
+   of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
+   Cost: about 20 vector operations per sample of 4^3 voxels, 80 of 6^3, and 60 per vector of samples; 5 per vector of
+   what is interpolated; a level is made from its finer one in about 60 operations per voxel. */
 
 #define SPSI_TAP_MOST     11       /* samples of a ray in a slab; thicker slabs are splatted */
 #define SPSI_TAP_STEP     1.45     /* voxels between samples of a ray, at most: one in a slab of a voxel at any slant */
@@ -11552,6 +11584,52 @@ static void spsi_field_apron_task(void *data, int index, int worker) {
     }
 }
 
+/* ---- how much a field bends ---- */
+
+/* The greatest of a vector of rows' differences so far. */
+static inline spsi_v spsi_bend_most(spsi_v most, spsi_v a, spsi_v b) {
+    return spsi_max(most, spsi_abs(spsi_sub(a, b)));
+}
+
+/* Second differences about a row of voxels: along x, along y, along z, and of x with y. */
+static inline void spsi_bend_second(const float *v, const int step[3], spsi_v second[4]) {
+    const spsi_v here = spsi_load(v), right = spsi_load(v + step[0]), below = spsi_load(v + step[1]);
+    for (int k = 0; k < 3; ++k)
+        second[k] = spsi_add(spsi_sub(spsi_load(v + step[k]), here), spsi_sub(spsi_load(v - step[k]), here));
+    second[3] = spsi_sub(spsi_sub(spsi_load(v + step[0] + step[1]), right), spsi_sub(below, here));
+}
+
+/* The maximum in a brick of the field's third derivative, in any direction, per voxel: the norm of the largest third
+   differences of its voxels, of each kind. */
+static float spsi_field_bend(int taps, const float *values) {
+    static const float weights[10] = {1, 1, 1, 3, 3, 3, 3, 3, 3, 6};
+    static const int pairs[6][2] = {{0, 1}, {0, 2}, {1, 0}, {1, 2}, {2, 0}, {2, 1}}; /* x x y, x x z, ... */
+    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), border = taps / 2 - 1;
+    const int step[3] = {1, pitch, edge * pitch}, width = spsi_least(SPSI_LANES, SPSI_BRICK);
+    spsi_v third[10];
+    float square = 0;
+    for (int i = 0; i < 10; ++i) third[i] = spsi_set(0);
+    for (int n = 0; n < SPSI_BRICK * SPSI_BRICK; ++n)
+        for (int x = 0; x < SPSI_BRICK; x += width) {
+            const int row = (n / SPSI_BRICK + border) * edge + n % SPSI_BRICK + border;
+            const float *first = values + row * pitch + border + x;
+            spsi_v here[4], next[3][4];
+            spsi_bend_second(first, step, here);
+            for (int k = 0; k < 3; ++k) spsi_bend_second(first + step[k], step, next[k]);
+            for (int k = 0; k < 3; ++k) third[k] = spsi_bend_most(third[k], next[k][k], here[k]);
+            for (int i = 0; i < 6; ++i)
+                third[3 + i] = spsi_bend_most(third[3 + i], next[pairs[i][1]][pairs[i][0]], here[pairs[i][0]]);
+            third[9] = spsi_bend_most(third[9], next[2][3], here[3]);
+        }
+    for (int i = 0; i < 10; ++i) {
+        float lanes[SPSI_LANES], most = 0;
+        spsi_store(lanes, third[i]);
+        for (int k = 0; k < width; ++k) most = spsi_higher(most, lanes[k]);
+        square += weights[i] * most * most;
+    }
+    return sqrtf(square);
+}
+
 /* ---- coarser levels ---- */
 
 /* The box of the next level: of bricks that have a voxel of the finer one's bricks within reach. */
@@ -11748,37 +11826,40 @@ static inline void spsi_tap_rays_clip(const spsi_voxel_field *field, spsi_tap_ra
     }
 }
 
-static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, int x, int y, int part, int steps,
+/* Rays through pixels or places between them. */
+static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
                                        spsi_tap_rays *rays) {
-    const spsi_v fx = spsi_add(spsi_set((float)x + (part & 1 ? t->aside : -t->aside)), spsi_iota());
-    const float fy = (float)y + (part & 2 ? t->aside : -t->aside), per_step = 1 / (float)steps;
-    const spsi_v slope = spsi_linear_slope(&t->slab, fx, fy);
+    const spsi_v slope = spsi_linear_slope_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
     rays->steps = steps;
-    rays->base = spsi_linear_base(&t->slab, fx, fy);
+    rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), slope);
     for (int k = 0; k < 3; ++k) {
-        const spsi_v middle = spsi_mul(spsi_sub(spsi_set(0.5f * per_step), rays->base), rays->per_slab);
-        rays->at[k] = spsi_linear_base(&t->at[k], fx, fy);
-        rays->change[k] = spsi_linear_slope(&t->at[k], fx, fy);
+        const spsi_v half = spsi_mul(spsi_set(0.5f), per_step);
+        const spsi_v middle = spsi_mul(spsi_sub(half, rays->base), rays->per_slab);
+        rays->at[k] = spsi_linear_base_at(&t->at[k], x, y);
+        rays->change[k] = spsi_linear_slope_at(&t->at[k], x, y);
         rays->start[k] = spsi_fma(rays->change[k], middle, rays->at[k]);
-        rays->step[k] = spsi_mul(spsi_mul(rays->change[k], rays->per_slab), spsi_set(per_step));
+        rays->step[k] = spsi_mul(spsi_mul(rays->change[k], rays->per_slab), per_step);
     }
     rays->nearest = spsi_set(-SPSI_INFINITY);
     rays->limit = spsi_set(SPSI_INFINITY);
     rays->first = spsi_set(-1);
     rays->end = spsi_set((float)(tile->slab_count * steps + 1));
-    if (tile->clamped && !t->whole) {
-        spsi_v begin, end, low, high; /* slab coordinates, samples */
-        rays->nearest = spsi_set(t->near_d);
-        rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
-        begin = spsi_fma(slope, rays->nearest, rays->base);
-        end = spsi_fma(slope, rays->limit, rays->base);
-        low = spsi_mul(spsi_floor(spsi_min(begin, end)), spsi_set((float)steps));
-        high = spsi_mul(spsi_floor(spsi_max(begin, end)), spsi_set((float)steps));
-        rays->first = spsi_max(rays->first, spsi_sub(low, spsi_set(1)));
-        rays->end = spsi_min(rays->end, spsi_add(high, spsi_set((float)steps + 1)));
-    }
     spsi_tap_rays_clip(t->field, rays);
+}
+
+/* Begins rays through a row of pixels at the near plane, and ends them at polygons. */
+static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *tile, int x, int y, spsi_tap_rays *rays) {
+    const spsi_v steps = spsi_set((float)rays->steps), slope = spsi_div(spsi_set(1), rays->per_slab);
+    spsi_v begin, end, low, high; /* slab coordinates, samples */
+    rays->nearest = spsi_set(t->near_d);
+    rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
+    begin = spsi_fma(slope, rays->nearest, rays->base);
+    end = spsi_fma(slope, rays->limit, rays->base);
+    low = spsi_mul(spsi_floor(spsi_min(begin, end)), steps);
+    high = spsi_mul(spsi_floor(spsi_max(begin, end)), steps);
+    rays->first = spsi_max(rays->first, spsi_sub(low, spsi_set(1)));
+    rays->end = spsi_min(rays->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
 }
 
 /* Sample number `n` of each ray. */
@@ -11875,58 +11956,210 @@ static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int lanes, int coun
     slabs[1] = low < high ? spsi_least(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
 }
 
-/* Adds to the sheets of a vector of pixels what one of their rays finds. One more sample on either side of a slab tells
-   the slopes at its ends. */
-static void spsi_tap_sheets(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, int lanes, int steps,
-                            float *sheets) {
-    size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
-    uint64_t samples = 0;
-    spsi_v before, first, weight;
+/* Adds to sheets of `size` floats, from the one that `at` counts from, what a vector of rays finds in each slab. One
+   more sample on either side of a slab tells the slopes at its ends. */
+static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, int part, int lanes,
+                         float *sheets, size_t at, size_t size) {
+    const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
+    const int steps = rays->steps, cuts = tile->clamped && !t->whole;
+    spsi_v before, first;
     int slabs[2];
-    spsi_tap_rays rays;
-    spsi_tap_rays_build(t, tile, x, y, part, steps, &rays);
-    spsi_tap_slabs(&rays, lanes, tile->slab_count, slabs);
+    spsi_tap_slabs(rays, lanes, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    weight = spsi_mul(spsi_abs(rays.per_slab), spsi_set(t->scale / (float)steps));
-    before = spsi_tap_sample(t, &rays, slabs[0] * steps - 1, lanes, &samples);
-    first = spsi_tap_sample(t, &rays, slabs[0] * steps, lanes, &samples);
-    at += (size_t)slabs[0] * tile->sheet_size;
-    for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += tile->sheet_size) {
-        const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays.base), rays.per_slab);
-        const spsi_v b = spsi_add(a, rays.per_slab);
+    before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, lanes, &tile->samples);
+    first = spsi_tap_sample(t, rays, slabs[0] * steps, lanes, &tile->samples);
+    at += (size_t)slabs[0] * size;
+    for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size) {
+        const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays->base), rays->per_slab);
+        const spsi_v b = spsi_add(a, rays->per_slab);
         spsi_v sum = first, last = first, next;
         for (int n = slab * steps + 1; n < (slab + 1) * steps; ++n) {
-            last = spsi_tap_sample(t, &rays, n, lanes, &samples);
+            last = spsi_tap_sample(t, rays, n, lanes, &tile->samples);
             sum = spsi_add(sum, last);
         }
-        next = spsi_tap_sample(t, &rays, (slab + 1) * steps, lanes, &samples);
+        next = spsi_tap_sample(t, rays, (slab + 1) * steps, lanes, &tile->samples);
         sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), spsi_set(1.0f / 24), sum);
         sum = spsi_mul(sum, weight);
-        if (tile->clamped && !t->whole)
-            sum = spsi_tap_cut(t, &rays, spsi_min(a, b), spsi_max(a, b), sum, lanes, &samples);
+        if (cuts) sum = spsi_tap_cut(t, rays, spsi_min(a, b), spsi_max(a, b), sum, lanes, &tile->samples);
         before = last;
         first = next;
         sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
         spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
         if (tile->slopes) spsi_tap_slopes(t, tile, at, part, sum);
     }
-    tile->samples += samples;
 }
 
-/* Number of samples in a slab on the rays of a tile: on those through its corners steps are short enough. */
-static int spsi_tap_steps(const spsi_tapper *t, const spsi_tile *tile) {
+/* Adds to the sheets of a vector of pixels what one of their rays finds. */
+static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, int lanes, int steps,
+                         float *sheets) {
+    const spsi_v fx = spsi_add(spsi_set((float)x + (part & 1 ? t->aside : -t->aside)), spsi_iota());
+    const spsi_v fy = spsi_set((float)y + (part & 2 ? t->aside : -t->aside));
+    const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
+    spsi_tap_rays rays;
+    spsi_tap_rays_build(t, tile, fx, fy, steps, &rays);
+    if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
+    spsi_tap_add(t, tile, &rays, part, lanes, sheets, at, tile->sheet_size);
+}
+
+/* ---- patches of sixteen rays ---- */
+
+/* Pixels for which sixteen rays stand, 4 x 4 from the first to the last of its columns and rows. What is between them
+   follows the cubics through them, which are exact at the patch's edges. */
+typedef struct spsi_tap_patch {
+    int x0, y0, x1, y1;
+    float x[16], y[16]; /* of the rays, row by row */
+} spsi_tap_patch;
+
+static void spsi_tap_patch_place(int x0, int y0, int x1, int y1, spsi_tap_patch *patch) {
+    patch->x0 = x0, patch->y0 = y0, patch->x1 = x1, patch->y1 = y1;
+    for (int n = 0; n < 16; ++n) {
+        patch->x[n] = (float)x0 + (float)(x1 - x0) * (float)(n % 4) / 3;
+        patch->y[n] = (float)y0 + (float)(y1 - y0) * (float)(n / 4) / 3;
+    }
+}
+
+/* Slabs per depth on a ray. */
+static float spsi_tap_slabs_per_depth(const spsi_tapper *t, float x, float y) {
+    return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
+}
+
+/* Bound of what a slab's mean is off by if its rays cross `way` voxels in so many steps, where a field bends by `bend`.
+   With steps of h, it is h^3 / 192 of the third derivative for the corrected midpoint rule (Peano's kernel,
+   integrated), and h^3 / 288 per step for its correction by differences of samples. */
+static float spsi_tap_steps_bound(float bend, float way, int steps) {
+    const float h = way / (float)steps;
+    return bend * h * h * h * (1 / 192.0f + 1 / (288.0f * (float)steps));
+}
+
+/* The depth at which the ray through a corner of a patch crosses a slab plane of the tile. */
+static float spsi_tap_patch_depth(const spsi_tapper *t, const spsi_tap_patch *patch, int corner, int plane) {
+    const float x = corner & 1 ? (float)patch->x1 : (float)patch->x0, y = (float)(corner & 2 ? patch->y1 : patch->y0);
+    const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
+    return ((float)plane - base) / spsi_tap_slabs_per_depth(t, x, y);
+}
+
+/* How far apart, in voxels, the first two corners of a patch (axis 0), or those of its first column (1), are on slab
+   planes of the tile, at most. */
+static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch, int axis) {
+    float most = 0;
+    for (int end = 0; end < 2; ++end) {
+        float square = 0;
+        for (int k = 0; k < 3; ++k) {
+            const spsi_linear *at = &t->at[k];
+            float place[2];
+            for (int i = 0; i < 2; ++i) {
+                const int corner = i << axis;
+                const float x = (float)(corner & 1 ? patch->x1 : patch->x0);
+                const float y = (float)(corner & 2 ? patch->y1 : patch->y0);
+                const float depth = spsi_tap_patch_depth(t, patch, corner, end * tile->slab_count);
+                place[i] = at->base[0] + x * at->base[1] + y * at->base[2] +
+                           depth * (at->slope[0] + x * at->slope[1] + y * at->slope[2]);
+            }
+            square += (place[1] - place[0]) * (place[1] - place[0]);
+        }
+        most = spsi_higher(most, square);
+    }
+    return sqrtf(most);
+}
+
+/* Bound of the difference between a field that bends by `bend` and its cubics across a patch. Along one axis, with
+   nodes at 0, w / 3, 2 w / 3 and w, it is w^3 / 378.8 of the third derivative (Peano's kernel, integrated). Weights of
+   a cubic add up to 1.631 in magnitude at most, by which the error of one axis counts along the other. */
+static float spsi_tap_patch_bound(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch,
+                                  float bend) {
+    const float x = spsi_tap_patch_extent(t, tile, patch, 0), y = spsi_tap_patch_extent(t, tile, patch, 1);
+    return bend / 378.8f * (spsi_lower(x * x * x, y * y * y) * 1.631f + spsi_higher(x * x * x, y * y * y));
+}
+
+/* Whether all rays of a patch run through all slabs of the tile: none ends at a polygon, or begins there. */
+static int spsi_tap_patch_whole(const spsi_tapper *t, const spsi_tile *tile, const spsi_tap_patch *patch) {
+    float low = SPSI_INFINITY, high = -SPSI_INFINITY;
+    if (!tile->clamped || t->whole) return 1;
+    for (int n = 0; n < 8; ++n) {
+        const float depth = spsi_tap_patch_depth(t, patch, n / 2, n % 2 * tile->slab_count);
+        low = spsi_lower(low, depth);
+        high = spsi_higher(high, depth);
+    }
+    if (!(low >= t->near_d)) return 0;
+    if (!tile->limits || high <= tile->nearest_limit) return 1;
+    for (int y = patch->y0; y <= patch->y1; ++y)
+        for (int x = patch->x0; x <= patch->x1; ++x)
+            if (!(high <= spsi_hit_depth(tile->limits, tile->limit_width, tile->limit_height, x, y))) return 0;
+    return 1;
+}
+
+/* The cubics' weights of pixel number `i` of `count`. */
+static void spsi_tap_cubic(int i, int count, float weights[4]) {
+    const float u = count > 1 ? 3 * (float)i / (float)(count - 1) : 0;
+    weights[0] = (u - 1) * (u - 2) * (u - 3) / -6;
+    weights[1] = u * (u - 2) * (u - 3) / 2;
+    weights[2] = u * (u - 1) * (u - 3) / -2;
+    weights[3] = u * (u - 1) * (u - 2) / 6;
+}
+
+/* Adds a patch's sheets, interpolated between the sums of its rays, 16 a slab. */
+static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *patch, const float *sums,
+                                  float *sheets) {
+    const int width = patch->x1 - patch->x0 + 1, height = patch->y1 - patch->y0 + 1;
+    float across[4][SPSI_PATCH + 8 + SPSI_LANES], down[SPSI_PATCH + 8][4]; /* with a margin on either side */
+    memset(across, 0, sizeof across);
+    for (int i = 0; i < width; ++i) {
+        float weights[4];
+        spsi_tap_cubic(i, width, weights);
+        for (int k = 0; k < 4; ++k) across[k][i] = weights[k];
+    }
+    for (int i = 0; i < height; ++i) spsi_tap_cubic(i, height, down[i]);
+    sheets += (patch->y0 - tile->y0) * tile->pitch + patch->x0 - tile->x0;
+    for (int slab = 0; slab < tile->slab_count; ++slab, sums += 16, sheets += tile->sheet_size) {
+        float most = 0;
+        for (int n = 0; n < 16; ++n) most = spsi_higher(most, sums[n]);
+        if (!(most > 0)) continue;
+        for (int y = 0; y < height; ++y) {
+            float columns[4];
+            for (int k = 0; k < 4; ++k)
+                columns[k] = (down[y][0] * sums[k] + down[y][1] * sums[4 + k]) +
+                             (down[y][2] * sums[8 + k] + down[y][3] * sums[12 + k]);
+            for (int x = 0; x < width; x += SPSI_LANES) {
+                float *at = sheets + y * tile->pitch + x;
+                spsi_v value = spsi_mul(spsi_set(columns[0]), spsi_load(across[0] + x));
+                for (int k = 1; k < 4; ++k) value = spsi_fma(spsi_set(columns[k]), spsi_load(across[k] + x), value);
+                spsi_store(at, spsi_add(spsi_load(at), spsi_max(value, spsi_set(0))));
+            }
+        }
+    }
+}
+
+/* Adds to a patch's sheets what its sixteen rays find. */
+static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, int steps,
+                               float *sheets) {
+    float sums[(SPSI_CHUNK + 4) * 16];
+    memset(sums, 0, sizeof sums);
+    for (int n = 0; n < 16; n += SPSI_LANES) {
+        spsi_tap_rays rays;
+        spsi_tap_rays_build(t, tile, spsi_load(patch->x + n), spsi_load(patch->y + n), steps, &rays);
+        spsi_tap_add(t, tile, &rays, 0, (1 << SPSI_LANES) - 1, sums, (size_t)n, 16);
+    }
+    spsi_tap_patch_spread(tile, patch, sums, sheets);
+}
+
+/* Voxels that rays of a tile cross in a slab, at most, by those through its corners. */
+static float spsi_tap_way(const spsi_tapper *t, const spsi_tile *tile) {
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
         const float x = (float)(corner & 1 ? tile->x1 : tile->x0), y = (float)(corner & 2 ? tile->y1 : tile->y0);
-        const float slope = t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
         float square = 0;
         for (int k = 0; k < 3; ++k) {
             const float change = t->at[k].slope[0] + x * t->at[k].slope[1] + y * t->at[k].slope[2];
             square += change * change;
         }
-        most = spsi_higher(most, ceilf(sqrtf(square) / fabsf(slope) * (float)(1 / spsi_tap_step(t->fields))));
+        most = spsi_higher(most, sqrtf(square) / fabsf(spsi_tap_slabs_per_depth(t, x, y)));
     }
-    return spsi_most(1, (int)spsi_lower(most, SPSI_TAP_MOST));
+    return most;
+}
+
+/* Number of samples in a slab in which rays cross so many voxels. */
+static int spsi_tap_steps(const spsi_tapper *t, float way) {
+    return spsi_most(1, (int)ceilf(spsi_lower(way / (float)spsi_tap_step(t->fields), SPSI_TAP_MOST)));
 }
 
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
@@ -12120,6 +12353,9 @@ static size_t spsi_field_cells_most(size_t bricks) {
 static size_t spsi_field_grid_bytes(size_t cells) { return cells * (3 * sizeof(int) + sizeof(uint32_t)); }
 static size_t spsi_field_brick_bytes(int taps) { return spsi_field_floats(taps) * sizeof(float); }
 
+/* Upper bound of the bytes of what is known of how much fields bend. */
+static size_t spsi_bends_bytes(size_t bricks, size_t held) { return (bricks + held) * sizeof(float); }
+
 /* Places the boxes of a volume's coarser levels. */
 static void spsi_levels_place(spsi_fields *fields, int medium) {
     memset(fields->levels[medium], 0, sizeof fields->levels[medium]);
@@ -12164,6 +12400,7 @@ static size_t spsi_fields_bytes(const spsi_frame *frame, size_t bricks) {
         all += cells < most ? cells : most;
         bytes += spsi_levels_bytes(frame, m, bricks);
     }
+    if (frame->view.tolerance > 0) bytes += spsi_bends_bytes(bricks, 27 * bricks < all ? 27 * bricks : all);
     return bytes + spsi_field_grid_bytes(all) + (27 * bricks < all ? 27 * bricks : all) * each;
 }
 
@@ -12206,6 +12443,7 @@ static sps_result spsi_fields_place(sps_context *context, const spsi_frame *fram
     if (context->field_taps == taps) return SPS_OK;
     context->field_taps = 0;
     fields->filled = fields->leveled = 0;
+    fields->bends = NULL;
     spsi_fields_weigh(fields, taps);
     memory = (int *)spsi_reserve(context, SPSI_BUFFER_FIELD_GRIDS, spsi_fields_begin(context, frame, fields),
                                  spsi_field_grid_bytes(1));
@@ -12301,6 +12539,69 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
             spsi_field_fill(context, fields->taps, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
                             &fields->levels[m][n]);
     fields->leveled = 1;
+    return SPS_OK;
+}
+
+/* --- how much fields bend --- */
+
+typedef struct spsi_bend_job {
+    const spsi_voxel_field *field;
+    int taps;
+    const spsi_brick *bricks;
+    float *alone; /* per brick held */
+    float *bends; /* per brick of relevant voxels, of all volumes */
+} spsi_bend_job;
+
+static void spsi_bend_alone_task(void *data, int index, int worker) {
+    const spsi_bend_job *job = (const spsi_bend_job *)data;
+    const int end = spsi_least(job->field->count, (index + 1) * SPSI_FIELD_BATCH);
+    (void)worker;
+    for (int held = index * SPSI_FIELD_BATCH; held < end; ++held)
+        job->alone[held] =
+            spsi_field_bend(job->taps, job->field->values + (size_t)held * spsi_field_floats(job->taps));
+}
+
+/* A brick of relevant voxels bends as much as any of those around it: taps reach into these. */
+static void spsi_bend_spread_task(void *data, int index, int worker) {
+    const spsi_bend_job *job = (const spsi_bend_job *)data;
+    const spsi_voxel_field *field = job->field;
+    const int first = field->first + index * SPSI_FIELD_BATCH;
+    (void)worker;
+    for (int i = first; i < spsi_least(field->end, first + SPSI_FIELD_BATCH); ++i) {
+        job->bends[i] = 0;
+        for (int n = 0; n < 27; ++n) {
+            const int *base = job->bricks[i].base;
+            const int at[3] = {base[0] / SPSI_BRICK + n % 3 - 1, base[1] / SPSI_BRICK + n / 3 % 3 - 1,
+                               base[2] / SPSI_BRICK + n / 9 - 1};
+            const int held = spsi_field_has(field, at) ? field->grid[spsi_field_cell(field, at)] : -1;
+            if (held >= 0) job->bends[i] = spsi_higher(job->bends[i], job->alone[held]);
+        }
+    }
+}
+
+/* Finds how much all fields bend, which are filled, unless it is known. */
+static sps_result spsi_fields_bend(sps_context *context, const spsi_frame *frame) {
+    spsi_fields *fields = frame->content->fields;
+    size_t most = 0;
+    spsi_bend_job job;
+    if (fields->bends) return SPS_OK;
+    for (int m = 0; m < frame->medium_count; ++m)
+        most = (size_t)fields->list[m].count > most ? (size_t)fields->list[m].count : most;
+    job.taps = fields->taps;
+    job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
+    job.bends = (float *)spsi_reserve(context, SPSI_BUFFER_BENDS, 1,
+                                      spsi_bends_bytes((size_t)context->brick_count, most));
+    if (!job.bends) return context->result;
+    job.alone = job.bends + context->brick_count;
+    for (int m = 0; m < frame->medium_count; ++m) {
+        const int bricks = fields->list[m].end - fields->list[m].first;
+        job.field = &fields->list[m];
+        if (job.field->count == 0) continue;
+        spsi_parallel(context, (job.field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_alone_task,
+                      &job);
+        spsi_parallel(context, (bricks + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH, spsi_bend_spread_task, &job);
+    }
+    fields->bends = job.bends;
     return SPS_OK;
 }
 
@@ -12428,7 +12729,42 @@ typedef struct spsi_target {
     spsi_lists particles;
     spsi_sheets sheets;
     uint64_t (*counts)[3]; /* per worker: footprints, fragments and samples */
+    float tolerance;       /* optical depth by which rays may be off for being interpolated; 0: none is */
+    float *spent;          /* per patch of each tile: what was used of it so far; NULL: nothing ever is */
 } spsi_target;
+
+/* Whether a gathered volume may be interpolated between rays: gas at its own level that does not emit. */
+static int spsi_target_interpolates(const spsi_target *target, int medium) {
+    const spsi_frame *frame = target->frame;
+    const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
+    const spsi_tapper *tapper = &target->tappers[medium];
+    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level == 0 &&
+           tapper->across == 1 && !material->table && !material->emits;
+}
+
+static size_t spsi_spent_bytes(const spsi_rays *rays) {
+    return 64 * sizeof(float) * (size_t)spsi_tile_columns(rays) * (size_t)spsi_tile_rows(rays);
+}
+
+/* Begins to count what is used of a target's tolerance, if a volume may use any. */
+static sps_result spsi_target_begin_spending(sps_context *context, spsi_buffer_id id, spsi_target *target) {
+    int spends = 0;
+    target->spent = NULL;
+    for (int i = 0; i < target->frame->medium_count; ++i) spends |= spsi_target_interpolates(target, i);
+    if (!spends) return SPS_OK;
+    target->spent = (float *)spsi_reserve(context, id, 1, spsi_spent_bytes(target->rays));
+    if (!target->spent) return context->result;
+    memset(target->spent, 0, spsi_spent_bytes(target->rays));
+    return SPS_OK;
+}
+
+/* The most that any patch has used of it. */
+static float spsi_target_spent(const spsi_target *target) {
+    const size_t count = target->spent ? spsi_spent_bytes(target->rays) / sizeof(float) : 0;
+    float most = 0;
+    for (size_t i = 0; i < count; ++i) most = spsi_higher(most, target->spent[i]);
+    return most;
+}
 
 /* The bricks and particles of a frame, one chunk of slabs at a time, and the targets that they are splatted into, which
    have these slabs in common. */
@@ -12487,6 +12823,7 @@ static void spsi_target_place(const spsi_frame *frame, const spsi_rays *rays, co
     target->origin_slab = spsi_slab_at(slabs, rays->origin);
     target->columns = spsi_tile_columns(rays);
     target->rows = spsi_tile_rows(rays);
+    target->tolerance = 0;
     for (int i = 0; i < frame->medium_count; ++i) {
         target->channels[i] = target->slope_channels[i] = -1;
         target->verdicts[i] = SPSI_SPLAT_ASKED;
@@ -12504,6 +12841,7 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
                                      int backwards, spsi_target *target) {
     spsi_target_place(frame, &frame->content->eye, slabs, target);
     target->shape = spsi_eye_shape(frame);
+    target->tolerance = frame->view.tolerance;
     spsi_crossing_build(&frame->content->eye, slabs, backwards, &target->crossing);
     for (int i = 0; i < frame->particles.set_count; ++i) target->set_channels[i] = frame->particles.sets[i].channel;
     for (int i = 0; i < frame->medium_count && context->brick_count > 0; ++i) {
@@ -12697,14 +13035,16 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
 
 /* Fills the volumes' fields if a target gathers any, and their levels likewise. */
 static sps_result spsi_contents_fields(const spsi_contents *contents) {
-    int gathers = 0, level = 0;
+    int gathers = 0, level = 0, interpolates = 0;
     for (int n = 0; n < contents->target_count; ++n)
         for (int i = 0; i < contents->frame->medium_count; ++i) {
             if (!spsi_gathers(contents->targets[n]->verdicts[i])) continue;
             gathers = 1;
+            interpolates |= spsi_target_interpolates(contents->targets[n], i);
             level = spsi_most(level, contents->targets[n]->tappers[i].level);
         }
     if (gathers && spsi_fields_fill(contents->context, contents->frame)) return contents->context->result;
+    if (interpolates && spsi_fields_bend(contents->context, contents->frame)) return contents->context->result;
     return level > 0 ? spsi_levels_fill(contents->context, contents->frame) : SPS_OK;
 }
 
@@ -12712,6 +13052,7 @@ static sps_result spsi_contents_fields(const spsi_contents *contents) {
 static sps_result spsi_contents_build(sps_context *context, spsi_target *first, spsi_target *second,
                                       spsi_contents *contents) {
     static const spsi_buffer_id boxes[2] = {SPSI_BUFFER_BRICK_BOXES, SPSI_BUFFER_BRICK_LIGHT_BOXES};
+    static const spsi_buffer_id spent[2] = {SPSI_BUFFER_EYE_SPENT, SPSI_BUFFER_LIGHT_SPENT};
     const int chunks = spsi_chunk_count(first->slabs), count = context->brick_count;
     contents->context = context;
     contents->frame = first->frame;
@@ -12726,7 +13067,7 @@ static sps_result spsi_contents_build(sps_context *context, spsi_target *first, 
         spsi_target *target = contents->targets[i];
         target->brick_boxes =
             (int16_t(*)[4])spsi_reserve(context, boxes[i], (size_t)count, sizeof *target->brick_boxes);
-        if (!target->brick_boxes) return context->result;
+        if (!target->brick_boxes || spsi_target_begin_spending(context, spent[i], target)) return context->result;
     }
     spsi_parallel_batches(context, count, spsi_bricks_task, contents);
     spsi_queue_sort(&contents->bricks, chunks);
@@ -12846,39 +13187,133 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* The lanes of a vector of a tile's pixels that lie in patches, of which `row` has a bit for each in a row. */
-static int spsi_patch_lanes(const spsi_tile *tile, int x, int row) {
-    const int left = tile->x0 + tile->margin;
+/* The most that the bricks of a volume bend in each patch of a tile. */
+static void spsi_tile_bends(const spsi_tile_fill *fill, int medium, float bends[64]) {
+    const spsi_contents *contents = fill->contents;
+    const float *all = contents->frame->content->fields->bends;
+    memset(bends, 0, 64 * sizeof *bends);
+    for (int i = 0; i < contents->bricks.current; ++i) {
+        const int index = contents->bricks.present[i];
+        const int16_t *box = fill->target->brick_boxes[index];
+        uint64_t patches;
+        if (contents->list[index].lattice != medium || !spsi_box_meets_tile(box, fill->column, fill->row)) continue;
+        patches = spsi_patches(fill->tile, box[0], box[1], box[2], box[3]);
+        for (int n = 0; n < 64; ++n)
+            if (patches >> n & 1) bends[n] = spsi_higher(bends[n], all[index]);
+    }
+}
+
+/* Places a patch of a tile, with the margin beside it. Returns 0 if it has no pixels. */
+static int spsi_tile_patch(const spsi_tile *tile, int number, spsi_tap_patch *patch) {
+    const int column = number % 8, row = number / 8;
+    const int x = tile->x0 + tile->margin + column * SPSI_PATCH, y = tile->y0 + tile->margin + row * SPSI_PATCH;
+    const int x1 = column == 7 ? tile->x1 : spsi_least(tile->x1, x + SPSI_PATCH - 1);
+    const int y1 = row == 7 ? tile->y1 : spsi_least(tile->y1, y + SPSI_PATCH - 1);
+    if (x > x1 || y > y1) return 0;
+    spsi_tap_patch_place(column == 0 ? tile->x0 : x, row == 0 ? tile->y0 : y, x1, y1, patch);
+    return 1;
+}
+
+/* Optical depth of the tile's slabs on a patch's rays, if the value of a gas is 1. */
+static float spsi_target_depth(const spsi_target *target, const spsi_tile *tile, int medium,
+                               const spsi_tap_patch *patch) {
+    const spsi_frame *frame = target->frame;
+    const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
+    float most = 0;
+    for (int corner = 0; corner < 4; ++corner) {
+        const float x = (float)(corner & 1 ? patch->x1 : patch->x0), y = (float)(corner & 2 ? patch->y1 : patch->y0);
+        const float slabs = fabsf(spsi_tap_slabs_per_depth(&target->tappers[medium], x, y));
+        most = spsi_higher(most, spsi_lane(spsi_ray_lengths(target->rays, spsi_set(x), y), 0) / slabs);
+    }
+    return extinction * most * (float)tile->slab_count;
+}
+
+/* Adds a gathered volume to those of a tile's patches where sixteen rays do, by what is left of the tolerance: slabs up
+   to here may use their share of it. Where `way`, the voxels that rays cross in a slab, takes several samples, fewer of
+   them may do. Returns these patches. */
+static uint64_t spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *here, int medium, uint64_t patches,
+                                      float way, float *channel) {
+    const spsi_target *target = fill->target;
+    spsi_tile *tile = fill->tile;
+    const float chunk = (float)(fill->contents->first_slab / SPSI_CHUNK);
+    const float allowed = target->tolerance * (chunk + 1) / (float)spsi_chunk_count(target->slabs);
+    float *spent = target->spent + 64 * (fill->row * target->columns + fill->column), bends[64];
+    uint64_t added = 0;
+    spsi_tile_bends(fill, medium, bends);
+    for (int n = 0; n < 64; ++n) {
+        const int most = spsi_tap_steps(here, way);
+        int steps = 1;
+        spsi_tap_patch patch;
+        float depth, bound, along = 0;
+        if (!(patches >> n & 1) || !spsi_tile_patch(tile, n, &patch)) continue;
+        depth = spsi_target_depth(target, tile, medium, &patch);
+        bound = spent[n] + depth * spsi_tap_patch_bound(here, tile, &patch, bends[n]);
+        if (!(bound <= allowed) || !spsi_tap_patch_whole(here, tile, &patch)) continue;
+        for (; steps < most; ++steps) {
+            along = depth * spsi_tap_steps_bound(bends[n], way, steps);
+            if (bound + along <= allowed) break;
+        }
+        spsi_tap_patch_add(here, tile, &patch, steps, channel);
+        spent[n] = bound + (steps < most ? along : 0);
+        added |= UINT64_C(1) << n;
+    }
+    return added;
+}
+
+/* The patches of a tile that matter to a row of its pixels, as bits by column. */
+typedef struct spsi_patch_row {
+    int own, beside; /* those that it crosses, and those within the margin above and below it, too */
+    int done;        /* of its own, those that are filled already */
+} spsi_patch_row;
+
+static spsi_patch_row spsi_patch_row_at(const spsi_tile *tile, uint64_t patches, uint64_t done, int y) {
+    const int margin = tile->margin, at = y - tile->y0 - margin;
+    const int rows[3] = {spsi_patch_at(at), spsi_patch_at(at - margin), spsi_patch_at(at + margin)};
+    spsi_patch_row row;
+    row.own = (int)(patches >> 8 * rows[0] & 0xff);
+    row.beside = row.own | (int)((patches >> 8 * rows[1] | patches >> 8 * rows[2]) & 0xff);
+    row.done = (int)(done >> 8 * rows[0] & 0xff);
+    return row;
+}
+
+/* The pixels of a vector in such a row that lie in patches or that gradients in these read, as bits. */
+static int spsi_patch_lanes(const spsi_tile *tile, const spsi_patch_row *row, int x) {
+    const int margin = tile->margin, at = x - tile->x0 - margin;
     int lanes = 0;
-    for (int i = 0; i < spsi_least(SPSI_LANES, tile->x1 + 1 - x); ++i)
-        lanes |= (row >> spsi_patch_at(x + i - left) & 1) << i;
+    for (int i = 0; i < spsi_least(SPSI_LANES, tile->x1 + 1 - x); ++i) {
+        const int column = spsi_patch_at(at + i);
+        const int read = row->own >> spsi_patch_at(at + i - margin) | row->own >> spsi_patch_at(at + i + margin);
+        lanes |= ((row->beside >> column | read) & ~(row->done >> column) & 1) << i;
+    }
     return lanes;
 }
 
-/* Adds a gathered volume to the patches of a tile. Pixels go row by row down a column of patches, so that bricks stay
-   in the level-1 cache. */
+/* Adds a gathered volume to the patches of a tile, and to what their gradients read beside them: there, rays may have
+   ended, or be none of the image's. A vector of pixels goes down row by row, so that bricks stay in the level-1
+   cache. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
+    const int slopes = target->slope_channels[medium];
     spsi_tile *tile = fill->tile;
-    const int margin = tile->margin, top = tile->y0 + margin, slopes = target->slope_channels[medium];
     spsi_tapper here = target->tappers[medium];
-    float *channel;
-    int steps;
+    uint64_t done = 0;
+    float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale /= (float)(here.across * here.across);
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
-    steps = spsi_tap_steps(&here, tile);
-    for (int n = 0; n < 8; ++n) {
-        const int y0 = n == 0 ? tile->y0 : top + n * SPSI_PATCH;
-        const int y1 = n == 7 ? tile->y1 : spsi_least(tile->y1, top + n * SPSI_PATCH + SPSI_PATCH - 1);
-        const int row = (int)(patches >> 8 * n & 0xff);
-        for (int x = tile->x0; x <= tile->x1 && row; x += SPSI_LANES) {
-            const int lanes = spsi_patch_lanes(tile, x, row);
-            for (int y = y0; y <= y1 && lanes; ++y)
-                for (int part = 0; part < here.across * here.across; ++part)
-                    spsi_tap_sheets(&here, tile, x, y, part, lanes, steps, channel);
+    way = spsi_tap_way(&here, tile);
+    if (spsi_target_interpolates(target, medium))
+        done = spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
+    for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
+        spsi_patch_row row, above = {-1, -1, -1};
+        int lanes = 0;
+        for (int y = tile->y0; y <= tile->y1; ++y, above = row) {
+            row = spsi_patch_row_at(tile, patches, done, y);
+            if (memcmp(&row, &above, sizeof row) != 0) lanes = spsi_patch_lanes(tile, &row, x);
+            for (int part = 0; part < here.across * here.across && lanes; ++part)
+                spsi_tap_row(&here, tile, x, y, part, lanes, spsi_tap_steps(&here, way), channel);
         }
     }
 }
@@ -16559,8 +16994,10 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    return spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut,
-                                &sliced->target);
+    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut, &sliced->target))
+        return context->result;
+    sliced->target.tolerance = frame->view.tolerance;
+    return SPS_OK;
 }
 
 /* Fills the sheets of one tile and propagates light through them. */
@@ -22383,6 +22820,8 @@ static void spsi_run_count(spsi_run *run) {
         stats->light_fragments += run->sliced.target.counts[i][1];
         stats->light_samples += run->sliced.target.counts[i][2];
     }
+    stats->eye_bound = spsi_higher(stats->eye_bound, spsi_target_spent(&run->eye));
+    if (run->has_sliced) stats->light_bound = spsi_higher(stats->light_bound, spsi_target_spent(&run->sliced.target));
     for (int i = 0; i < run->region.columns * run->region.rows; ++i) stats->tiles_finished += run->region.open[i] == 0;
     stats->tiles_finished -= (uint64_t)run->region.outside;
 }
@@ -22830,6 +23269,13 @@ static size_t spsi_plan_queues_bytes(const spsi_frame *frame, const spsi_slabs *
            (frame->particles.set_count > 0 ? spsi_queue_bytes(frame->particles.count, chunks) : 0);
 }
 
+/* Bytes of what is used of a tolerance by the eye's rays and, if it has sheets, by a light's. */
+static size_t spsi_plan_spent_bytes(const spsi_frame *frame, size_t side) {
+    const size_t tiles = (side + SPSI_TILE_WIDTH - 1) / SPSI_TILE_WIDTH;
+    if (!(frame->view.tolerance > 0) || frame->medium_count == 0) return 0;
+    return spsi_spent_bytes(&frame->content->eye) + 64 * sizeof(float) * tiles * tiles;
+}
+
 /* Floats of a worker's sheets, for any target. */
 static size_t spsi_plan_sheet_floats(const spsi_frame *frame) {
     const spsi_shape eye = spsi_eye_shape(frame), light = spsi_light_shape(frame);
@@ -22981,6 +23427,7 @@ static sps_result spsi_plan_sweep_bytes(sps_context *context, const spsi_frame *
            spsi_vectors_bytes(context, frame->matter.material_count * SPSI_PARTS, sizeof(spsi_sample)) +
            spsi_vectors_bytes(context, shadows, sizeof(spsi_arrival));
     eye += spsi_plan_lists_bytes(frame, frame->content->eye.width, frame->content->eye.height);
+    eye += spsi_plan_spent_bytes(frame, sweep->lamp ? side : 0);
     if (eye > report->pass[SPS_PASS_EYE_SHEETS].bytes) report->pass[SPS_PASS_EYE_SHEETS].bytes = eye;
     if (sweep->lamp) {
         const size_t tiles = (side / SPSI_TILE_WIDTH + 1) * (side / SPSI_TILE_HEIGHT + 1);

@@ -12654,13 +12654,30 @@ static void spsi_tile_touch(spsi_tile_fill *fill) {
     fill->touched = 1;
 }
 
-/* Adds a gathered volume to the patches of a tile. */
+/* Patches, and those beside them. */
+static uint64_t spsi_patches_beside(uint64_t patches) {
+    const uint64_t right = patches << 1 & UINT64_C(0xfefefefefefefefe);
+    const uint64_t left = patches >> 1 & UINT64_C(0x7f7f7f7f7f7f7f7f);
+    return patches | right | left | patches << 8 | patches >> 8;
+}
+
+/* Whether gradients in some patches of a tile read a pixel: it lies in one, or no farther than the margin beside it. */
+static int spsi_patches_read(const spsi_tile *tile, uint64_t patches, int x, int y) {
+    const int margin = tile->margin, column = x - tile->x0 - margin, row = y - tile->y0 - margin;
+    return ((spsi_patch_box(column - margin, row, column + margin, row) |
+             spsi_patch_box(column, row - margin, column, row + margin)) &
+            patches) != 0;
+}
+
+/* Adds a gathered volume to the patches of a tile, and to what their gradients read beside them: there, rays may have
+   ended, or be none of the image's. */
 static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches) {
     const spsi_target *target = fill->target;
     const spsi_tapper *tapper = &target->tappers[medium];
     spsi_tile *tile = fill->tile;
     const int margin = tile->margin, shift = fill->contents->first_slab - target->shape.slab_margin;
     const int slopes = target->slope_channels[medium];
+    const uint64_t read = margin > 0 ? spsi_patches_beside(patches) : patches;
     spsi_tapper here = *tapper;
     float *channel;
     here.slab.base[0] -= (float)shift;
@@ -12674,10 +12691,10 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
         const int x1 = column == 7 ? tile->x1 : spsi_least(tile->x1, left + column * SPSI_PATCH + SPSI_PATCH - 1);
         const int y0 = row == 0 ? tile->y0 : top + row * SPSI_PATCH;
         const int y1 = row == 7 ? tile->y1 : spsi_least(tile->y1, top + row * SPSI_PATCH + SPSI_PATCH - 1);
-        if (!(patches >> n & 1)) continue;
+        if (!(read >> n & 1)) continue;
         for (int y = y0; y <= y1; ++y)
             for (int x = x0; x <= x1; ++x)
-                for (int part = 0; part < here.across * here.across; ++part)
+                for (int part = 0; part < here.across * here.across && spsi_patches_read(tile, patches, x, y); ++part)
                     spsi_tap_sheets(&here, tile, x, y, part, channel);
     }
 }

@@ -373,6 +373,65 @@ static void test_middle(void) {
     for (int k = 0; k < 2; ++k) CHECK_NEAR(middle[k] / sum, 0, 0.01 + 0.001);
 }
 
+/* --- what gradients read beside a picture's patches --- */
+
+enum { PATCHES = 16 }; /* pixels on a side of a picture whose last patches, of 8, are full */
+
+/* A surface seen along z, in pixels of that size: at the larger size, gradients read two neighbours on each side. */
+static void start_surface(check_scene *s, int wide, int pixels) {
+    const double size = wide ? 0.05 : 0.025;
+    start(s, lumps);
+    check_set3(s->view.camera.position, 0, 0, 4);
+    check_orthographic(&s->view.camera, size * pixels);
+    s->view.width = s->view.height = pixels;
+    s->volume[0].transfer = &looks;
+    s->volume[0].shading = SPS_SHADING_SURFACE;
+    check_add_directional(s, 1, -1, -0.6, 3)->no_shadow = 1;
+}
+
+/* Light of a pixel is at most 3 * 1 / pi, of which sums of floats in another order change 1e-5. */
+static int pixels_alike(const float *a, const float *b) { return check_largest(a, b, 4) <= 1e-5; }
+
+/* A picture's outer pixels are those that a larger picture has there. */
+static void test_picture_ends(void) {
+    for (int wide = 0; wide < 2; ++wide) {
+        int wrong = 0;
+        check_scene s;
+        start_surface(&s, wide, PATCHES / 2);
+        if (!check_render(context, &s, image_a)) return;
+        CHECK(samples_of(context) > 0);
+        start_surface(&s, wide, PATCHES);
+        if (!check_render(context, &s, image_b)) return;
+        for (int i = 0; i < PATCHES * PATCHES / 4; ++i) {
+            const int x = i % (PATCHES / 2), y = i / (PATCHES / 2);
+            const float *other = image_b + 4 * ((y + PATCHES / 4) * PATCHES + x + PATCHES / 4);
+            wrong += !pixels_alike(image_a + 4 * i, other);
+        }
+        if (!CHECK(wrong == 0)) printf("    %d: %d pixels are others than in a larger picture\n", wide, wrong);
+    }
+}
+
+/* Pixels beside a patch that a polygon hides look as without it. */
+static void test_hidden_beside(void) {
+    static const double corner[3] = {-1, -1, 2}, u[3] = {1, 0, 0}, v[3] = {0, 2, 0};
+    for (int wide = 0; wide < 2; ++wide) {
+        int wrong = 0;
+        check_scene s;
+        start_surface(&s, wide, PATCHES);
+        if (!check_render(context, &s, image_a)) return;
+        check_add_quad(&faces, corner, u, v);
+        check_add_mesh(&s, &faces, 0);
+        if (!check_render(context, &s, image_b)) return;
+        CHECK(samples_of(context) > 0);
+        for (int i = 0; i < PATCHES * PATCHES; ++i)
+            if (i % PATCHES < PATCHES / 2)
+                wrong += image_b[4 * i] > 0;
+            else
+                wrong += !pixels_alike(image_a + 4 * i, image_b + 4 * i);
+        if (!CHECK(wrong == 0)) printf("    %d: %d pixels are wrong beside a polygon\n", wide, wrong);
+    }
+}
+
 /* --- what is splatted nevertheless --- */
 
 static void test_splatted(void) {
@@ -611,6 +670,8 @@ int main(void) {
     RUN(test_small_pictures);
     RUN(test_small_surfaces);
     RUN(test_middle);
+    RUN(test_picture_ends);
+    RUN(test_hidden_beside);
     RUN(test_splatted);
     RUN(test_reasons);
     RUN(test_chosen);

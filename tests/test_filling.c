@@ -92,6 +92,8 @@ static const sps_transfer_point colors[4] = {
     {0.1f, {1, 1, 1}, 0}, {0.3f, {1, 0.4f, 0.2f}, 3}, {0.6f, {0.3f, 0.5f, 1}, 8}, {1, {1, 1, 1}, 12}};
 static sps_tmap_settings deep;
 static const sps_transfer looks = {colors, 4, NULL, NULL, 0};
+static const sps_transfer_point even_colors[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
+static const sps_transfer even_looks = {even_colors, 2, NULL, NULL, 0};
 static sps_particles *swarm;
 
 enum {
@@ -432,6 +434,59 @@ static void test_hidden_beside(void) {
     }
 }
 
+/* --- even values --- */
+
+/* The middle of a block of value 1, seen from a near plane within it and so dense that no face shows: a gas, whatever
+   its shading, since the field has no slope. */
+static void start_even(check_scene *s, double gradient_full) {
+    static float one = 1;
+    start(s, &one);
+    s->volume[0].read_fn = check_read_constant;
+    s->volume[0].placement = check_box(-1.6, -1.6, -1.6, 1.6, 1.6, 1.6);
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = 32;
+    s->volume[0].transfer = &even_looks;
+    s->volume[0].shading = SPS_SHADING_SURFACE;
+    s->volume[0].gradient_full = (float)gradient_full;
+    check_set3(s->view.camera.position, 2, 1.5, 4);
+    s->view.near_distance = sqrt(2 * 2 + 1.5 * 1.5 + 4 * 4);
+    check_orthographic(&s->view.camera, 1);
+    check_add_directional(s, 0.3, 0.4, 1, 3)->no_shadow = 1;
+}
+
+/* Root mean square error of the picture, relative to 3 * 0.8 / 4 pi, the light of an opaque gas of that color. */
+static double even_error(void) {
+    const double exact = 3 * 0.8 / (4 * SPSI_PI);
+    double sum = 0;
+    for (int i = 0; i < SIDE * SIDE; ++i) sum += pow((double)image_a[4 * i] / exact - 1, 2);
+    return sqrt(sum / (SIDE * SIDE));
+}
+
+/* Where values are even, splatted kernels ripple by r (root mean square, see sps_quality) with a wave of a voxel:
+   slopes are 2 pi r instead of 0, so that w = 2 pi r / gradient_full of the light is that of surfaces facing anywhere.
+   It differs from a gas's by w (4 max(0, n.l) - 1) of that, whose root mean square is sqrt(16 / 6 - 8 / 4 + 1) w; a ray
+   sees a voxel's length of it, so it may be less. Besides, rays end at a transmittance of 0.003 and 0.0005, and the
+   kernels' own ripple adds r. Samples of what is gathered add up to 1 and have no ripple. */
+static void test_even_surface(void) {
+    static const double ripple[2] = {0.0012, 0.0007}, left[2] = {0.003, 0.0005}, full[3] = {0.05, 0.2, 1};
+    for (int high = 0; high < 2; ++high)
+        for (int n = 0; n < 3; ++n)
+            for (int splat = 0; splat < 2; ++splat) {
+                const double w = splat ? 2 * SPSI_PI * ripple[high] / full[n] : 0;
+                const double allowed = sqrt(16.0 / 6 - 8.0 / 4 + 1) * w + left[high] + splat * ripple[high];
+                check_scene s;
+                start_even(&s, full[n]);
+                s.view.quality = high ? SPS_QUALITY_HIGH : SPS_QUALITY_MEDIUM;
+                if (splat) s.view.filling = SPS_FILLING_SPLAT;
+                if (!check_render(context, &s, image_a)) return;
+                CHECK((samples_of(context) > 0) == !splat);
+                if (!CHECK(even_error() <= allowed))
+                    printf("    quality %d, %g: %g, allowed %g\n", high, full[n], even_error(), allowed);
+                if (getenv("CHECK_FIGURES"))
+                    printf("even values, %s, %s, gradient_full %.2f: off by %.2f %%\n", high ? "high" : "medium",
+                           splat ? "splatted" : "gathered", full[n], 100 * even_error());
+            }
+}
+
 /* --- what is splatted nevertheless --- */
 
 static void test_splatted(void) {
@@ -672,6 +727,7 @@ int main(void) {
     RUN(test_middle);
     RUN(test_picture_ends);
     RUN(test_hidden_beside);
+    RUN(test_even_surface);
     RUN(test_splatted);
     RUN(test_reasons);
     RUN(test_chosen);

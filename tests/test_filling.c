@@ -93,6 +93,8 @@ static const sps_transfer_point colors[4] = {
     {0.1f, {1, 1, 1}, 0}, {0.3f, {1, 0.4f, 0.2f}, 3}, {0.6f, {0.3f, 0.5f, 1}, 8}, {1, {1, 1, 1}, 12}};
 static sps_tmap_settings deep;
 static const sps_transfer looks = {colors, 4, NULL, NULL, 0};
+static const sps_transfer_point even_colors[2] = {{0, {0.8f, 0.8f, 0.8f}, 10}, {2, {0.8f, 0.8f, 0.8f}, 10}};
+static const sps_transfer even_looks = {even_colors, 2, NULL, NULL, 0};
 static sps_particles *swarm;
 
 enum {
@@ -367,6 +369,118 @@ static void test_middle(void) {
     for (int k = 0; k < 2; ++k) CHECK_NEAR(middle[k] / sum, 0, 0.01 + 0.001);
 }
 
+/* --- what gradients read beside a picture's patches --- */
+
+enum { PATCHES = 16 }; /* pixels on a side of a picture whose last patches, of 8, are full */
+
+/* A surface seen along z, in pixels of that size: at the larger size, gradients read two neighbours on each side. */
+static void start_surface(check_scene *s, int wide, int pixels) {
+    const double size = wide ? 0.05 : 0.025;
+    start(s, lumps);
+    check_set3(s->view.camera.position, 0, 0, 4);
+    check_orthographic(&s->view.camera, size * pixels);
+    s->view.width = s->view.height = pixels;
+    s->volume[0].transfer = &looks;
+    s->volume[0].shading = SPS_SHADING_SURFACE;
+    check_add_directional(s, 1, -1, -0.6, 3)->no_shadow = 1;
+}
+
+/* Light of a pixel is at most 3 * 1 / pi, of which sums of floats in another order change 1e-5. */
+static int pixels_alike(const float *a, const float *b) { return check_largest(a, b, 4) <= 1e-5; }
+
+/* A picture's outer pixels are those that a larger picture has there. */
+static void test_picture_ends(void) {
+    for (int wide = 0; wide < 2; ++wide) {
+        int wrong = 0;
+        check_scene s;
+        start_surface(&s, wide, PATCHES / 2);
+        if (!check_render(context, &s, image_a)) return;
+        CHECK(samples_of(context) > 0);
+        start_surface(&s, wide, PATCHES);
+        if (!check_render(context, &s, image_b)) return;
+        for (int i = 0; i < PATCHES * PATCHES / 4; ++i) {
+            const int x = i % (PATCHES / 2), y = i / (PATCHES / 2);
+            const float *other = image_b + 4 * ((y + PATCHES / 4) * PATCHES + x + PATCHES / 4);
+            wrong += !pixels_alike(image_a + 4 * i, other);
+        }
+        if (!CHECK(wrong == 0)) printf("    %d: %d pixels are others than in a larger picture\n", wide, wrong);
+    }
+}
+
+/* Pixels beside a patch that a polygon hides look as without it. */
+static void test_hidden_beside(void) {
+    static const double corner[3] = {-1, -1, 2}, u[3] = {1, 0, 0}, v[3] = {0, 2, 0};
+    for (int wide = 0; wide < 2; ++wide) {
+        int wrong = 0;
+        check_scene s;
+        start_surface(&s, wide, PATCHES);
+        if (!check_render(context, &s, image_a)) return;
+        check_add_quad(&faces, corner, u, v);
+        check_add_mesh(&s, &faces, 0);
+        if (!check_render(context, &s, image_b)) return;
+        CHECK(samples_of(context) > 0);
+        for (int i = 0; i < PATCHES * PATCHES; ++i)
+            if (i % PATCHES < PATCHES / 2)
+                wrong += image_b[4 * i] > 0;
+            else
+                wrong += !pixels_alike(image_a + 4 * i, image_b + 4 * i);
+        if (!CHECK(wrong == 0)) printf("    %d: %d pixels are wrong beside a polygon\n", wide, wrong);
+    }
+}
+
+/* --- even values --- */
+
+/* The middle of a block of value 1, seen from a near plane within it and so dense that no face shows: a gas, whatever
+   its shading, since the field has no slope. */
+static void start_even(check_scene *s, double gradient_full) {
+    static float one = 1;
+    start(s, &one);
+    s->volume[0].read_fn = check_read_constant;
+    s->volume[0].placement = check_box(-1.6, -1.6, -1.6, 1.6, 1.6, 1.6);
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = 32;
+    s->volume[0].transfer = &even_looks;
+    s->volume[0].shading = SPS_SHADING_SURFACE;
+    s->volume[0].gradient_full = (float)gradient_full;
+    check_set3(s->view.camera.position, 2, 1.5, 4);
+    s->view.near_distance = sqrt(2 * 2 + 1.5 * 1.5 + 4 * 4);
+    check_orthographic(&s->view.camera, 1);
+    check_add_directional(s, 0.3, 0.4, 1, 3)->no_shadow = 1;
+}
+
+/* Root mean square error of the picture, relative to 3 * 0.8 / 4 pi, the light of an opaque gas of that color. */
+static double even_error(void) {
+    const double exact = 3 * 0.8 / (4 * SPSI_PI);
+    double sum = 0;
+    for (int i = 0; i < SIDE * SIDE; ++i) sum += pow((double)image_a[4 * i] / exact - 1, 2);
+    return sqrt(sum / (SIDE * SIDE));
+}
+
+/* Where values are even, splatted kernels ripple by r (root mean square, see sps_quality) with a wave of a voxel:
+   slopes are 2 pi r instead of 0, so that w = 2 pi r / gradient_full of the light is that of surfaces facing anywhere.
+   It differs from a gas's by w (4 max(0, n.l) - 1) of that, whose root mean square is sqrt(16 / 6 - 8 / 4 + 1) w; a ray
+   sees a voxel's length of it, so it may be less. Besides, rays end at a transmittance of 0.003 and 0.0005, and the
+   kernels' own ripple adds r. Samples of what is gathered add up to 1 and have no ripple. */
+static void test_even_surface(void) {
+    static const double ripple[2] = {0.0012, 0.0007}, left[2] = {0.003, 0.0005}, full[3] = {0.05, 0.2, 1};
+    for (int high = 0; high < 2; ++high)
+        for (int n = 0; n < 3; ++n)
+            for (int splat = 0; splat < 2; ++splat) {
+                const double w = splat ? 2 * SPSI_PI * ripple[high] / full[n] : 0;
+                const double allowed = sqrt(16.0 / 6 - 8.0 / 4 + 1) * w + left[high] + splat * ripple[high];
+                check_scene s;
+                start_even(&s, full[n]);
+                s.view.quality = high ? SPS_QUALITY_HIGH : SPS_QUALITY_MEDIUM;
+                if (splat) s.view.filling = SPS_FILLING_SPLAT;
+                if (!check_render(context, &s, image_a)) return;
+                CHECK((samples_of(context) > 0) == !splat);
+                if (!CHECK(even_error() <= allowed))
+                    printf("    quality %d, %g: %g, allowed %g\n", high, full[n], even_error(), allowed);
+                if (getenv("CHECK_FIGURES"))
+                    printf("even values, %s, %s, gradient_full %.2f: off by %.2f %%\n", high ? "high" : "medium",
+                           splat ? "splatted" : "gathered", full[n], 100 * even_error());
+            }
+}
+
 /* --- what is splatted nevertheless --- */
 
 static void test_splatted(void) {
@@ -606,6 +720,9 @@ int main(void) {
     RUN(test_small_pictures);
     RUN(test_small_surfaces);
     RUN(test_middle);
+    RUN(test_picture_ends);
+    RUN(test_hidden_beside);
+    RUN(test_even_surface);
     RUN(test_splatted);
     RUN(test_reasons);
     RUN(test_chosen);

@@ -317,6 +317,9 @@ static void test_failing_blocks(void) {
         o = fail_alike(&s);
         CHECK(o.result == SPS_ERROR_CALLBACK && o.info.object == SPS_OBJECT_VOLUME && o.info.index == 0);
         CHECK(strcmp(o.info.field, fields[ranged][which]) == 0 && (int)o.info.value == 100 + block);
+        from.reads[0] = 0;
+        CHECK(render(&s, 7, 0).result == SPS_ERROR_CALLBACK);
+        CHECK(concurrent || (uint64_t)from.reads[0] == o.stats.read_calls + o.stats.eval_calls);
         CHECK(which == EVALUATED || o.stats.read_calls == (uint64_t)(block + !ranged));
         CHECK(which != CLASSIFIED || o.stats.range_calls == (uint64_t)(block + 1));
     }

@@ -311,8 +311,8 @@ typedef struct sps_volume {
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
     /* Non-zero: read_fn, range_fn and eval_fn may be called by several workers at once, in any order, each for a block
-       and an `out` of its own: they must only read what they share. 0: the calling thread calls them, block by block.
-       Where read_fn is sps_grid_read, and range_fn NULL or sps_grid_range, it counts as set. */
+       and an `out` of its own: they only read what they share, or lock it. 0: the calling thread calls them, block by
+       block. Where read_fn is sps_grid_read, and range_fn NULL or sps_grid_range, it counts as set. */
     int concurrent;
     /* Non-zero: the voxels of all volumes are kept for the next call, provided that every volume has a revision and
        none has changed; otherwise all are read again. */

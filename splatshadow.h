@@ -5893,16 +5893,15 @@ static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
     return inside;
 }
 
-/* The relevant voxels of a layer of a brick: 8 rows of 8 bits. */
+/* The relevant voxels of a layer of a brick: 8 rows of 8 bits. Rows have no bits beyond the volume. */
 static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
     const spsi_block *block = &voxels->block;
-    const int width = spsi_least(SPSI_BRICK, block->core_high[0] - base[0]);
     const int height = spsi_least(SPSI_BRICK, block->core_high[1] - base[1]);
     const uint64_t *rows = voxels->relevant + spsi_block_row(block, base[1], base[2] + z);
+    const uint64_t whole = (1 << SPSI_BRICK) - 1;
     uint64_t layer = 0;
     if (base[2] + z >= block->core_high[2]) return 0;
-    for (int y = 0; y < height; ++y)
-        layer |= (rows[y] >> (base[0] - block->low[0]) & ((UINT64_C(1) << width) - 1)) << SPSI_BRICK * y;
+    for (int y = 0; y < height; ++y) layer |= (rows[y] >> (base[0] - block->low[0]) & whole) << SPSI_BRICK * y;
     return layer;
 }
 

@@ -7,7 +7,7 @@
 #include <pthread.h>
 
 /* Three blocks wide, two high and two deep. */
-enum { NX = 70, NY = 40, NZ = 45, VOXELS = NX * NY * NZ, BLOCKS = 12, SIDE = 16, COUNT = 4 * SIDE * SIDE };
+enum { NX = 70, NY = 43, NZ = 45, VOXELS = NX * NY * NZ, BLOCKS = 12, SIDE = 16, COUNT = 4 * SIDE * SIDE };
 
 /* A gas that is read, one that is evaluated, and a classified volume that has ranges. */
 typedef enum kind { GAS, EVALUATED, CLASSIFIED, KINDS } kind;

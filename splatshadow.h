@@ -112,14 +112,17 @@ MEMORY   Everything comes from the config's allocator and stays in the context f
     bytes per pixel, 80 per layer of a pixel and more per light, and a band of samples per worker. SPS_SCATTERING_FULL,
     which the default is where gas calls for it, adds 130 to 840 bytes per cell, by colors and phase functions, 200 to
     360 more beside polygons, and a shadow table per light; SPS_SCATTERING_CONVOLUTION adds 8 per texel and sheet of a
-    light, by channel of color. sps_plan returns an upper bound beforehand, without these layers and the lists that maps
-    are made from, which may be several times as much; memory_limit is never exceeded.
+    light, by channel of color. Reading volumes takes 1.1 MB per worker, 0.3 MB if there is only one. sps_plan returns
+    an upper bound beforehand, without these layers and the lists that maps are made from, which may be several times as
+    much; memory_limit is never exceeded.
 ERRORS   Calls return sps_result; sps_error returns one sentence that names the field and its value, sps_get_error the
     same as data. After a failure the image is untouched and the context can be used again.
 THREADS   A context serves one call at a time; any number of contexts can run at once, and any number of threads may
     query a finished map. Work is distributed by parallel_for_fn. All other callbacks (read, range, eval, shade, sample,
-    background, progress, message, allocator) run on the calling thread, one at a time, and must not call into the same
-    context. With both parallel_for_fn and progress_fn, several workers may call clock_fn at once.
+    background, progress, message, allocator) must not call into the same context, and run on the calling thread, one at
+    a time, with two exceptions: workers call read_fn, range_fn and eval_fn of volumes that are `concurrent`, several at
+    once (in sps_plan, the calling thread does); and with both parallel_for_fn and progress_fn, several workers may call
+    clock_fn at once.
 REPEATABLE   A build produces the same bits for any number of workers, on every run, and for any region of an image. So
     it does on different machines if they have the same C library and all threads use the same rounding mode and the
     same treatment of denormal numbers.
@@ -227,8 +230,9 @@ typedef struct sps_error_info {
 /* Runs a loop in parallel. Must call task(task_data, index, worker) once for each index 0..count-1, in any order, on
    any threads, and return when all calls have returned and their writes are visible to the caller. Tasks that were left
    out are run afterwards by the calling thread, as worker 0. `worker` is 0..worker_count-1 and never the same for two
-   calls that run at the same time. Tasks do not block, call no callback except for clock_fn, and use up to 16 KB of
-   stack (24 KB with AVX-512). */
+   calls that run at the same time. Tasks do not block, and use up to 16 KB of stack (24 KB with AVX-512). They call no
+   callback except for clock_fn, and read_fn, range_fn and eval_fn of volumes that are `concurrent`, whose blocking and
+   stack come on top. */
 typedef void (*sps_task_fn)(void *task_data, int index, int worker);
 typedef void (*sps_parallel_for_fn)(void *user, int count, sps_task_fn task, void *task_data);
 
@@ -306,6 +310,10 @@ typedef struct sps_volume {
        zeroed beforehand. Returns non-zero on failure. */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);
     void *user;
+    /* Non-zero: read_fn, range_fn and eval_fn may be called by several workers at once, in any order, each for a block
+       and an `out` of its own: they only read what they share, or lock it. 0: the calling thread calls them, block by
+       block. Where read_fn is sps_grid_read, and range_fn NULL or sps_grid_range, it counts as set. */
+    int concurrent;
     /* Non-zero: the voxels of all volumes are kept for the next call, provided that every volume has a revision and
        none has changed; otherwise all are read again. */
     uint64_t revision;
@@ -1853,6 +1861,14 @@ static inline double spsi_maximum(double a, double b) { return a > b ? a : b; }
 static int spsi_least(int a, int b) { return a < b ? a : b; }
 static int spsi_most(int a, int b) { return a > b ? a : b; }
 
+/* The number of bits that are set: of each pair, then of each four, then of each byte, and their sum. */
+static int spsi_bit_count(uint64_t mask) {
+    mask -= mask >> 1 & UINT64_C(0x5555555555555555);
+    mask = (mask & UINT64_C(0x3333333333333333)) + (mask >> 2 & UINT64_C(0x3333333333333333));
+    mask = (mask + (mask >> 4)) & UINT64_C(0x0f0f0f0f0f0f0f0f);
+    return (int)(mask * UINT64_C(0x0101010101010101) >> 56);
+}
+
 /* =============================================================================================== >>memory
    4  The context, its one allocator, its one error path, and the distribution of work. Memory lives in numbered buffers
    that keep their largest size from call to call. */
@@ -1866,7 +1882,7 @@ typedef enum spsi_buffer_id {
     SPSI_BUFFER_LAMP_POINTS, /* points that stand for extended lights */
     SPSI_BUFFER_LAMP_PLANES, /* of the opacity maps of lights */
     SPSI_BUFFER_IMAGES,      /* that lights throw, >>projectors */
-    SPSI_BUFFER_BLOCK,       /* one block of values, its positions and flags, >>gather */
+    SPSI_BUFFER_BLOCKS,      /* blocks of voxels that are being read, >>gather; a batch of triangles, >>polygons */
     SPSI_BUFFER_BRICKS,
     SPSI_BUFFER_BRICK_PRINTS, /* fingerprints of the bricks, for shadow tables */
     SPSI_BUFFER_SEGMENTS,     /* the list of voxel segments */
@@ -2679,6 +2695,13 @@ static double spsi_phase_peak(const spsi_material *material, int orders) {
 static inline int spsi_any_shown(const spsi_material *material, spsi_v value) {
     return spsi_bits(
         spsi_less(spsi_set(material->table->last_clear), spsi_mul(value, spsi_set(material->table_scale))));
+}
+
+/* The lanes of values up to which there is no extinction, where there is any beyond: those for which
+   spsi_transfer_shows(material, 0, value) is 0. */
+static inline int spsi_hidden_bits(const spsi_material *material, spsi_v value) {
+    return spsi_bits(
+        spsi_less(spsi_mul(value, spsi_set(material->table_scale)), spsi_set(material->table->last_clear)));
 }
 
 /* The entry at or before a vector of values, and how far each lies towards the next one. */
@@ -4185,6 +4208,7 @@ typedef struct spsi_medium {
     int (*range_fn)(void *user, const int lo[3], const int size[3], float out_min_max[2]); /* NULL: all are read */
     int (*eval_fn)(void *user, size_t count, const double *positions, float *out);         /* NULL: read_fn is set */
     void *user;                                                                            /* of the three callbacks */
+    int concurrent;    /* 1: workers may call them */
     uint64_t revision; /* of the values; 0: they are read in every call */
 } spsi_medium;
 
@@ -5232,6 +5256,8 @@ static void spsi_medium_build(const sps_volume *volume, int index, spsi_lattice 
     medium->range_fn = volume->range_fn;
     medium->eval_fn = volume->eval_fn;
     medium->user = volume->user;
+    medium->concurrent = volume->concurrent || (volume->read_fn == sps_grid_read &&
+                                                (!volume->range_fn || volume->range_fn == sps_grid_range));
     medium->revision = volume->revision;
 }
 
@@ -5666,11 +5692,13 @@ static spsi_frame *spsi_frame_build(sps_context *context, const sps_scene *scene
    kernel's weight, so that visible voxels are complete. Cost: linear in the number of voxels read. */
 
 #define SPSI_SEGMENT 16384 /* voxels; a brick lies in one segment */
+#define SPSI_PADDING 16    /* floats behind the last voxel, so that a vector may be loaded there */
 
 typedef struct spsi_segment {
-    float x[SPSI_SEGMENT + 16], y[SPSI_SEGMENT + 16], z[SPSI_SEGMENT + 16]; /* voxel steps from the brick's base */
-    float value[SPSI_SEGMENT + 16]; /* padded by 16, so that a vector may be loaded at the last voxel */
-    int used;                       /* number of voxels */
+    float x[SPSI_SEGMENT + SPSI_PADDING], y[SPSI_SEGMENT + SPSI_PADDING],
+        z[SPSI_SEGMENT + SPSI_PADDING]; /* voxel steps from the brick's base */
+    float value[SPSI_SEGMENT + SPSI_PADDING];
+    int used; /* number of voxels */
 } spsi_segment;
 
 typedef struct spsi_brick {
@@ -5685,18 +5713,33 @@ typedef struct spsi_block {
     const spsi_material *material;
     int low[3], size[3];           /* the voxels that are read: the core and its margin, clipped to the volume */
     int core_low[3], core_high[3]; /* the core, whose voxels are gathered */
-    float *values, *flags;         /* SPSI_BLOCK_VOXELS each */
-    double *positions;             /* of one layer, for eval_fn */
+    int empty;                     /* 1: range_fn shows that nothing in it can be relevant */
+    int range_calls, calls;        /* of range_fn; of read_fn or eval_fn */
+    int voxels_read, replaced;     /* replaced: values that were invalid */
+    sps_result result;             /* SPS_ERROR_CALLBACK, or SPS_ERROR_DATA if a value is invalid */
+    const char *field;             /* the callback, or "value" */
+    double number;                 /* what the callback returned, or the value */
+    int voxel[3];                  /* that has the value */
 } spsi_block;
 
 #define SPSI_BLOCK_EDGE   (SPSI_BLOCK + 2 * SPSI_MARGIN)
-#define SPSI_BLOCK_VOXELS (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
-#define SPSI_BLOCK_BYTES                                                                                               \
-    (2 * SPSI_BLOCK_VOXELS * sizeof(float) + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE * sizeof(double))
+#define SPSI_BLOCK_ROWS   (SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE)
+#define SPSI_BLOCK_BRICKS ((SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK) * (SPSI_BLOCK / SPSI_BRICK))
+
+/* A block with its voxels. Rows have a bit per voxel, the first one lowest. */
+typedef struct spsi_voxels {
+    spsi_block block;
+    int brick_voxels[SPSI_BLOCK_BRICKS]; /* relevant ones, by brick */
+    int first_brick, brick_count;        /* that hold them, in the context's list */
+    uint64_t relevant[SPSI_BLOCK_ROWS], shown[SPSI_BLOCK_ROWS];
+    double positions[3 * SPSI_BLOCK_ROWS]; /* of one layer, for eval_fn */
+    float values[SPSI_BLOCK_ROWS * SPSI_BLOCK_EDGE];
+} spsi_voxels;
 
 static void spsi_block_place(spsi_block *block, const spsi_medium *medium, const spsi_material *material,
                              int64_t index) {
     const int margin = material->table ? SPSI_MARGIN : 0;
+    memset(block, 0, sizeof *block);
     block->medium = medium;
     block->material = material;
     for (int i = 0; i < 3; ++i) {
@@ -5715,149 +5758,274 @@ static int64_t spsi_block_count(const spsi_medium *medium) {
     return count;
 }
 
-static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
-    return (size_t)(x - block->low[0]) +
-           (size_t)block->size[0] *
-               ((size_t)(y - block->low[1]) + (size_t)block->size[1] * (size_t)(z - block->low[2]));
+static size_t spsi_block_row(const spsi_block *block, int y, int z) {
+    return (size_t)(y - block->low[1]) + (size_t)block->size[1] * (size_t)(z - block->low[2]);
 }
 
-/* Sets *empty if range_fn shows that nothing in the block can be relevant. */
-static sps_result spsi_block_range(sps_context *context, const spsi_block *block, int *empty) {
+static size_t spsi_block_index(const spsi_block *block, int x, int y, int z) {
+    return (size_t)(x - block->low[0]) + (size_t)block->size[0] * spsi_block_row(block, y, z);
+}
+
+/* Keeps what a callback returned, for spsi_block_check, as workers do not fail. Returns whether it failed. */
+static int spsi_block_called(spsi_block *block, const char *callback, int returned) {
+    if (returned) block->result = SPS_ERROR_CALLBACK, block->field = callback, block->number = returned;
+    return returned != 0;
+}
+
+/* Finds out if range_fn shows that nothing in the block can be relevant. */
+static void spsi_block_range(spsi_block *block) {
     const spsi_medium *medium = block->medium;
     float range[2] = {0, 0};
-    int returned;
-    *empty = 0;
-    if (!medium->range_fn) return SPS_OK;
-    context->stats.range_calls += 1;
-    returned = medium->range_fn(medium->user, block->low, block->size, range);
-    if (returned)
-        return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, medium->index, "range_fn", returned,
-                               NULL);
-    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return SPS_OK; /* reading reports the error */
+    if (!medium->range_fn) return;
+    block->range_calls += 1;
+    if (spsi_block_called(block, "range_fn", medium->range_fn(medium->user, block->low, block->size, range))) return;
+    if (!(range[0] <= range[1]) || !(range[1] <= SPSI_VALUE_MAX)) return; /* reading reports the error */
     if (block->material->table)
-        *empty = !spsi_transfer_shows(block->material, 0, range[1]);
+        block->empty = !spsi_transfer_shows(block->material, 0, range[1]);
     else
-        *empty = range[1] < SPSI_VALUE_MIN;
-    return SPS_OK;
+        block->empty = range[1] < SPSI_VALUE_MIN;
 }
 
-static sps_result spsi_block_evaluate(sps_context *context, const spsi_block *block) {
+static void spsi_block_evaluate(spsi_voxels *voxels) {
+    spsi_block *block = &voxels->block;
     const spsi_medium *medium = block->medium;
     const size_t layer = (size_t)block->size[0] * (size_t)block->size[1];
-    for (int z = 0; z < block->size[2]; ++z) {
-        double *position = block->positions;
-        int returned;
+    for (int z = 0; z < block->size[2] && block->result == SPS_OK; ++z) {
+        double *position = voxels->positions;
+        float *values = voxels->values + layer * (size_t)z;
         for (int y = 0; y < block->size[1]; ++y)
             for (int x = 0; x < block->size[0]; ++x, position += 3) {
                 const double at[3] = {block->low[0] + x + 0.5, block->low[1] + y + 0.5, block->low[2] + z + 0.5};
                 spsi_voxel_position(medium->lattice, at, position);
             }
-        context->stats.eval_calls += 1;
-        returned = medium->eval_fn(medium->user, layer, block->positions, block->values + layer * (size_t)z);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, medium->index, "eval_fn", returned,
-                                   NULL);
+        block->calls += 1;
+        spsi_block_called(block, "eval_fn", medium->eval_fn(medium->user, layer, voxels->positions, values));
     }
-    return SPS_OK;
 }
 
-/* Fails on invalid values, or replaces them by 0. */
-static sps_result spsi_block_validate(sps_context *context, const spsi_block *block, int replace) {
-    size_t i = 0;
-    for (int z = 0; z < block->size[2]; ++z)
+/* Reads a block unless it is empty, which range_fn is asked first with `asks`. */
+static void spsi_block_read(spsi_voxels *voxels, int asks) {
+    spsi_block *block = &voxels->block;
+    const spsi_medium *medium = block->medium;
+    const int count = block->size[0] * block->size[1] * block->size[2];
+    if (asks) spsi_block_range(block);
+    if (block->result != SPS_OK || block->empty) return;
+    memset(voxels->values, 0, (size_t)count * sizeof(float));
+    if (medium->eval_fn) {
+        spsi_block_evaluate(voxels);
+    } else {
+        block->calls += 1;
+        spsi_block_called(block, "read_fn", medium->read_fn(medium->user, block->low, block->size, voxels->values));
+    }
+    if (block->result == SPS_OK) block->voxels_read = count;
+}
+
+/* The lanes of values that are not 0..1e18. NaN is less than nothing. */
+static inline int spsi_invalid_bits(spsi_v value) {
+    const int numbers = spsi_bits(spsi_less(value, spsi_set(SPSI_INFINITY)));
+    const int low = spsi_bits(spsi_less(value, spsi_set(0)));
+    const int high = spsi_bits(spsi_less(spsi_set(SPSI_VALUE_MAX), value));
+    return low | high | (numbers ^ ((1 << SPSI_LANES) - 1));
+}
+
+/* Replaces invalid values by 0, or stops at the first one. */
+static void spsi_block_validate(spsi_voxels *voxels, int replace) {
+    spsi_block *block = &voxels->block;
+    float *value = voxels->values;
+    int invalid = 0;
+    for (int i = 0; i < block->voxels_read; i += SPSI_LANES)
+        invalid |= spsi_invalid_bits(spsi_load_first(value + i, block->voxels_read - i));
+    for (int z = 0; z < block->size[2] && invalid; ++z)
         for (int y = 0; y < block->size[1]; ++y)
-            for (int x = 0; x < block->size[0]; ++x, ++i) {
-                char rule[96];
-                if (block->values[i] >= 0 && block->values[i] <= SPSI_VALUE_MAX) continue;
+            for (int x = 0; x < block->size[0]; ++x, ++value) {
+                if (*value >= 0 && *value <= SPSI_VALUE_MAX) continue;
                 if (replace) {
-                    block->values[i] = 0;
-                    context->stats.values_replaced += 1;
+                    *value = 0;
+                    block->replaced += 1;
                     continue;
                 }
-                SPS_SNPRINTF(rule, sizeof rule, "values must be 0..1e18 (voxel %d,%d,%d)", block->low[0] + x,
-                             block->low[1] + y, block->low[2] + z);
-                return spsi_fail_field(context, SPS_ERROR_DATA, SPS_OBJECT_VOLUME, block->medium->index, "value",
-                                       (double)block->values[i], rule);
+                block->result = SPS_ERROR_DATA, block->field = "value", block->number = (double)*value;
+                block->voxel[0] = block->low[0] + x, block->voxel[1] = block->low[1] + y;
+                block->voxel[2] = block->low[2] + z;
+                return;
             }
+}
+
+/* Fails if anything is wrong with a block. */
+static sps_result spsi_block_check(sps_context *context, const spsi_block *block) {
+    char rule[96];
+    if (block->result == SPS_OK) return SPS_OK;
+    SPS_SNPRINTF(rule, sizeof rule, "values must be 0..1e18 (voxel %d,%d,%d)", block->voxel[0], block->voxel[1],
+                 block->voxel[2]);
+    return spsi_fail_field(context, block->result, SPS_OBJECT_VOLUME, block->medium->index, block->field, block->number,
+                           rule);
+}
+
+/* Adds what was done for a block to the statistics. */
+static void spsi_block_count_up(sps_stats_report *stats, const spsi_block *block) {
+    uint64_t *calls = block->medium->eval_fn ? &stats->eval_calls : &stats->read_calls;
+    *calls += (uint64_t)block->calls;
+    stats->range_calls += (uint64_t)block->range_calls;
+    stats->blocks_skipped += (uint64_t)block->empty;
+    stats->voxels_read += (uint64_t)block->voxels_read;
+    stats->values_replaced += (uint64_t)block->replaced;
+}
+
+/* --- the blocks of a volume, several at a time --- */
+
+typedef struct spsi_reader {
+    const sps_context *context;
+    const spsi_medium *medium;
+    const spsi_material *material;
+    int asks;               /* 1: range_fn is asked first */
+    int replace;            /* 1: invalid values count as 0 */
+    spsi_part_of_call part; /* of this volume */
+    int64_t block_count;    /* of the volume */
+    int at_once;            /* blocks in memory, at most */
+    spsi_voxels *list;      /* these blocks */
+    int count;              /* their number */
+} spsi_reader;
+
+/* Several per worker: some take long, others are skipped, and workers wait for each other at the end. */
+static int spsi_blocks_at_once(const sps_context *context, const spsi_medium *medium) {
+    const int workers = spsi_worker_count(context), most = workers > 1 ? 4 * workers : 1;
+    const int64_t count = spsi_block_count(medium);
+    return count < most ? (int)count : most;
+}
+
+/* Reserves memory for a reader, whose medium is set. */
+static sps_result spsi_reader_open(sps_context *context, spsi_reader *reader) {
+    reader->context = context;
+    reader->block_count = spsi_block_count(reader->medium);
+    reader->at_once = spsi_blocks_at_once(context, reader->medium);
+    reader->list =
+        (spsi_voxels *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, (size_t)reader->at_once, sizeof *reader->list);
+    return reader->list ? SPS_OK : context->result;
+}
+
+/* A block of the list, read and valid; NULL if there is nothing to be done with it. */
+static spsi_voxels *spsi_reader_values(const spsi_reader *reader, int index) {
+    spsi_voxels *voxels = &reader->list[index];
+    if (reader->medium->concurrent) spsi_block_read(voxels, reader->asks);
+    if (voxels->block.voxels_read > 0) spsi_block_validate(voxels, reader->replace);
+    return voxels->block.voxels_read > 0 && voxels->block.result == SPS_OK ? voxels : NULL;
+}
+
+/* Reads the blocks of the list, if workers may not: none after one that fails. */
+static sps_result spsi_reader_read(sps_context *context, spsi_reader *reader, int64_t first) {
+    for (int i = 0; i < reader->count; ++i) {
+        const double done = (double)(first + i) / (double)reader->block_count;
+        if (spsi_progress(context, spsi_part_done(&reader->part, done))) return context->result;
+        if (reader->medium->concurrent) break;
+        spsi_block_read(&reader->list[i], reader->asks);
+        if (reader->list[i].block.result != SPS_OK) reader->count = i + 1;
+    }
     return SPS_OK;
 }
 
-static sps_result spsi_block_read(sps_context *context, const spsi_block *block, int replace) {
-    const spsi_medium *medium = block->medium;
-    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
-    memset(block->values, 0, count * sizeof(float));
-    if (medium->eval_fn) {
-        if (spsi_block_evaluate(context, block)) return context->result;
-    } else {
-        int returned;
-        context->stats.read_calls += 1;
-        returned = medium->read_fn(medium->user, block->low, block->size, block->values);
-        if (returned)
-            return spsi_fail_field(context, SPS_ERROR_CALLBACK, SPS_OBJECT_VOLUME, medium->index, "read_fn", returned,
-                                   NULL);
+/* Reads blocks from number `first` on, and runs a task for each, which gets it from spsi_reader_values. What fails is
+   the first block that does, and only blocks up to it count, so that neither depends on the number of workers. */
+static sps_result spsi_reader_next(sps_context *context, spsi_reader *reader, int64_t first, sps_task_fn task,
+                                   void *data) {
+    const int64_t left = reader->block_count - first;
+    reader->count = left < reader->at_once ? (int)left : reader->at_once;
+    for (int i = 0; i < reader->count; ++i)
+        spsi_block_place(&reader->list[i].block, reader->medium, reader->material, first + i);
+    if (spsi_reader_read(context, reader, first)) return context->result;
+    spsi_parallel(context, reader->count, task, data);
+    for (int i = 0; i < reader->count; ++i) {
+        spsi_block_count_up(&context->stats, &reader->list[i].block);
+        if (spsi_block_check(context, &reader->list[i].block)) return context->result;
     }
-    context->stats.voxels_read += count;
-    return spsi_block_validate(context, block, replace);
+    return SPS_OK;
 }
 
-/* Replaces each value by the maximum of itself and its two neighbours along x. */
-static void spsi_block_spread_x(const spsi_block *block, float *data) {
-    const size_t length = (size_t)block->size[0], rows = (size_t)block->size[1] * (size_t)block->size[2];
-    float line[SPSI_BLOCK_EDGE + 2];
-    for (size_t r = 0; r < rows; ++r, data += length) {
-        memcpy(line + 1, data, length * sizeof(float));
-        line[0] = line[1];
-        line[length + 1] = line[length];
-        for (size_t i = 0; i < length; ++i) {
-            const float most = line[i] > line[i + 1] ? line[i] : line[i + 1];
-            data[i] = most > line[i + 2] ? most : line[i + 2];
+/* --- the relevant voxels of a block --- */
+
+/* Marks voxels that are not 0 as relevant, and those up to whose values the transfer function shows something as
+   shown. Returns whether anything in the block matters. */
+static int spsi_block_mark(spsi_voxels *voxels) {
+    const spsi_material *material = voxels->block.material;
+    const int width = voxels->block.size[0], rows = voxels->block.size[1] * voxels->block.size[2];
+    const uint64_t whole = (UINT64_C(1) << width) - 1;
+    const spsi_v least = spsi_set(SPSI_VALUE_MIN);
+    const float *values = voxels->values;
+    uint64_t any = 0;
+    if (material->table && !material->extinguishes) return 0;
+    for (int row = 0; row < rows; ++row, values += width) {
+        uint64_t faint = 0, hidden = 0;
+        for (int x = 0; x < width; x += SPSI_LANES) {
+            const spsi_v value = spsi_load_first(values + x, width - x);
+            faint |= (uint64_t)spsi_bits(spsi_less(value, least)) << x;
+            if (material->table) hidden |= (uint64_t)spsi_hidden_bits(material, value) << x;
         }
+        voxels->relevant[row] = ~faint & whole;
+        voxels->shown[row] = ~hidden & whole;
+        any |= material->table ? voxels->shown[row] : voxels->relevant[row];
     }
+    return any != 0;
 }
 
-/* The same along y (axis 1) or z (axis 2): `rows` of `width` contiguous values at a time. */
-static void spsi_block_spread_rows(const spsi_block *block, float *data, int axis) {
-    const size_t width = (size_t)block->size[0] * (axis == 1 ? 1 : (size_t)block->size[1]);
-    const size_t rows = (size_t)block->size[axis], sets = axis == 1 ? (size_t)block->size[2] : 1;
-    float before[SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE];
-    for (size_t set = 0; set < sets; ++set) {
-        memcpy(before, data, width * sizeof(float));
-        for (size_t r = 0; r < rows; ++r, data += width) {
-            const float *after = r + 1 < rows ? data + width : data;
-            for (size_t i = 0; i < width; ++i) {
-                const float here = data[i], most = before[i] > here ? before[i] : here;
-                data[i] = most > after[i] ? most : after[i];
-                before[i] = here;
-            }
-        }
+/* Adds to each of `count` rows, `step` apart, the bits of those within SPSI_MARGIN of it. */
+static void spsi_rows_spread(uint64_t *rows, int count, int step) {
+    uint64_t line[SPSI_BLOCK_EDGE + 2 * SPSI_MARGIN] = {0};
+    for (int i = 0; i < count; ++i) line[SPSI_MARGIN + i] = rows[i * step];
+    for (int i = 0; i < count; ++i)
+        for (int k = 0; k <= 2 * SPSI_MARGIN; ++k) rows[i * step] |= line[i + k];
+}
+
+/* Leaves those voxels relevant that contribute to anything that the transfer function shows. A voxel is shown if any
+   value up to the maximum of its 3^3 neighbourhood is: without it the field would fall to 0, through the values shown.
+   What lies up to two voxels from there contributes. Altogether: what lies within three voxels of a place that has
+   such a value itself. */
+static void spsi_block_spread(spsi_voxels *voxels) {
+    const int height = voxels->block.size[1], depth = voxels->block.size[2];
+    for (int row = 0; row < height * depth; ++row) {
+        const uint64_t here = voxels->shown[row];
+        for (int k = 1; k <= SPSI_MARGIN; ++k) voxels->shown[row] |= here << k | here >> k;
     }
+    for (int z = 0; z < depth; ++z) spsi_rows_spread(voxels->shown + z * height, height, 1);
+    for (int y = 0; y < height; ++y) spsi_rows_spread(voxels->shown + y, depth, height);
+    for (int row = 0; row < height * depth; ++row) voxels->relevant[row] &= voxels->shown[row];
 }
 
-/* Replaces each value by the maximum of its 3^3 neighbourhood. */
-static void spsi_block_spread(const spsi_block *block, float *data) {
-    spsi_block_spread_x(block, data);
-    spsi_block_spread_rows(block, data, 1);
-    spsi_block_spread_rows(block, data, 2);
+/* The first voxel of a brick of a block. Returns 0 if it is not in the volume. */
+static int spsi_block_brick(const spsi_block *block, int number, int base[3]) {
+    const int edge = SPSI_BLOCK / SPSI_BRICK;
+    int inside = 1;
+    for (int k = 0; k < 3; ++k, number /= edge) {
+        base[k] = block->core_low[k] + number % edge * SPSI_BRICK;
+        inside &= base[k] < block->core_high[k];
+    }
+    return inside;
 }
 
-/* Flags (1 or 0) the voxels of a block that contribute to anything that the transfer function shows. A voxel is shown
-   if any value up to the maximum around it is: without it the field would fall to 0, through the values shown. */
-static void spsi_block_flag_shown(const spsi_block *block) {
-    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
-    memcpy(block->flags, block->values, count * sizeof(float));
-    spsi_block_spread(block, block->flags);
-    for (size_t i = 0; i < count; ++i)
-        block->flags[i] = (float)spsi_transfer_shows(block->material, 0, block->flags[i]);
-    for (int twice = 0; twice < 2; ++twice) spsi_block_spread(block, block->flags);
+/* The relevant voxels of a layer of a brick: 8 rows of 8 bits. Rows have no bits beyond the volume. */
+static uint64_t spsi_brick_layer(const spsi_voxels *voxels, const int base[3], int z) {
+    const spsi_block *block = &voxels->block;
+    const int height = spsi_least(SPSI_BRICK, block->core_high[1] - base[1]);
+    const uint64_t *rows = voxels->relevant + spsi_block_row(block, base[1], base[2] + z);
+    const uint64_t whole = (1 << SPSI_BRICK) - 1;
+    uint64_t layer = 0;
+    if (base[2] + z >= block->core_high[2]) return 0;
+    for (int y = 0; y < height; ++y) layer |= (rows[y] >> (base[0] - block->low[0]) & whole) << SPSI_BRICK * y;
+    return layer;
 }
 
-/* Whether anything in a block that has been read can be relevant: a quick test that saves most blocks the flags. */
-static int spsi_block_matters(const spsi_block *block) {
-    const size_t count = (size_t)block->size[0] * (size_t)block->size[1] * (size_t)block->size[2];
-    float most = block->values[0];
-    for (size_t i = 1; i < count; ++i) most = block->values[i] > most ? block->values[i] : most;
-    if (!block->material->table) return most >= SPSI_VALUE_MIN;
-    return spsi_transfer_shows(block->material, 0, most);
+/* Reads a block, and counts its relevant voxels. */
+static void spsi_block_task(void *data, int index, int worker) {
+    const spsi_reader *reader = (const spsi_reader *)data;
+    spsi_voxels *voxels = spsi_reader_values(reader, index);
+    (void)worker;
+    memset(reader->list[index].brick_voxels, 0, sizeof reader->list[index].brick_voxels);
+    if (!voxels || !spsi_block_mark(voxels)) return;
+    if (reader->material->table) spsi_block_spread(voxels);
+    for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
+        int base[3];
+        if (!spsi_block_brick(&voxels->block, i, base)) continue;
+        for (int z = 0; z < SPSI_BRICK; ++z)
+            voxels->brick_voxels[i] += spsi_bit_count(spsi_brick_layer(voxels, base, z));
+    }
 }
 
 static spsi_segment *spsi_segment_at(const sps_context *context, int index) {
@@ -5877,7 +6045,6 @@ static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) 
         if (!list) return NULL;
         list[*current] = (spsi_segment *)spsi_acquire(context, 1, sizeof(spsi_segment));
         if (!list[*current]) return NULL;
-        memset(list[*current], 0, sizeof(spsi_segment));
         context->segment_count += 1;
     }
     segment = spsi_segment_at(context, *current);
@@ -5885,84 +6052,100 @@ static spsi_segment *spsi_segment_with_room(sps_context *context, int *current) 
     return segment;
 }
 
-static void spsi_brick_widen(spsi_brick *brick, const int step[3]) {
-    for (int i = 0; i < 3; ++i) {
-        if (brick->count == 0 || step[i] < brick->low[i]) brick->low[i] = (unsigned char)step[i];
-        if (brick->count == 0 || step[i] > brick->high[i]) brick->high[i] = (unsigned char)step[i];
+/* Adds a block's bricks to the list, with places for their voxels, so that workers can fill them. */
+static sps_result spsi_block_add_bricks(sps_context *context, spsi_voxels *voxels, int lattice, int *current) {
+    voxels->first_brick = context->brick_count;
+    for (int i = 0; i < SPSI_BLOCK_BRICKS; ++i) {
+        const int count = voxels->brick_voxels[i], number = context->brick_count;
+        spsi_segment *segment;
+        spsi_brick *bricks;
+        if (count == 0) continue;
+        segment = spsi_segment_with_room(context, current);
+        if (!segment) return context->result;
+        bricks = (spsi_brick *)spsi_extend(context, SPSI_BUFFER_BRICKS, (size_t)number, (size_t)number + 1,
+                                           sizeof(spsi_brick));
+        if (!bricks) return context->result;
+        bricks[number].lattice = lattice;
+        spsi_block_brick(&voxels->block, i, bricks[number].base);
+        bricks[number].segment = *current;
+        bricks[number].first = segment->used;
+        bricks[number].count = count;
+        segment->used += count;
+        context->brick_count += 1;
+        context->voxel_count += (uint64_t)count;
     }
-}
-
-/* Collects the brick at `base` from a block. */
-static void spsi_brick_fill(const spsi_block *block, const int base[3], spsi_segment *segment, spsi_brick *brick) {
-    int end[3];
-    memcpy(brick->base, base, sizeof brick->base);
-    brick->first = segment->used;
-    brick->count = 0;
-    brick->most = 0;
-    for (int i = 0; i < 3; ++i) end[i] = spsi_least(SPSI_BRICK, block->core_high[i] - base[i]);
-    for (int z = 0; z < end[2]; ++z)
-        for (int y = 0; y < end[1]; ++y) {
-            const size_t row = spsi_block_index(block, base[0], base[1] + y, base[2] + z);
-            for (int x = 0; x < end[0]; ++x) {
-                const float value = block->values[row + (size_t)x];
-                const int step[3] = {x, y, z};
-                if (value < SPSI_VALUE_MIN || (block->material->table && !(block->flags[row + (size_t)x] > 0)))
-                    continue;
-                spsi_brick_widen(brick, step);
-                segment->x[segment->used] = (float)x;
-                segment->y[segment->used] = (float)y;
-                segment->z[segment->used] = (float)z;
-                segment->value[segment->used++] = value;
-                brick->count += 1;
-                brick->most = spsi_higher(brick->most, value);
-            }
-        }
-}
-
-static sps_result spsi_block_to_bricks(sps_context *context, const spsi_block *block, int lattice, int *current) {
-    int base[3];
-    for (base[2] = block->core_low[2]; base[2] < block->core_high[2]; base[2] += SPSI_BRICK)
-        for (base[1] = block->core_low[1]; base[1] < block->core_high[1]; base[1] += SPSI_BRICK)
-            for (base[0] = block->core_low[0]; base[0] < block->core_high[0]; base[0] += SPSI_BRICK) {
-                const int count = context->brick_count;
-                spsi_segment *segment = spsi_segment_with_room(context, current);
-                spsi_brick *bricks = segment ? (spsi_brick *)spsi_extend(context, SPSI_BUFFER_BRICKS, (size_t)count,
-                                                                         (size_t)count + 1, sizeof(spsi_brick))
-                                             : NULL;
-                if (!bricks) return context->result;
-                bricks[count].lattice = lattice;
-                bricks[count].segment = *current;
-                spsi_brick_fill(block, base, segment, &bricks[count]);
-                if (bricks[count].count > 0) context->brick_count += 1;
-                context->voxel_count += (uint64_t)bricks[count].count;
-            }
+    voxels->brick_count = context->brick_count - voxels->first_brick;
     return SPS_OK;
 }
 
-static void spsi_block_buffers(spsi_block *block, void *memory) {
-    block->positions = (double *)memory;
-    block->values = (float *)(block->positions + 3 * SPSI_BLOCK_EDGE * SPSI_BLOCK_EDGE);
-    block->flags = block->values + SPSI_BLOCK_VOXELS;
+/* Sets the minimum and maximum of a brick's steps, of which there is a bit each along x, y, z. */
+static void spsi_brick_bound(spsi_brick *brick, const uint64_t steps[3]) {
+    for (int k = 0; k < 3; ++k) {
+        int low = 0, high = SPSI_BRICK - 1;
+        while (!(steps[k] >> low & 1)) ++low;
+        while (!(steps[k] >> high & 1)) --high;
+        brick->low[k] = (unsigned char)low;
+        brick->high[k] = (unsigned char)high;
+    }
+}
+
+/* Copies a brick's voxels to their places, and zeroes the padding behind the last ones of a segment. */
+static void spsi_brick_fill(const spsi_voxels *voxels, spsi_segment *segment, spsi_brick *brick) {
+    uint64_t steps[3] = {0, 0, 0};
+    int at = brick->first;
+    brick->most = 0;
+    for (int z = 0; z < SPSI_BRICK; ++z) {
+        const uint64_t layer = spsi_brick_layer(voxels, brick->base, z);
+        for (int y = 0; y < SPSI_BRICK; ++y) {
+            const uint64_t row = layer >> SPSI_BRICK * y & ((1 << SPSI_BRICK) - 1);
+            const float *values = voxels->values + spsi_block_index(&voxels->block, brick->base[0], brick->base[1] + y,
+                                                                    brick->base[2] + z);
+            for (int x = 0; row >> x; ++x) {
+                if (!(row >> x & 1)) continue;
+                segment->x[at] = (float)x;
+                segment->y[at] = (float)y;
+                segment->z[at] = (float)z;
+                segment->value[at++] = values[x];
+                brick->most = spsi_higher(brick->most, values[x]);
+            }
+            steps[0] |= row;
+            steps[1] |= (uint64_t)(row > 0) << y;
+            steps[2] |= (uint64_t)(row > 0) << z;
+        }
+    }
+    spsi_brick_bound(brick, steps);
+    if (at < segment->used) return;
+    memset(segment->x + at, 0, SPSI_PADDING * sizeof(float));
+    memset(segment->y + at, 0, SPSI_PADDING * sizeof(float));
+    memset(segment->z + at, 0, SPSI_PADDING * sizeof(float));
+    memset(segment->value + at, 0, SPSI_PADDING * sizeof(float));
+}
+
+static void spsi_bricks_fill_task(void *data, int index, int worker) {
+    const spsi_reader *reader = (const spsi_reader *)data;
+    const spsi_voxels *voxels = &reader->list[index];
+    spsi_brick *bricks = (spsi_brick *)reader->context->buffers[SPSI_BUFFER_BRICKS].data;
+    (void)worker;
+    for (int i = voxels->first_brick; i < voxels->first_brick + voxels->brick_count; ++i)
+        spsi_brick_fill(voxels, spsi_segment_at(reader->context, bricks[i].segment), &bricks[i]);
 }
 
 static sps_result spsi_gather_medium(sps_context *context, const spsi_frame *frame, int medium, int *current) {
-    const int64_t count = spsi_block_count(&frame->media[medium]);
-    void *memory = spsi_reserve(context, SPSI_BUFFER_BLOCK, 1, SPSI_BLOCK_BYTES);
-    spsi_block block;
-    if (!memory) return context->result;
-    spsi_block_buffers(&block, memory);
-    for (int64_t i = 0; i < count; ++i) {
-        int empty;
-        spsi_block_place(&block, &frame->media[medium], &frame->matter.materials[frame->media[medium].channel], i);
-        if (spsi_progress(context, SPSI_PROGRESS_GATHER * (medium + (double)i / (double)count) / frame->medium_count))
-            return context->result;
-        if (spsi_block_range(context, &block, &empty)) return context->result;
-        context->stats.blocks_skipped += (uint64_t)empty;
-        if (empty) continue;
-        if (spsi_block_read(context, &block, frame->replace_invalid)) return context->result;
-        if (!spsi_block_matters(&block)) continue;
-        if (block.material->table) spsi_block_flag_shown(&block);
-        if (spsi_block_to_bricks(context, &block, medium, current)) return context->result;
+    spsi_reader reader;
+    memset(&reader, 0, sizeof reader);
+    reader.medium = &frame->media[medium];
+    reader.material = &frame->matter.materials[reader.medium->channel];
+    reader.asks = 1;
+    reader.replace = frame->replace_invalid;
+    reader.part.share = SPSI_PROGRESS_GATHER / frame->medium_count;
+    reader.part.progress = reader.part.share * medium;
+    if (spsi_reader_open(context, &reader)) return context->result;
+    for (int64_t first = 0; first < reader.block_count; first += reader.at_once) {
+        const int before = context->brick_count;
+        if (spsi_reader_next(context, &reader, first, spsi_block_task, &reader)) return context->result;
+        for (int i = 0; i < reader.count; ++i)
+            if (spsi_block_add_bricks(context, &reader.list[i], medium, current)) return context->result;
+        if (context->brick_count > before) spsi_parallel(context, reader.count, spsi_bricks_fill_task, &reader);
     }
     return SPS_OK;
 }
@@ -6868,7 +7051,7 @@ static void spsi_face_add(const spsi_frame *frame, const spsi_mesh *mesh, const 
 static sps_result spsi_gather_mesh(sps_context *context, const spsi_frame *frame, const spsi_mesh *mesh,
                                    spsi_face_lists *lists) {
     sps_triangle *triangles =
-        (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCK, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
+        (sps_triangle *)spsi_reserve(context, SPSI_BUFFER_BLOCKS, SPSI_TRIANGLE_BATCH, sizeof(sps_triangle));
     if (!triangles) return context->result;
     for (size_t first = 0; first < mesh->triangle_count; first += SPSI_TRIANGLE_BATCH) {
         const size_t left = mesh->triangle_count - first,
@@ -7386,12 +7569,6 @@ static void spsi_fragment_add(const spsi_layers_job *job, size_t pixel, const sp
         job->fragments[job->first[pixel + 1]++] = *fragment;
     else
         job->first[pixel + 2] += 1;
-}
-
-static int spsi_bit_count(uint64_t mask) {
-    int count = 0;
-    for (; mask; mask &= mask - 1) count += 1;
-    return count;
 }
 
 /* The sample among those of a mask that is nearest to their mean. */
@@ -23181,11 +23358,12 @@ static sps_result spsi_plan_reading(sps_context *context, const spsi_frame *fram
         for (int64_t i = 0; i < count; ++i) {
             uint64_t bricks = 1, voxels = 1, kept = 1;
             spsi_block block;
-            int empty;
             spsi_block_place(&block, &frame->media[medium], &frame->matter.materials[frame->media[medium].channel], i);
-            if (spsi_block_range(context, &block, &empty)) return context->result;
-            report->range_calls += block.medium->range_fn != NULL;
-            if (empty) continue;
+            spsi_block_range(&block);
+            context->stats.range_calls += (uint64_t)block.range_calls;
+            report->range_calls += (uint64_t)block.range_calls;
+            if (spsi_block_check(context, &block)) return context->result;
+            if (block.empty) continue;
             for (int k = 0; k < 3; ++k) {
                 const uint64_t core = (uint64_t)(block.core_high[k] - block.core_low[k]);
                 bricks *= (core + SPSI_BRICK - 1) / SPSI_BRICK;
@@ -23233,13 +23411,17 @@ static sps_result spsi_plan_fields(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
-static size_t spsi_plan_gather_bytes(const spsi_frame *frame, const spsi_reading *reading) {
+static size_t spsi_plan_gather_bytes(const sps_context *context, const spsi_frame *frame, const spsi_reading *reading) {
     const uint64_t whole = SPSI_BRICK * SPSI_BRICK * SPSI_BRICK;
     const uint64_t segments = reading->voxels_kept / (SPSI_SEGMENT - whole + 1) + 1;
-    uint64_t bytes = segments * (sizeof(spsi_segment) + 3 * sizeof(spsi_segment *)) + SPSI_BLOCK_BYTES;
+    uint64_t bytes = segments * (sizeof(spsi_segment) + 3 * sizeof(spsi_segment *));
+    int at_once = 0;
     bytes += (reading->bricks + 2) * 3 * sizeof(spsi_brick); /* the list grows by half, old and new at once */
     if (frame->medium_count == 0) return 0;
-    if (reading->blocks == 0) bytes = SPSI_BLOCK_BYTES;
+    if (reading->blocks == 0) bytes = 0;
+    for (int i = 0; i < frame->medium_count; ++i)
+        at_once = spsi_most(at_once, spsi_blocks_at_once(context, &frame->media[i]));
+    bytes += (uint64_t)at_once * sizeof(spsi_voxels);
     if (frame->view.filling != SPS_FILLING_SPLAT) bytes += spsi_fields_bytes(frame, (size_t)reading->bricks);
     return (size_t)bytes;
 }
@@ -23588,8 +23770,8 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
     int shares = (int)lights;
     for (int i = 0; i < frame->medium_count; ++i)
         tables += frame->matter.materials[frame->media[i].channel].table != NULL;
-    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(frame, reading) + tables * sizeof(spsi_table) +
-                                          frame->particles.count * sizeof(sps_particle);
+    report->pass[SPS_PASS_GATHER].bytes = spsi_plan_gather_bytes(context, frame, reading) +
+                                          tables * sizeof(spsi_table) + frame->particles.count * sizeof(sps_particle);
     report->pass[SPS_PASS_PROJECTORS].bytes = spsi_images_bytes(frame);
     if (spsi_scatters_forward(frame))
         report->pass[SPS_PASS_FORWARD].bytes = (size_t)frame->matter.material_count * sizeof(spsi_forward);
@@ -23600,7 +23782,7 @@ static void spsi_plan_bytes(const sps_context *context, const spsi_frame *frame,
         report->pass[SPS_PASS_EYE_POLYGONS].bytes =
             frame->meshes.triangle_count * (sizeof(spsi_face) + 4 * sizeof(int)) +
             (size_t)frame->content->eye.width * (size_t)frame->content->eye.height * sizeof(spsi_hit) +
-            SPSI_BLOCK_BYTES;
+            SPSI_TRIANGLE_BATCH * sizeof(sps_triangle);
         report->pass[SPS_PASS_LAYERS].bytes = spsi_layers_bytes(context, frame);
         report->pass[SPS_PASS_TEXTURES].bytes = spsi_textures_bytes(frame);
         if (spsi_needs_tree(frame))
@@ -24406,29 +24588,42 @@ static sps_result spsi_march_round(sps_context *context, spsi_marcher *marcher, 
 
 /* --- setting up --- */
 
+/* A volume that is being read as a whole. */
+typedef struct spsi_dense_job {
+    spsi_reader reader;
+    float *values;
+} spsi_dense_job;
+
+/* Copies a block's values to their places. */
+static void spsi_dense_task(void *data, int index, int worker) {
+    const spsi_dense_job *job = (const spsi_dense_job *)data;
+    const spsi_voxels *voxels = spsi_reader_values(&job->reader, index);
+    const int *size = job->reader.medium->size;
+    (void)worker;
+    if (!voxels) return;
+    for (int z = voxels->block.core_low[2]; z < voxels->block.core_high[2]; ++z)
+        for (int y = voxels->block.core_low[1]; y < voxels->block.core_high[1]; ++y) {
+            const int *low = voxels->block.core_low;
+            const size_t to = ((size_t)z * (size_t)size[1] + (size_t)y) * (size_t)size[0] + (size_t)low[0];
+            memcpy(job->values + to, voxels->values + spsi_block_index(&voxels->block, low[0], y, z),
+                   (size_t)voxels->block.size[0] * sizeof(float));
+        }
+}
+
 /* Reads a whole volume, and its maxima by brick. */
 static sps_result spsi_dense_read(sps_context *context, const spsi_frame *frame, int medium, float *values,
                                   spsi_dense *grid) {
-    const spsi_medium *m = &frame->media[medium];
-    const int64_t count = spsi_block_count(m);
     spsi_material plain;
-    spsi_block block;
-    void *memory = spsi_reserve(context, SPSI_BUFFER_BLOCK, 1, SPSI_BLOCK_BYTES);
-    if (!memory) return context->result;
+    spsi_dense_job job;
     memset(&plain, 0, sizeof plain); /* a gas: blocks without margins */
-    spsi_block_buffers(&block, memory);
-    for (int64_t i = 0; i < count; ++i) {
-        spsi_block_place(&block, m, &plain, i);
-        if (spsi_block_read(context, &block, frame->replace_invalid)) return context->result;
-        spsi_tick(context);
-        for (int z = block.core_low[2]; z < block.core_high[2]; ++z)
-            for (int y = block.core_low[1]; y < block.core_high[1]; ++y) {
-                const size_t to =
-                    ((size_t)z * (size_t)grid->size[1] + (size_t)y) * (size_t)grid->size[0] + (size_t)block.core_low[0];
-                memcpy(values + to, block.values + spsi_block_index(&block, block.core_low[0], y, z),
-                       (size_t)block.size[0] * sizeof(float));
-            }
-    }
+    memset(&job, 0, sizeof job);
+    job.values = values;
+    job.reader.medium = &frame->media[medium];
+    job.reader.material = &plain;
+    job.reader.replace = frame->replace_invalid;
+    if (spsi_reader_open(context, &job.reader)) return context->result;
+    for (int64_t i = 0; i < job.reader.block_count; i += job.reader.at_once)
+        if (spsi_reader_next(context, &job.reader, i, spsi_dense_task, &job)) return context->result;
     for (int z = 0; z < grid->size[2]; spsi_tick(context), ++z)
         for (int y = 0; y < grid->size[1]; ++y)
             for (int x = 0; x < grid->size[0]; ++x) {
@@ -25330,9 +25525,15 @@ static float spsi_half(uint16_t half) {
     return value;
 }
 
-/* Converts a row of voxels that lie `step` bytes apart to values. */
+/* Converts a row of voxels that lie `step` bytes apart to values. Bytes side by side have a loop that compilers turn
+   into vectors. */
 static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t step, int count, float *out) {
-    const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1;
+    const float scale = fabsf(grid->scale) > 0 ? grid->scale : 1, offset = grid->offset;
+    const unsigned char *bytes = (const unsigned char *)from;
+    if (grid->format == SPS_VOXEL_U8 && step == 1) {
+        for (int i = 0; i < count; ++i) out[i] = (float)bytes[i] * scale + offset;
+        return;
+    }
     for (int i = 0; i < count; ++i, from += step) {
         uint16_t word;
         if (grid->format == SPS_VOXEL_U8) out[i] = (float)*(const unsigned char *)from;
@@ -25341,7 +25542,7 @@ static void spsi_voxel_row(const sps_grid *grid, const char *from, ptrdiff_t ste
         memcpy(&word, from, sizeof word);
         out[i] = grid->format == SPS_VOXEL_F16 ? spsi_half(word) : (float)word;
     }
-    for (int i = 0; i < count; ++i) out[i] = out[i] * scale + grid->offset;
+    for (int i = 0; i < count; ++i) out[i] = out[i] * scale + offset;
 }
 
 /* Checks a grid and a block of it. Returns what sps_grid_read and sps_grid_range return for them. */
@@ -25380,23 +25581,35 @@ SPS_API int sps_grid_read(void *grid, const int lo[3], const int size[3], float 
 }
 
 SPS_API int sps_grid_range(void *grid, const int lo[3], const int size[3], float out_min_max[2]) {
-    float row[SPSI_BLOCK];
-    int valid = 1;
-    out_min_max[0] = SPSI_VALUE_MAX, out_min_max[1] = 0;
-    for (int z = 0; z < size[2]; ++z)
-        for (int y = 0; y < size[1]; ++y)
+    const sps_grid *from = (const sps_grid *)grid;
+    const int wrong = spsi_grid_check(from, lo, size);
+    spsi_v low = spsi_set(SPSI_VALUE_MAX), high = spsi_set(0);
+    float row[SPSI_BLOCK], lows[SPSI_LANES], highs[SPSI_LANES];
+    ptrdiff_t stride[3];
+    int invalid = 0;
+    if (wrong) return wrong;
+    spsi_grid_strides(from, stride);
+    for (int z = lo[2]; z < lo[2] + size[2]; ++z)
+        for (int y = lo[1]; y < lo[1] + size[1]; ++y)
             for (int x = 0; x < size[0]; x += SPSI_BLOCK) {
-                const int at[3] = {lo[0] + x, lo[1] + y, lo[2] + z},
-                          part[3] = {spsi_least(SPSI_BLOCK, size[0] - x), 1, 1};
-                const int wrong = sps_grid_read(grid, at, part, row);
-                if (wrong) return wrong;
-                for (int i = 0; i < part[0]; ++i) {
-                    valid &= row[i] >= 0 && row[i] <= SPSI_VALUE_MAX;
-                    out_min_max[0] = spsi_lower(row[i], out_min_max[0]);
-                    out_min_max[1] = spsi_higher(row[i], out_min_max[1]);
+                const int count = spsi_least(SPSI_BLOCK, size[0] - x);
+                const char *at = (const char *)from->voxels + z * stride[2] + y * stride[1] + (lo[0] + x) * stride[0];
+                spsi_voxel_row(from, at, stride[0], count, row);
+                for (int i = count; i % SPSI_LANES; ++i) row[i] = row[0];
+                for (int i = 0; i < count; i += SPSI_LANES) {
+                    const spsi_v value = spsi_load(row + i);
+                    invalid |= spsi_invalid_bits(value);
+                    low = spsi_min(low, value);
+                    high = spsi_max(high, value);
                 }
             }
-    if (!valid) out_min_max[0] = 0, out_min_max[1] = SPSI_VALUE_MAX;
+    spsi_store(lows, low), spsi_store(highs, high);
+    out_min_max[0] = invalid ? 0 : lows[0];
+    out_min_max[1] = invalid ? SPSI_VALUE_MAX : highs[0];
+    for (int i = 1; i < SPSI_LANES && !invalid; ++i) {
+        out_min_max[0] = spsi_lower(lows[i], out_min_max[0]);
+        out_min_max[1] = spsi_higher(highs[i], out_min_max[1]);
+    }
     return 0;
 }
 

@@ -38,7 +38,7 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
 static void set_clouds(sps_volume *clouds) {
     static const sps_lobe lobes[2] = {{0.8f, 0.85f}, {-0.1f, 0.15f}};
     ex_volume_box(clouds, ex_vec_of(-3.6, -0.25, -4.6), ex_vec_of(3.6, 0.85, 2.0), 168);
-    clouds->eval_fn = cloud_value;
+    clouds->eval_fn = cloud_value, clouds->concurrent = 1;
     clouds->revision = 1; /* all panels have the same voxels */
     clouds->extinction = 45;
     ex_color(clouds->albedo, 1, 1, 1);

@@ -679,7 +679,8 @@ static void blob_frame(frame *f, int grid, int size) {
         f->volume.placement.axis[i][i] = BLOB_BOX * BLOB_WIDTH;
         f->volume.albedo[i] = 1, f->mesh.color[i] = 0.5f, f->light.color[i] = (float)EX_PI;
     }
-    f->volume.eval_fn = blob_density, f->volume.extinction = (float)BLOB_EXTINCTION, f->volume.revision = 1;
+    f->volume.eval_fn = blob_density, f->volume.concurrent = 1, f->volume.revision = 1;
+    f->volume.extinction = (float)BLOB_EXTINCTION;
     f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;
     memcpy(f->light.direction, blob_light, sizeof blob_light);
     memcpy(f->view.camera.position, blob_eye, sizeof blob_eye);
@@ -1483,6 +1484,7 @@ static void smoke_frame(frame *f, ex_grid *grid) {
         f->volume.albedo[i] = 0.87f, f->light.color[i] = 6;
     }
     f->volume.read_fn = ex_grid_read, f->volume.range_fn = ex_grid_range, f->volume.user = grid;
+    f->volume.concurrent = 1;
     f->volume.revision = 2;
     f->volume.extinction = 300;
     memcpy(f->light.direction, light, sizeof light);
@@ -1741,7 +1743,7 @@ static int full_density(void *user, size_t count, const double *positions, float
 
 static void full_frame(frame *f) {
     blob_frame(f, 256, FILLING_SIZE);
-    f->volume.eval_fn = full_density, f->volume.extinction = 0.3f;
+    f->volume.eval_fn = full_density, f->volume.concurrent = 1, f->volume.extinction = 0.3f;
     f->scene.mesh_count = 0;
 }
 

@@ -33,7 +33,7 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
 static void set_cloud(sps_volume *cloud) {
     static const sps_lobe lobes[2] = {{0.8f, 0.85f}, {-0.1f, 0.15f}};
     ex_volume_box(cloud, ex_vec_of(-1.25, -0.55, -0.65), ex_vec_of(1.4, 1.0, 0.85), 112);
-    cloud->eval_fn = cloud_value;
+    cloud->eval_fn = cloud_value, cloud->concurrent = 1;
     cloud->revision = 1; /* all panels have the same voxels */
     cloud->extinction = 24;
     ex_color(cloud->albedo, 1, 1, 1);

@@ -38,7 +38,7 @@ static void set_ring(sps_volume *volume, ring *r, double radius, double height, 
     r->paint[0].value = 0.15f, r->paint[1].value = 0.5f, r->paint[1].extinction = 120;
     r->look.points = r->paint, r->look.point_count = 2;
     ex_volume_box(volume, ex_vec_of(-reach, -reach, -0.05), ex_vec_of(reach, reach, height + 0.15), (int)(104 * reach));
-    volume->eval_fn = ring_value, volume->user = r;
+    volume->eval_fn = ring_value, volume->concurrent = 1, volume->user = r;
     volume->transfer = &r->look;
     volume->shading = SPS_SHADING_SURFACE;
     volume->specular = 0.3f;
@@ -64,7 +64,7 @@ static void set_plate(sps_volume *plate) {
         {0.20f, {0.30f, 0.19f, 0.10f}, 0}, {0.50f, {0.26f, 0.15f, 0.08f}, 90}, {0.95f, {0.72f, 0.52f, 0.32f}, 120}};
     static const sps_transfer look = {wood, 3, NULL, NULL, 0};
     ex_volume_box(plate, ex_vec_of(-1.95, -1.95, -0.22), ex_vec_of(1.95, 1.95, 0.06), 150);
-    plate->eval_fn = plate_value;
+    plate->eval_fn = plate_value, plate->concurrent = 1;
     plate->transfer = &look;
     plate->shading = SPS_SHADING_SURFACE;
 }

@@ -26,7 +26,7 @@ static int fog_value(void *user, size_t count, const double *positions, float *o
 static void set_fog(sps_volume *fog) {
     static const sps_lobe lobe = {0.6f, 1};
     ex_volume_box(fog, ex_vec_of(-2, 0, -2), ex_vec_of(2, 2.6, 2), 64);
-    fog->eval_fn = fog_value;
+    fog->eval_fn = fog_value, fog->concurrent = 1;
     fog->revision = 1; /* all panels have the same voxels */
     fog->extinction = 0.3f;
     ex_color(fog->albedo, 0.98, 0.98, 0.98);

@@ -35,7 +35,7 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
 static void set_cloud(sps_volume *cloud) {
     static const sps_lobe lobes[2] = {{0.45f, 0.7f}, {-0.2f, 0.3f}};
     ex_volume_box(cloud, ex_vec_of(-4.4, 0, -4.4), ex_vec_of(4.4, 2, 4.4), 96);
-    cloud->eval_fn = cloud_value;
+    cloud->eval_fn = cloud_value, cloud->concurrent = 1;
     cloud->extinction = 0.6f;
     ex_color(cloud->albedo, 0.96, 0.95, 0.93);
     cloud->lobes = lobes, cloud->lobe_count = 2;

@@ -25,7 +25,7 @@ static int gas_value(void *user, size_t count, const double *positions, float *o
 static void set_gas(sps_volume *gas, ex_metaballs *balls) {
     static const sps_lobe lobes[2] = {{0.5f, 0.6f}, {-0.2f, 0.4f}};
     ex_volume_box(gas, ex_vec_of(-2.1, 0, -1.7), ex_vec_of(2.1, 2.75, 1.4), 144);
-    gas->eval_fn = gas_value, gas->user = balls;
+    gas->eval_fn = gas_value, gas->concurrent = 1, gas->user = balls;
     gas->extinction = 9;
     ex_color(gas->albedo, 0.99, 0.80, 0.42);
     gas->lobes = lobes, gas->lobe_count = 2;

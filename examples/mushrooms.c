@@ -28,7 +28,7 @@ static void set_plate(sps_volume *plate) {
                                                 {1.00f, {0.88f, 0.79f, 0.64f}, 120}};
     static const sps_transfer look = {stone, 4, NULL, NULL, 0};
     ex_volume_box(plate, ex_vec_of(-2, -0.25, -2), ex_vec_of(2, 0.12, 2), 160);
-    plate->eval_fn = plate_value;
+    plate->eval_fn = plate_value, plate->concurrent = 1;
     plate->transfer = &look;
     plate->shading = SPS_SHADING_SURFACE;
     plate->specular = 0.1f;

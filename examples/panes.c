@@ -23,7 +23,7 @@ static int fog_value(void *user, size_t count, const double *positions, float *o
 static void set_fog(sps_volume *fog) {
     static const sps_lobe forward = {0.4f, 1};
     ex_volume_box(fog, ex_vec_of(-2.6, 0, -0.9), ex_vec_of(2.4, 1.9, 3.5), 64);
-    fog->eval_fn = fog_value;
+    fog->eval_fn = fog_value, fog->concurrent = 1;
     fog->extinction = 0.20f;
     ex_color(fog->albedo, 0.95, 0.95, 0.95);
     fog->lobes = &forward, fog->lobe_count = 1;

@@ -23,7 +23,7 @@ static int smoke_value(void *user, size_t count, const double *positions, float 
 static void set_smoke(sps_volume *smoke) {
     static const sps_lobe forward = {0.3f, 1};
     ex_volume_box(smoke, ex_vec_of(-0.2, 0.07, -0.65), ex_vec_of(1.1, 1.37, 0.65), 64);
-    smoke->eval_fn = smoke_value;
+    smoke->eval_fn = smoke_value, smoke->concurrent = 1;
     smoke->extinction = 7;
     ex_color(smoke->albedo, 0.95, 0.93, 0.90);
     smoke->lobes = &forward, smoke->lobe_count = 1;

@@ -20,7 +20,7 @@ static int haze_value(void *user, size_t count, const double *positions, float *
 
 static void set_haze(sps_volume *haze) {
     ex_volume_box(haze, ex_vec_of(-1.36, -0.02, -1.36), ex_vec_of(1.36, 2.16, 1.36), 64);
-    haze->eval_fn = haze_value;
+    haze->eval_fn = haze_value, haze->concurrent = 1;
     haze->extinction = 0.6f;
     ex_color(haze->albedo, 0.80, 0.92, 0.98);
 }

@@ -49,6 +49,7 @@ static int load_volume(volume_arguments *from, sps_volume *volume, ex_error *err
     memcpy(volume->size, from->grid.size, sizeof volume->size);
     volume->placement = from->placement;
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = &from->grid;
+    volume->concurrent = 1;
     volume->extinction = (float)from->extinction;
     to_floats(from->albedo, volume->albedo);
     to_floats(from->emission, volume->emission);

@@ -36,6 +36,7 @@ static inline void ex_bonsai_volume(sps_volume *volume, ex_grid *grid) {
     volume->placement.origin[0] = volume->placement.origin[2] = -1;
     for (int i = 0; i < 3; ++i) volume->placement.axis[i][i] = 2;
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = grid;
+    volume->concurrent = 1;
     volume->transfer = &ex_bonsai_transfer;
 }
 

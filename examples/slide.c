@@ -45,7 +45,7 @@ static void set_smoke(sps_volume *smoke) {
     static const sps_lobe forward = {0.35f, 1};
     const double *low = smoke_ends[0], *high = smoke_ends[1];
     ex_volume_box(smoke, ex_vec_of(low[0], low[1], low[2]), ex_vec_of(high[0], high[1], high[2]), 48);
-    smoke->eval_fn = smoke_value;
+    smoke->eval_fn = smoke_value, smoke->concurrent = 1;
     smoke->extinction = 0.45f;
     ex_color(smoke->albedo, 0.95, 0.95, 0.95);
     smoke->lobes = &forward, smoke->lobe_count = 1;

@@ -21,7 +21,7 @@ static int smoke_value(void *user, size_t count, const double *positions, float 
 static void set_smoke(sps_volume *smoke) {
     static const sps_lobe forward = {0.35f, 1};
     ex_volume_box(smoke, ex_vec_of(-2, 0, -2), ex_vec_of(2, 2.6, 2), 64);
-    smoke->eval_fn = smoke_value;
+    smoke->eval_fn = smoke_value, smoke->concurrent = 1;
     smoke->extinction = 0.32f;
     ex_color(smoke->albedo, 0.92, 0.90, 0.86);
     smoke->lobes = &forward, smoke->lobe_count = 1;

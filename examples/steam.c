@@ -37,7 +37,7 @@ static int steam_value(void *user, size_t count, const double *positions, float 
 static void set_steam(sps_volume *steam, int *frame) {
     static const sps_lobe lobes[2] = {{0.4f, 0.5f}, {-0.4f, 0.5f}};
     ex_volume_box(steam, ex_vec_of(-0.65, TEA_HEIGHT, -0.65), ex_vec_of(0.65, 2.25, 0.65), 96);
-    steam->eval_fn = steam_value, steam->user = frame;
+    steam->eval_fn = steam_value, steam->concurrent = 1, steam->user = frame;
     steam->extinction = 7;
     ex_color(steam->albedo, 0.98, 0.98, 0.98);
     steam->lobes = lobes, steam->lobe_count = 2;

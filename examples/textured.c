@@ -117,7 +117,7 @@ static int smoke_value(void *user, size_t count, const double *positions, float 
 static void set_smoke(sps_volume *smoke) {
     static const sps_lobe forward = {0.3f, 1};
     ex_volume_box(smoke, ex_vec_of(-2, 0.35, -2), ex_vec_of(2, 1.75, 2), 128);
-    smoke->eval_fn = smoke_value;
+    smoke->eval_fn = smoke_value, smoke->concurrent = 1;
     smoke->extinction = 5;
     ex_color(smoke->albedo, 0.95, 0.94, 0.92);
     smoke->lobes = &forward, smoke->lobe_count = 1;

@@ -38,8 +38,8 @@ static void set_plate(sps_volume plate[2]) {
     static const sps_transfer earth_look = {earth, 3, NULL, NULL, 0}, clay_look = {clay, 2, NULL, NULL, 0};
     ex_volume_box(&plate[0], ex_vec_of(-1.75, -0.16, -1.75), ex_vec_of(1.75, 0.20, 1.75), 128);
     ex_volume_box(&plate[1], ex_vec_of(-1.92, -0.26, -1.92), ex_vec_of(1.92, 0.14, 1.92), 144);
-    plate[0].eval_fn = earth_value, plate[0].transfer = &earth_look;
-    plate[1].eval_fn = dish_value, plate[1].transfer = &clay_look;
+    plate[0].eval_fn = earth_value, plate[0].concurrent = 1, plate[0].transfer = &earth_look;
+    plate[1].eval_fn = dish_value, plate[1].concurrent = 1, plate[1].transfer = &clay_look;
     plate[0].shading = plate[1].shading = SPS_SHADING_SURFACE;
 }
 
@@ -73,6 +73,7 @@ static void set_tree(sps_volume *volume, ex_grid *grid) {
     grow_tree(&tree);
     ex_tree_fill(&tree, volume, grid);
     volume->read_fn = ex_grid_read, volume->range_fn = ex_grid_range, volume->user = grid;
+    volume->concurrent = 1;
     volume->transfer = &look;
     volume->shading = SPS_SHADING_SURFACE;
 }

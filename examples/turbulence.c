@@ -33,7 +33,7 @@ static int cloud_value(void *user, size_t count, const double *positions, float 
 static void set_cloud(sps_volume *cloud) {
     static const sps_lobe lobes[2] = {{0.6f, 0.6f}, {-0.3f, 0.4f}};
     ex_volume_box(cloud, ex_vec_of(-1.75, -0.95, -1.1), ex_vec_of(1.75, 1.15, 1.25), 176);
-    cloud->eval_fn = cloud_value;
+    cloud->eval_fn = cloud_value, cloud->concurrent = 1;
     cloud->extinction = 10;
     ex_color(cloud->albedo, 0.99, 0.99, 0.99);
     cloud->lobes = lobes, cloud->lobe_count = 2;

@@ -32,7 +32,7 @@ static void set_cloud(sps_volume *cloud) {
     static const sps_lobe forward = {0.3f, 1};
     const double *m = cloud_middle, r = cloud_radius;
     ex_volume_box(cloud, ex_vec_of(m[0] - r, m[1] - r, m[2] - r), ex_vec_of(m[0] + r, m[1] + r, m[2] + r), 72);
-    cloud->eval_fn = cloud_value;
+    cloud->eval_fn = cloud_value, cloud->concurrent = 1;
     cloud->revision = 1; /* it never changes: voxels and tables are held */
     cloud->extinction = 14;
     ex_color(cloud->albedo, 0.97, 0.96, 0.95);

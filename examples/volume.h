@@ -66,7 +66,7 @@ static inline void ex_grid_row(const ex_grid *grid, int x, int y, int z, int cou
     ex_grid_values(grid, row * (size_t)grid->size[0] + (size_t)x, (size_t)count, out);
 }
 
-/* sps_volume.read_fn over an ex_grid. */
+/* sps_volume.read_fn over an ex_grid, which it only reads: the volume may be `concurrent`. */
 static inline int ex_grid_read(void *user, const int lo[3], const int size[3], float *out) {
     const ex_grid *grid = (const ex_grid *)user;
     for (int z = 0; z < size[2]; ++z)
@@ -111,7 +111,7 @@ static inline void ex_grid_measure(ex_grid *grid) {
             for (int x = 0; x < grid->blocks[0]; ++x, range += 2) ex_grid_measure_block(grid, x, y, z, range);
 }
 
-/* sps_volume.range_fn over an ex_grid: bounds over all measured blocks that the given box touches. */
+/* sps_volume.range_fn over an ex_grid, likewise: bounds over all measured blocks that the given box touches. */
 static inline int ex_grid_range(void *user, const int lo[3], const int size[3], float out_min_max[2]) {
     const ex_grid *grid = (const ex_grid *)user;
     int from[3], to[3];

@@ -52,8 +52,8 @@ static void print_remarks(const plot *p) {
     for (int i = 0; i < p->curves; ++i)
         for (int k = 0; k < p->places; ++k) {
             if (!(growth(p, &p->of[i], k) > FAST)) continue;
-            if (!fast++) printf("Faster than the number of %s grow", p->input);
-            printf("%s %s up to %g", fast > 1 ? "," : "", p->of[i].name, p->x[k]);
+            if (!fast++) printf("Faster than the number of %s:", p->input);
+            printf("%s %s from %g to %g", fast > 1 ? ";" : "", p->of[i].name, p->x[k - 1], p->x[k]);
         }
     if (fast)
         printf(".\n");

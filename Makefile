@@ -6,6 +6,7 @@
 # make soak        random scenes against the reference; COUNT=scenes SEED=first
 # make mutants     deliberate errors in the header, and the test that notices each; LIMIT=2400 seconds, run again to continue
 # make bench       times, as ratios within one run, and error against time
+# make speed       the goals of speed, and how time grows, into docs/speed.md and docs/speed_*.png
 # make accuracy    error against time only, into docs/accuracy.md, whose first lines are kept
 # make maps        transmittance maps compared with each other, into docs/maps.md and docs/maps_*.png
 # make gallery     only the pictures of the scene programs
@@ -104,15 +105,33 @@ build/gallery/scan_%.png: build/render examples/looks/%.txt examples/looks/floor
 
 # --------------------------------------------------------------------------------------------------- measuring
 
-# `build/bench speed` prints only the times, `build/bench filling` those of splatting and of gathering, `build/bench maps`
-# those of transmittance maps, `build/bench edges` errors and times of samples of polygons' edges; bench_plain is plain C.
-.PHONY: bench accuracy
-bench: build/bench build/bench_plain
+# See the top of examples/bench.c for its parts. bench_plain is plain C, bench_avx2 has vectors of 8 floats at most.
+.PHONY: bench speed accuracy
+X86 = $(filter x86_64 amd64 i%86,$(shell uname -m))
+BENCHES = build/bench $(if $(X86),build/bench_avx2) build/bench_plain
+
+bench: $(BENCHES)
 	build/bench
+	@$(COMPARE_BUILDS)
 	build/bench_plain maps
 
-build/bench_plain: examples/bench.c $(HEADERS) | build
-	$(CC) $(STANDARD) $(OPTIMIZE) -DSPS_NO_SIMD $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
+build/bench_plain: ONLY = -DSPS_NO_SIMD
+build/bench_avx2: ONLY = -mno-avx512f
+build/bench_plain build/bench_avx2: examples/bench.c $(HEADERS) | build
+	$(CC) $(STANDARD) $(OPTIMIZE) $(ONLY) $(WARNINGS_C) $(INCLUDES) $< -o $@ $(LIBRARIES)
+
+# Rows of the table of goals: time of each build's frames, with 1 worker, over that of build/bench; the least of turns.
+COMPARE_BUILDS = for turn in 1 2 3; do for build in $(notdir $(BENCHES)); do build/$$build frames | sed "s/^/$$build /"; done; done | awk ' \
+	NF == 3 && (!(($$1, $$2) in least) || $$3 < least[$$1, $$2]) { least[$$1, $$2] = $$3 } \
+	NF == 3 && !seen[$$1, $$2]++ && $$1 != "bench" { builds[++rows] = $$1; frames[rows] = $$2 } \
+	END { for (i = 1; i <= rows; ++i) printf "| %s, medium, 1 worker: %s / bench, time | %.2f | | | |\n", \
+		frames[i], builds[i], least[builds[i], frames[i]] / least["bench", frames[i]] }'
+
+# Of the page, what stands before the first printed line and from the next heading of its own on is kept.
+speed: $(BENCHES)
+	{ build/bench goals; $(COMPARE_BUILDS); build/bench curves docs; } | tee build/speed.txt
+	@{ sed '/^[0-9]* processors/,$$d' docs/speed.md; cat build/speed.txt; echo; sed -n '/^## What it means/,$$p' docs/speed.md; } > build/speed.md
+	cp build/speed.md docs/speed.md
 
 accuracy: build/bench
 	build/bench accuracy | tee build/accuracy.txt

@@ -1,8 +1,13 @@
 /* bench: how fast, and how exact for the time. Times are medians of frames that take turns, within one run, so that
    ratios hold on a machine of any speed; each figure stands on its own line with the project's target beside it.
-   cc -std=c99 -O3 -march=native -pthread -I. examples/bench.c -o bench -lm
-   bench            everything; with SPLATSHADOW_DATA=folder, where the bonsai scan lies, that too
+   cc -std=c99 -O3 -march=native -pthread -I. -I/usr/include/stb examples/bench.c -o bench -lm
+   bench            everything; with SPLATSHADOW_DATA=folder, where the scans of bonsai and smoke lie, those too
    bench speed      without the tables of error against time
+   bench goals      the project's goals of speed, as a table in Markdown
+   bench curves DIR how time grows with image, slabs, voxels and lights: in Markdown, and as charts in the folder
+   bench frames     times of three frames, one a line, to compare builds
+   bench basics     the bonsai, splatting, empty space and particles
+   bench filling    splatting and gathering
    bench lights     one light and more, by maps, sheets and shadow tables; sharp and soft shadows
    bench polygons   the tree of triangles, shadow rays, rasterising and textures alone
    bench edges      samples of polygons' edges: error and time; with SPLATSHADOW_DATA also of the teapot there
@@ -16,11 +21,12 @@
 #include "particles.h"
 #include "scans.h"
 #include "shapes.h"
+#include "picture.h"
+#include "chart.h"
+#include "bench_scenes.h"
+#include "bench_goals.h"
+#include "bench_curves.h"
 
-static const char program[] = "bench";
-
-#define REPEATS      5 /* frames timed of each contender */
-#define WORKERS      2 /* that the targets speak of */
 #define TARGET_ERROR 0.001
 
 /* ================================================================================================= figures */
@@ -55,125 +61,7 @@ static void at_least(const char *what, double value, const char *unit, double bo
 
 static void plain(const char *what, double value, const char *unit) { figure(what, value, unit, -HUGE_VAL, HUGE_VAL); }
 
-/* ================================================================================================== frames */
-
-/* A scene of one volume, one mesh and one light at most, in which light scatters once, as closed forms and the
-   reference without paths have it. Stays where it is: the scene points into it. */
-typedef struct frame {
-    sps_volume volume;
-    sps_mesh mesh;
-    sps_light light;
-    sps_scene scene;
-    sps_view view;
-    float *rgba;
-} frame;
-
-static void frame_begin(frame *f, int width, int height) {
-    memset(f, 0, sizeof *f);
-    f->scene.volumes = &f->volume, f->scene.volume_count = 1;
-    f->scene.meshes = &f->mesh, f->scene.mesh_count = 1;
-    f->scene.lights = &f->light, f->scene.light_count = 1;
-    f->view.width = width, f->view.height = height;
-    f->view.quality = SPS_QUALITY_MEDIUM;
-    f->view.scattering = SPS_SCATTERING_OFF;
-    f->view.camera.up[1] = 1;
-    f->rgba = (float *)ex_allocate((size_t)width * (size_t)height, 4 * sizeof(float));
-}
-
-/* The same frame with a picture of its own. */
-static void frame_copy(frame *f, const frame *from) {
-    *f = *from;
-    f->scene.volumes = &f->volume, f->scene.meshes = &f->mesh, f->scene.lights = &f->light;
-    f->rgba = (float *)ex_allocate((size_t)f->view.width * (size_t)f->view.height, 4 * sizeof(float));
-}
-
-static void frame_end(frame *f) { free(f->rgba); }
-
-static double render_seconds(ex_session *session, const frame *f, const sps_view *view) {
-    sps_image image;
-    memset(&image, 0, sizeof image);
-    image.rgba = f->rgba;
-    const double start = ex_now(NULL);
-    ex_stop_unless_ok(sps_render(session->context, &f->scene, view, &image), program, session);
-    return ex_now(NULL) - start;
-}
-
-/* sps_reference, without light that scatters more than once. */
-static sps_result march(ex_session *session, const frame *f, double step, const sps_image *image) {
-    const sps_reference_settings settings = {.step = step};
-    return sps_reference(session->context, &f->scene, &f->view, &settings, image);
-}
-
-/* A way to render a frame that is timed against others. */
-typedef struct contender {
-    ex_session *session;
-    const frame *frame;
-    sps_view view;
-    double *moving; /* a coordinate that moves a little before each frame; may be NULL */
-    double seconds; /* median */
-    sps_stats_report stats;
-} contender;
-
-static void contender_set(contender *c, ex_session *session, const frame *f, int no_shadows) {
-    memset(c, 0, sizeof *c);
-    c->session = session, c->frame = f, c->view = f->view;
-    c->view.no_shadows = no_shadows;
-}
-
-/* Times all in turns, so that whatever else the machine does falls on each alike; the first round only warms up. */
-static void race(contender *contenders, int count, int repeats) {
-    double *seconds = (double *)ex_allocate((size_t)(count * repeats), sizeof *seconds);
-    for (int r = -1; r < repeats; ++r)
-        for (int i = 0; i < count; ++i) {
-            contender *c = contenders + i;
-            if (c->moving) *c->moving += 1e-3;
-            const double took = render_seconds(c->session, c->frame, &c->view);
-            if (r >= 0) seconds[i * repeats + r] = took;
-            sps_get_stats(c->session->context, &c->stats);
-        }
-    for (int i = 0; i < count; ++i) contenders[i].seconds = ex_percentile(seconds + i * repeats, (size_t)repeats, 0.5);
-    free(seconds);
-}
-
-static double fragments_per_second(const sps_stats_report *stats) {
-    return (double)(stats->light_fragments + stats->eye_fragments) / (stats->seconds_light + stats->seconds_eye);
-}
-
-static void print_stages(const sps_stats_report *s) {
-    printf("    of %.3f s: read voxels %.3f, polygons %.3f, shadow rays %.3f, sort %.3f, light sheets %.3f, eye sheets "
-           "and shading %.3f\n",
-           s->seconds_total, s->seconds_gather, s->seconds_polygons, s->seconds_shadow_rays, s->seconds_bin,
-           s->seconds_light, s->seconds_eye);
-    printf("    light: %.1f M fragments; eye: %.1f M fragments, %.1f M pixels of slabs shaded\n",
-           1e-6 * (double)s->light_fragments, 1e-6 * (double)s->eye_fragments, 1e-6 * (double)s->pixels_shaded);
-    printf("    light: %.1f M samples; eye: %.1f M samples\n", 1e-6 * (double)s->light_samples,
-           1e-6 * (double)s->eye_samples);
-}
-
 /* ================================================================================================== bonsai */
-
-/* Hands on whether loading a scan has failed, and says why. */
-static int scan_failed(int failed, const ex_error *error) {
-    if (failed) printf("  left out: %s\n", error->text);
-    return failed;
-}
-
-static int bonsai_load(ex_grid *grid) {
-    ex_error error;
-    return scan_failed(ex_bonsai_load(grid, &error), &error);
-}
-
-static void bonsai_frame(frame *f, ex_grid *grid) {
-    static const double eye[3] = {2.2, 2.6, 4.6}, target[3] = {0, 0.95, 0}, light[3] = {-1, -1.6, -0.6};
-    frame_begin(f, 512, 512);
-    ex_bonsai_volume(&f->volume, grid);
-    f->volume.revision = 1;
-    memcpy(f->light.direction, light, sizeof light);
-    for (int i = 0; i < 3; ++i) f->light.color[i] = 2.5f - 0.1f * (float)i, f->scene.ambient[i] = 0.25f;
-    memcpy(f->view.camera.position, eye, sizeof eye);
-    memcpy(f->view.camera.target, target, sizeof target);
-    f->view.camera.field_of_view = 34 * EX_PI / 180;
-}
 
 /* Bytes of a context that has rendered the frame and nothing else; the share of its workers' tiles apart, which is
    told from the peaks with one worker and with two. */
@@ -359,21 +247,6 @@ static void bench_empty_space(void) {
 
 /* ========================================================================================== transmittance maps */
 
-/* Particles evenly spread in a ball of radius 1, each a few texels wide. */
-static sps_particle *puff_build(size_t count) {
-    sps_particle *list = (sps_particle *)ex_allocate(count, sizeof *list);
-    uint32_t random = 7;
-    for (size_t i = 0; i < count;) {
-        double at[4];
-        for (int k = 0; k < 4; ++k) at[k] = 2 * ex_random(&random) - 1;
-        if (ex_dot(at, at) > 1) continue;
-        for (int k = 0; k < 3; ++k) list[i].position[k] = (float)at[k];
-        list[i].radius = (float)(0.02 + 0.01 * at[3]);
-        list[i++].optical_depth = 0.05f;
-    }
-    return list;
-}
-
 enum { MAP_QUERIES = 400000, MAP_SIZE = 512 };
 
 /* What all maps of the table are made of, and where they are queried. Stays where it is: the scene points into it. */
@@ -505,17 +378,7 @@ static void bench_particles(void) {
         contender c[2];
         frame f;
         char what[100];
-        memset(&particles, 0, sizeof particles);
-        particles.count = counts[n], particles.read_fn = ex_particles_read;
-        sps_particle *list = puff_build(counts[n]);
-        for (size_t i = 0; i < counts[n] && n == 1; ++i) list[i].radius *= 0.5f;
-        particles.user = list;
-        frame_begin(&f, 1024, 768);
-        f.scene.volume_count = f.scene.mesh_count = 0;
-        f.scene.particles = &particles, f.scene.particle_set_count = 1;
-        f.view.camera.position[2] = 4, f.view.camera.field_of_view = 0.6;
-        f.light.direction[0] = f.light.direction[1] = f.light.direction[2] = -1;
-        for (int i = 0; i < 3; ++i) particles.albedo[i] = 0.8f, f.light.color[i] = 3;
+        particles_frame(&f, &particles, counts[n]);
         for (int i = 0; i < 2; ++i) contender_set(&c[i], &session, &f, i == 0);
         race(c, 2, 3);
         snprintf(what, sizeof what, "%.1f million: a shadowed frame", 1e-6 * (double)counts[n]);
@@ -525,186 +388,20 @@ static void bench_particles(void) {
         plain("memory, all of the context", 1e-6 * (double)c[1].stats.bytes_peak, "MB");
         print_stages(&c[1].stats);
         frame_end(&f);
-        free(list);
+        free(particles.user);
     }
     ex_session_end(&session);
 }
 
-/* ====================================================================================== a blob over a plane, exactly
- */
-
-/* A Gaussian blob of gas that scatters all light evenly, over a plane of reflectance 1/2. For such a blob the optical
-   depth along any line is an error function, so that a pixel is one integral of a smooth function. */
-#define BLOB_WIDTH      0.35 /* standard deviation */
-#define BLOB_EXTINCTION 4.0  /* at its middle */
-#define BLOB_LEAST      1e-4 /* below this share of its middle the blob's grid is empty */
-#define BLOB_BOX        9.0  /* edge of the grid, in widths */
-#define BLOB_NODES      32   /* of the quadrature; 48 change no pixel by 1e-7 */
-#define BLOB_SIZE       512  /* pixels */
-
-static const double blob_centre[3] = {0, 1.2, 0}, blob_eye[3] = {0, 4.5, 10}, blob_target[3] = {0, 0.8, 0};
-static const double blob_light[3] = {-0.70710678118654752, -0.70710678118654752, 0}; /* irradiance pi */
-
-typedef struct blob {
-    double width, middle; /* standard deviation; extinction there */
-} blob;
-
-/* What the voxels' kernels make of the blob: a Gaussian of the sum of the variances and of the same mass. */
-static blob blob_through_kernels(int grid) {
-    const double kernel = 0.65 * BLOB_BOX * BLOB_WIDTH / grid;
-    blob b;
-    b.width = sqrt(BLOB_WIDTH * BLOB_WIDTH + kernel * kernel);
-    b.middle = BLOB_EXTINCTION * pow(BLOB_WIDTH / b.width, 3);
-    return b;
-}
-
-/* Optical depth along a line at squared distance `apart` from the middle, from s0 to s1 counted from the foot. */
-static double blob_depth(const blob *b, double apart, double s0, double s1) {
-    const double across = exp(-0.5 * apart / (b->width * b->width)), unit = 1 / (b->width * sqrt(2.0));
-    return b->middle * b->width * sqrt(0.5 * EX_PI) * across * (erf(s1 * unit) - erf(s0 * unit));
-}
-
-/* Light that is left at a point, of what would arrive without the blob. */
-static double blob_lit(const blob *b, const double point[3]) {
-    double from[3];
-    for (int i = 0; i < 3; ++i) from[i] = point[i] - blob_centre[i];
-    const double along = ex_dot(from, blob_light);
-    return exp(-blob_depth(b, ex_dot(from, from) - along * along, -1e3, along));
-}
-
-/* Gauss-Legendre nodes and weights on -1..1, by Newton's method on the recurrence. */
-static void legendre_nodes(int count, double *nodes, double *weights) {
-    for (int i = 0; i < count; ++i) {
-        double x = cos(EX_PI * (i + 0.75) / (count + 0.5)), slope = 1;
-        for (int step = 0; step < 20; ++step) {
-            double before = 1, now = x;
-            for (int k = 2; k <= count; ++k) {
-                const double next = ((2 * k - 1) * x * now - (k - 1) * before) / k;
-                before = now, now = next;
-            }
-            slope = count * (x * now - before) / (x * x - 1);
-            x -= now / slope;
-        }
-        nodes[i] = x, weights[i] = 2 / ((1 - x * x) * slope * slope);
-    }
-}
-
-typedef struct blob_task {
-    blob shape;
-    double nodes[BLOB_NODES], weights[BLOB_NODES], rows[3][3]; /* right, down, forward */
-    int size;
-    double *image;
-} blob_task;
-
-static void blob_point(const double direction[3], double t, double point[3]) {
-    for (int i = 0; i < 3; ++i) point[i] = blob_eye[i] + t * direction[i];
-}
-
-static double blob_radiance(const blob_task *task, const double direction[3]) {
-    const blob *b = &task->shape;
-    double middle[3], point[3], sum = 0;
-    for (int i = 0; i < 3; ++i) middle[i] = blob_centre[i] - blob_eye[i];
-    const double foot = ex_dot(middle, direction), apart = ex_dot(middle, middle) - foot * foot;
-    const double plane = direction[1] < 0 ? -blob_eye[1] / direction[1] : HUGE_VAL;
-    const double t0 = foot - 6.5 * b->width, t1 = fmin(foot + 6.5 * b->width, plane);
-    for (int i = 0; i < BLOB_NODES && t1 > t0; ++i) {
-        const double t = t0 + 0.5 * (1 + task->nodes[i]) * (t1 - t0), s = t - foot;
-        const double here = b->middle * exp(-0.5 * (apart + s * s) / (b->width * b->width));
-        if (here < 1e-9) continue;
-        blob_point(direction, t, point);
-        sum += 0.5 * (t1 - t0) * task->weights[i] * 0.25 * here * blob_lit(b, point) *
-               exp(-blob_depth(b, apart, -foot, s)); /* 0.25: pi / (4 pi) */
-    }
-    if (!(plane < HUGE_VAL)) return sum;
-    blob_point(direction, plane, point);
-    return sum + 0.5 * -blob_light[1] * blob_lit(b, point) * exp(-blob_depth(b, apart, -foot, plane - foot));
-}
-
-static void blob_row(void *data, int y, int worker) {
-    const blob_task *task = (const blob_task *)data;
-    const double pitch = 2 * tan(13 * EX_PI / 180) / task->size;
-    (void)worker;
-    for (int x = 0; x < task->size; ++x) {
-        const double across = pitch * (x - 0.5 * (task->size - 1)), down = pitch * (y - 0.5 * (task->size - 1));
-        double direction[3];
-        for (int i = 0; i < 3; ++i)
-            direction[i] = across * task->rows[0][i] + down * task->rows[1][i] + task->rows[2][i];
-        const double length = sqrt(ex_dot(direction, direction));
-        for (int i = 0; i < 3; ++i) direction[i] /= length;
-        task->image[(size_t)y * (size_t)task->size + (size_t)x] = blob_radiance(task, direction);
-    }
-}
-
-/* The exact image; freed by the caller. The camera looks along -z and down, so that its right is x. */
-static double *blob_exact(ex_session *session, blob shape, int size) {
-    blob_task task;
-    const double dy = blob_target[1] - blob_eye[1], dz = blob_target[2] - blob_eye[2], length = sqrt(dy * dy + dz * dz);
-    const double rows[3][3] = {{1, 0, 0}, {0, dz / length, -dy / length}, {0, dy / length, dz / length}};
-    task.shape = shape, task.size = size;
-    memcpy(task.rows, rows, sizeof rows);
-    legendre_nodes(BLOB_NODES, task.nodes, task.weights);
-    task.image = (double *)ex_allocate((size_t)size * (size_t)size, sizeof(double));
-    ex_parallel_for(&session->pool, size, blob_row, &task);
-    return task.image;
-}
-
-/* ===================================================================================== ... and as the library has it
- */
-
-static int blob_density(void *user, size_t count, const double *positions, float *out) {
-    (void)user;
-    for (size_t i = 0; i < count; ++i, positions += 3) {
-        double square = 0;
-        for (int k = 0; k < 3; ++k) square += (positions[k] - blob_centre[k]) * (positions[k] - blob_centre[k]);
-        const double value = exp(-0.5 * square / (BLOB_WIDTH * BLOB_WIDTH));
-        out[i] = value < BLOB_LEAST ? 0 : (float)value;
-    }
-    return 0;
-}
-
-static int plane_read(void *user, size_t first, size_t count, sps_triangle *out) {
-    static const float corners[4][3] = {{-30, 0, -30}, {30, 0, -30}, {30, 0, 30}, {-30, 0, 30}};
-    (void)user;
-    for (size_t i = 0; i < count; ++i)
-        for (size_t k = 0; k < 3; ++k)
-            memcpy(out[i].position[k], corners[k == 0 ? 0 : first + i + k], sizeof corners[0]);
-    return 0;
-}
-
-static void blob_frame(frame *f, int grid, int size) {
-    frame_begin(f, size, size);
-    for (int i = 0; i < 3; ++i) {
-        f->volume.size[i] = grid;
-        f->volume.placement.origin[i] = blob_centre[i] - 0.5 * BLOB_BOX * BLOB_WIDTH;
-        f->volume.placement.axis[i][i] = BLOB_BOX * BLOB_WIDTH;
-        f->volume.albedo[i] = 1, f->mesh.color[i] = 0.5f, f->light.color[i] = (float)EX_PI;
-    }
-    f->volume.eval_fn = blob_density, f->volume.concurrent = 1, f->volume.revision = 1;
-    f->volume.extinction = (float)BLOB_EXTINCTION;
-    f->mesh.triangle_count = 2, f->mesh.read_fn = plane_read;
-    memcpy(f->light.direction, blob_light, sizeof blob_light);
-    memcpy(f->view.camera.position, blob_eye, sizeof blob_eye);
-    memcpy(f->view.camera.target, blob_target, sizeof blob_target);
-    f->view.camera.field_of_view = 26 * EX_PI / 180;
-}
-
-/* Root mean square, and if asked for the 99th percentile, of the differences in radiance. */
-static double image_error(const float *rgba, const double *exact, int size, double *high) {
-    const size_t count = (size_t)size * (size_t)size;
-    double *differences = (double *)ex_allocate(count, sizeof(double)), sum = 0;
-    for (size_t i = 0; i < count; ++i) {
-        differences[i] = fabs((double)rgba[4 * i] - exact[i]);
-        sum += differences[i] * differences[i];
-    }
-    if (high) *high = ex_percentile(differences, count, 0.99);
-    free(differences);
-    return sqrt(sum / (double)count);
-}
-
 typedef struct best_setting {
     double seconds, slab, error;
-    int grid, shadow, quality;
+    int grid, shadow;
+    sps_quality quality;
+    sps_filling filling;
 } best_setting;
+
+static const char *const quality_names[] = {"", "draft", "medium", "high", "ultra"}; /* in the order of sps_quality */
+static const char *const filling_names[] = {"", "splatted", "gathered"};             /* ... of sps_filling */
 
 static const double curve_slabs[] = {8, 4, 3, 2, 1, 0.5};
 static const int curve_shadows[] = {128, 256, 512};
@@ -725,12 +422,12 @@ static void print_setting(ex_session *session, const frame *f, const double *exa
     fflush(stdout);
     if (error > TARGET_ERROR || c.seconds >= best->seconds) return;
     best->seconds = c.seconds, best->error = error, best->slab = f->view.slab, best->shadow = f->view.shadow_size;
-    best->grid = f->volume.size[0], best->quality = (int)f->view.quality;
+    best->grid = f->volume.size[0], best->quality = f->view.quality, best->filling = f->view.filling;
 }
 
 static void print_curve(ex_session *session, frame *f, const double *exact, const double *own, best_setting *best) {
-    printf("\n  %d^3 voxels, kernels and ray termination as in %s\n       ", f->volume.size[0],
-           f->view.quality == SPS_QUALITY_DRAFT ? "draft" : "medium");
+    printf("\n  %d^3 voxels, %s, kernels and ray termination as in %s\n       ", f->volume.size[0],
+           filling_names[f->view.filling], quality_names[f->view.quality]);
     for (int k = 0; k < CURVE_SHADOWS; ++k) printf(" | shadow buffer %4d            ", curve_shadows[k]);
     printf("\n  slab ");
     for (int k = 0; k < CURVE_SHADOWS; ++k) printf(" | rmse    p99     own       ms ");
@@ -757,11 +454,12 @@ static double bench_curves(ex_session *session, const double *exact, int grid, b
     char what[80];
     double *own = blob_exact(session, blob_through_kernels(grid), BLOB_SIZE);
     blob_frame(&f, grid, BLOB_SIZE);
-    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_MEDIUM; ++quality) {
-        f.view.quality = (sps_quality)quality;
-        print_curve(session, &f, exact, own, best);
-    }
-    f.view.slab = 0, f.view.shadow_size = 0;
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_MEDIUM; ++quality)
+        for (int filling = SPS_FILLING_SPLAT; filling <= SPS_FILLING_GATHER; ++filling) {
+            f.view.quality = (sps_quality)quality, f.view.filling = (sps_filling)filling;
+            print_curve(session, &f, exact, own, best);
+        }
+    f.view.slab = 0, f.view.shadow_size = 0, f.view.filling = SPS_FILLING_AUTO;
     contender_set(&medium, session, &f, 0);
     race(&medium, 1, 3);
     const double error = image_error(f.rgba, own, BLOB_SIZE, NULL);
@@ -790,12 +488,13 @@ static void print_best(const best_setting *best) {
         printf("  no setting reaches an rmse of %g\n", TARGET_ERROR);
         return;
     }
-    snprintf(what, sizeof what, "rmse %.5f: %d^3, slab %g, shadow %d, %s", best->error, best->grid, best->slab,
-             best->shadow, best->quality == SPS_QUALITY_DRAFT ? "draft" : "medium");
+    snprintf(what, sizeof what, "rmse %.5f: %d^3, slab %g, shadow %d, %s, %s", best->error, best->grid, best->slab,
+             best->shadow, quality_names[best->quality], filling_names[best->filling]);
     at_most(what, best->seconds, "s", 0.05);
     ex_session_measure(&session, program, WORKERS);
     blob_frame(&f, best->grid, BLOB_SIZE);
-    f.view.slab = best->slab, f.view.shadow_size = best->shadow, f.view.quality = (sps_quality)best->quality;
+    f.view.slab = best->slab, f.view.shadow_size = best->shadow;
+    f.view.quality = best->quality, f.view.filling = best->filling;
     plain("... as the first frame of a new context, reading the voxels", render_seconds(&session, &f, &f.view), "s");
     sps_get_stats(session.context, &stats);
     print_stages(&stats);
@@ -833,7 +532,7 @@ static void bench_accuracy(void) {
     enum { GRIDS = 3 };
     static const int grids[GRIDS] = {128, 64, 48};
     const blob plain_blob = {BLOB_WIDTH, BLOB_EXTINCTION};
-    best_setting best = {HUGE_VAL, 0, 0, 0, 0, 0};
+    best_setting best = {HUGE_VAL, 0, 0, 0, 0, SPS_QUALITY_DEFAULT, SPS_FILLING_AUTO};
     double errors[GRIDS], largest = 0;
     ex_session session;
     ex_session_measure(&session, program, WORKERS);
@@ -913,8 +612,29 @@ static void dense_reference(ex_session *session, dense_shape shape, const sps_tr
     frame_end(&f);
 }
 
+/* One row: errors of the ball and its time, then the flat surface. */
+static void print_classified(ex_session *session, const sps_transfer *transfer, const sps_quality quality,
+                             sps_filling filling, float (*references)[4 * DENSE_SIZE * DENSE_SIZE]) {
+    printf("  %-7s %-9s", quality_names[quality], filling_names[filling]);
+    for (int s = DENSE_BALL; s <= DENSE_HALF_SPACE; ++s) {
+        dense_shape shape = (dense_shape)s;
+        double errors[2], range[2];
+        frame f;
+        contender c;
+        dense_frame(&f, &shape, transfer, SPS_SHADING_SURFACE);
+        f.view.quality = quality, f.view.filling = filling;
+        contender_set(&c, session, &f, 0);
+        race(&c, 1, 3);
+        dense_errors(f.rgba, references[shape], errors, range);
+        if (shape == DENSE_BALL)
+            printf(" %6.2f %%  %6.1f %%  %6.1f", 100 * errors[0], 100 * errors[1], 1e3 * c.seconds);
+        else
+            printf("           %+6.1f %%  %+6.1f %%\n", 100 * (range[0] - 1), 100 * (range[1] - 1));
+        frame_end(&f);
+    }
+}
+
 static void bench_classified(void) {
-    static const char *const names[4] = {"draft", "medium", "high", "ultra"};
     static const sps_transfer_point points[2] = {{0.05f, {1, 1, 1}, 0}, {0.4f, {1, 1, 1}, 3}};
     static float references[2][4 * DENSE_SIZE * DENSE_SIZE];
     const sps_transfer transfer = {points, 2, NULL, NULL, 0};
@@ -923,27 +643,11 @@ static void bench_classified(void) {
     for (int shape = DENSE_BALL; shape <= DENSE_HALF_SPACE; ++shape)
         dense_reference(&session, (dense_shape)shape, &transfer, references[shape]);
     printf("\nClassified volumes: optical depth 3 per voxel, shaded as a surface; against sps_reference at step 0.25\n"
-           "             a ball of radius 12             a flat surface, even in the reference\n"
-           "           rmse    largest      ms           dimmest  brightest\n");
-    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality) {
-        printf("  %-7s", names[quality - 1]);
-        for (int s = DENSE_BALL; s <= DENSE_HALF_SPACE; ++s) {
-            dense_shape shape = (dense_shape)s;
-            double errors[2], range[2];
-            frame f;
-            contender c;
-            dense_frame(&f, &shape, &transfer, SPS_SHADING_SURFACE);
-            f.view.quality = (sps_quality)quality;
-            contender_set(&c, &session, &f, 0);
-            race(&c, 1, 3);
-            dense_errors(f.rgba, references[shape], errors, range);
-            if (shape == DENSE_BALL)
-                printf(" %6.2f %%  %6.1f %%  %6.1f", 100 * errors[0], 100 * errors[1], 1e3 * c.seconds);
-            else
-                printf("           %+6.1f %%  %+6.1f %%\n", 100 * (range[0] - 1), 100 * (range[1] - 1));
-            frame_end(&f);
-        }
-    }
+           "                       a ball of radius 12             a flat surface, even in the reference\n"
+           "                     rmse    largest      ms           dimmest  brightest\n");
+    for (int quality = SPS_QUALITY_DRAFT; quality <= SPS_QUALITY_ULTRA; ++quality)
+        for (int filling = SPS_FILLING_SPLAT; filling <= SPS_FILLING_GATHER; ++filling)
+            print_classified(&session, &transfer, (sps_quality)quality, (sps_filling)filling, references);
     ex_session_end(&session);
 }
 
@@ -1262,15 +966,6 @@ static void bench_edges(void) {
 
 /* ================================================================================================== lights */
 
-/* The root mean square difference of the colors of two frames. */
-static double frames_rms(const frame *a, const frame *b) {
-    const size_t count = 4 * (size_t)a->view.width * (size_t)a->view.height;
-    double sum = 0;
-    for (size_t i = 0; i < count; ++i)
-        if (i % 4 != 3) sum += pow((double)a->rgba[i] - (double)b->rgba[i], 2);
-    return sqrt(sum / (0.75 * (double)count));
-}
-
 /* Frames of one scene that differ by their lights. The light of MADE turns before each frame, so that its table is made
    anew; from HELD on tables are held and the camera moves. */
 enum { BARE, SHEETS, MADE, HELD, TWO, THREE, FOUR, TABLE_KINDS };
@@ -1469,30 +1164,6 @@ static void bench_lights(void) {
 
 /* =============================================================================================== penumbrae */
 
-static int smoke_load(ex_grid *grid) {
-    static const int size[3] = {111, 222, 112};
-    ex_error error;
-    return scan_failed(ex_scan_load(grid, "smoke_openvdb_111x222x112_u16.raw", size, EX_U16, &error), &error);
-}
-
-static void smoke_frame(frame *f, ex_grid *grid) {
-    static const double eye[3] = {1.6, 1.6, 5.2}, target[3] = {0.5, 0.95, 0.5}, light[3] = {-1, -1.3, -0.5};
-    frame_begin(f, 288, 480);
-    memcpy(f->volume.size, grid->size, sizeof f->volume.size);
-    for (int i = 0; i < 3; ++i) {
-        f->volume.placement.axis[i][i] = grid->size[i] / 111.0;
-        f->volume.albedo[i] = 0.87f, f->light.color[i] = 6;
-    }
-    f->volume.read_fn = ex_grid_read, f->volume.range_fn = ex_grid_range, f->volume.user = grid;
-    f->volume.concurrent = 1;
-    f->volume.revision = 2;
-    f->volume.extinction = 300;
-    memcpy(f->light.direction, light, sizeof light);
-    memcpy(f->view.camera.position, eye, sizeof eye);
-    memcpy(f->view.camera.target, target, sizeof target);
-    f->view.camera.field_of_view = 30 * EX_PI / 180;
-}
-
 /* A frame under a sun of 10 degrees: time against a sharp sun, and what its points miss compared with 256 of them. The
    target is of the fewest points whose error is at most 0.005. */
 static void bench_soft(const char *name, const frame *hard, double target) {
@@ -1546,8 +1217,6 @@ static void bench_penumbrae(void) {
         ex_grid_free(&grid);
     }
 }
-
-/* ==================================================================================================== main */
 
 /* ================================================================================================== paths */
 
@@ -1734,19 +1403,6 @@ static void bench_paths(void) {
 
 enum { FILLING_SIZE = 512, LARGE = 960 };
 
-static int full_density(void *user, size_t count, const double *positions, float *out) {
-    (void)user;
-    for (size_t i = 0; i < count; ++i, positions += 3)
-        out[i] = (float)(1.2 + sin(7 * positions[0]) * sin(5 * positions[1]) * sin(6 * positions[2]));
-    return 0;
-}
-
-static void full_frame(frame *f) {
-    blob_frame(f, 256, FILLING_SIZE);
-    f->volume.eval_fn = full_density, f->volume.concurrent = 1, f->volume.extinction = 0.3f;
-    f->scene.mesh_count = 0;
-}
-
 /* One frame, splatted and gathered, and as the library chooses. */
 static void bench_ways(ex_session *session, const frame *f, const char *name) {
     contender c[3];
@@ -1779,10 +1435,8 @@ static void bench_small(ex_session *session, frame *f, const char *name) {
     frame large;
     f->scene.mesh_count = 0; /* whose edges have no filter */
     frame_copy(&large, f);
-    free(large.rgba);
-    large.view.width = LARGE, large.view.height = LARGE * 3 / 4;
+    frame_resize(&large, LARGE, LARGE * 3 / 4);
     large.view.quality = SPS_QUALITY_HIGH;
-    large.rgba = (float *)ex_allocate((size_t)LARGE * LARGE, 4 * sizeof(float));
     render_seconds(session, &large, &large.view);
     for (int times = 24; times > 1; times /= 2) {
         contender c[2];
@@ -1814,15 +1468,11 @@ static void bench_filling(void) {
         bench_ways(&session, &f, slab == 1 ? "blob 128^3 over a plane" : "... slabs of 8 voxels");
         frame_end(&f);
     }
-    full_frame(&f);
+    full_frame(&f, FILLING_SIZE);
     bench_ways(&session, &f, "256^3 full of gas");
     frame_end(&f);
     if (!smoke_load(&grid)) {
-        smoke_frame(&f, &grid);
-        free(f.rgba), f.rgba = (float *)ex_allocate((size_t)FILLING_SIZE * FILLING_SIZE, 4 * sizeof(float));
-        f.view.width = f.view.height = FILLING_SIZE;
-        f.mesh.triangle_count = 2, f.mesh.read_fn = plane_read;
-        for (int i = 0; i < 3; ++i) f.mesh.color[i] = 0.4f, f.scene.ambient[i] = 0.1f;
+        smoke_ground_frame(&f, &grid, FILLING_SIZE);
         bench_ways(&session, &f, "smoke over a ground");
         frame_end(&f), ex_grid_free(&grid);
     }
@@ -1837,52 +1487,60 @@ static void bench_filling(void) {
     frame_end(&f);
     if (!smoke_load(&grid)) {
         smoke_frame(&f, &grid);
-        free(f.rgba), f.rgba = (float *)ex_allocate((size_t)LARGE * LARGE, 4 * sizeof(float));
+        frame_resize(&f, LARGE, LARGE);
         bench_small(&session, &f, "smoke");
         frame_end(&f), ex_grid_free(&grid);
     }
     ex_session_end(&session);
 }
 
+/* ==================================================================================================== main */
+
+static void bench_basics(void) {
+    bench_bonsai();
+    bench_splatting();
+    bench_empty_space();
+    bench_particles();
+}
+
+static void bench_shadows(void) {
+    bench_lights();
+    bench_all_tables();
+    bench_updates();
+    bench_penumbrae();
+}
+
+static void bench_errors(void) {
+    bench_accuracy();
+    bench_classified();
+}
+
+/* What can be asked for by name. `speed` is all up to `maps`; without a name, `accuracy` comes after them. */
+typedef struct part {
+    const char *name;
+    void (*run)(void);
+} part;
+
+static const part parts[] = {{"goals", bench_goals},           {"basics", bench_basics},     {"filling", bench_filling},
+                             {"lights", bench_shadows},        {"polygons", bench_polygons}, {"edges", bench_edges},
+                             {"scattering", bench_scattering}, {"paths", bench_paths},       {"maps", bench_maps},
+                             {"accuracy", bench_errors}};
+enum { PARTS = sizeof parts / sizeof *parts };
+
 int main(int argc, char **argv) {
-    const int speed = argc == 1 || (argc == 2 && strcmp(argv[1], "speed") == 0);
-    const int accuracy = argc == 1 || (argc == 2 && strcmp(argv[1], "accuracy") == 0);
-    const int filling = speed || (argc == 2 && strcmp(argv[1], "filling") == 0);
-    const int maps = speed || (argc == 2 && strcmp(argv[1], "maps") == 0);
-    const int polygons = speed || (argc == 2 && strcmp(argv[1], "polygons") == 0);
-    const int edges = speed || (argc == 2 && strcmp(argv[1], "edges") == 0);
-    const int lights = speed || (argc == 2 && strcmp(argv[1], "lights") == 0);
-    const int scattering = speed || (argc == 2 && strcmp(argv[1], "scattering") == 0);
-    const int paths = speed || (argc == 2 && strcmp(argv[1], "paths") == 0);
-    if (!filling && !maps && !accuracy && !polygons && !edges && !lights && !scattering && !paths) {
-        fprintf(stderr,
-                "%s: give nothing, or `speed`, or `filling`, or `lights`, or `polygons`, or `edges`, or `scattering`, "
-                "or `paths`, or `maps`, or `accuracy`\n",
-                argv[0]);
-        return 2;
+    const char *wanted = argc > 1 ? argv[1] : "";
+    int done = 0;
+    if (argc == 2 && strcmp(wanted, "frames") == 0) return bench_frames(), 0;
+    if (argc == 3 && strcmp(wanted, "curves") == 0) return bench_growth(argv[2]), 0;
+    for (int i = 0; i < PARTS && argc <= 2; ++i) {
+        const int in_speed = parts[i].run != bench_errors && strcmp(wanted, "speed") == 0;
+        if (argc > 1 && !in_speed && strcmp(wanted, parts[i].name) != 0) continue;
+        if (!done++) printf("%d processors, vectors of %d floats\n", ex_processor_count(), SPSI_LANES);
+        parts[i].run();
     }
-    printf("%d processors, vectors of %d floats\n", ex_processor_count(), SPSI_LANES);
-    if (speed) {
-        bench_bonsai();
-        bench_splatting();
-        bench_empty_space();
-        bench_particles();
-    }
-    if (filling) bench_filling();
-    if (lights) {
-        bench_lights();
-        bench_all_tables();
-        bench_updates();
-        bench_penumbrae();
-    }
-    if (polygons) bench_polygons();
-    if (edges) bench_edges();
-    if (scattering) bench_scattering();
-    if (paths) bench_paths();
-    if (maps) bench_maps();
-    if (accuracy) {
-        bench_accuracy();
-        bench_classified();
-    }
-    return 0;
+    if (done) return 0;
+    fprintf(stderr, "%s: give nothing, or `speed`, or `frames`, or `curves FOLDER`", argv[0]);
+    for (int i = 0; i < PARTS; ++i) fprintf(stderr, ", or `%s`", parts[i].name);
+    fprintf(stderr, "\n");
+    return 2;
 }

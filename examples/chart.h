@@ -1,5 +1,5 @@
-/* chart.h: curves on logarithmic axes and labelled rows of small pictures, drawn into floats and written as PNG.
-   Include after picture.h. Capital letters only: small texts are legible so, and the font stays short. */
+/* chart.h: curves on logarithmic or plain axes and labelled rows of small pictures, drawn into floats and written as
+   PNG. Include after picture.h. Capital letters only: small texts are legible so, and the font stays short. */
 
 #ifndef EX_CHART_H
 #define EX_CHART_H
@@ -111,6 +111,7 @@ static const ex_glyph ex_font[] = {
     {'.', "....." "....." "....." "....." "....." ".##.." ".##.."}, {',', "....." "....." "....." "....." ".##.." "..#.." ".#..."},
     {'-', "....." "....." "....." "#####" "....." "....." "....."}, {'+', "....." "..#.." "..#.." "#####" "..#.." "..#.." "....."},
     {':', "....." ".##.." ".##.." "....." ".##.." ".##.." "....."}, {'/', "....#" "....#" "...#." "..#.." ".#..." "#...." "#...."},
+    {'^', "..#.." ".#.#." "#...#" "....." "....." "....." "....."},
     {'(', "...#." "..#.." ".#..." ".#..." ".#..." "..#.." "...#."}, {')', ".#..." "..#.." "...#." "...#." "...#." "..#.." ".#..."},
 };
 /* clang-format on */
@@ -129,19 +130,25 @@ static inline int ex_text_width(const char *text) { return (int)strlen(text) * E
 
 /* ================================================================================================= >>curves */
 
-/* A frame with logarithmic axes. */
+/* A frame with logarithmic axes, or with plain ones from 0 on. */
 typedef struct ex_chart {
     int left, top, width, height;
-    double x[2], y[2]; /* first and last value of each axis, > 0 */
+    double x[2], y[2]; /* first and last value of each axis; > 0 on logarithmic ones */
     const char *title, *x_name;
+    int plain;
 } ex_chart;
 
+/* Where a value lies along an axis, 0..1. */
+static inline double ex_chart_share(const ex_chart *chart, const double axis[2], double value) {
+    return chart->plain ? value / axis[1] : log(value / axis[0]) / log(axis[1] / axis[0]);
+}
+
 static inline double ex_chart_x(const ex_chart *chart, double x) {
-    return chart->left + chart->width * log(x / chart->x[0]) / log(chart->x[1] / chart->x[0]);
+    return chart->left + chart->width * ex_chart_share(chart, chart->x, x);
 }
 
 static inline double ex_chart_y(const ex_chart *chart, double y) {
-    return chart->top + chart->height * (1 - log(y / chart->y[0]) / log(chart->y[1] / chart->y[0]));
+    return chart->top + chart->height * (1 - ex_chart_share(chart, chart->y, y));
 }
 
 /* Makes the axes reach over a value. */
@@ -155,41 +162,68 @@ static inline void ex_chart_reach(ex_chart *chart, double x, double y) {
     }
 }
 
-/* Grid lines at 1, 2 and 5 of each decade, and what they stand for. */
-static inline void ex_chart_frame(ex_canvas *canvas, const ex_chart *chart) {
-    static const double steps[3] = {1, 2, 5};
+/* Room around what was reached. */
+static inline void ex_chart_widen(ex_chart *chart) {
+    chart->x[0] *= 0.8, chart->x[1] *= chart->plain ? 1.05 : 1.25;
+    chart->y[0] *= 0.8, chart->y[1] *= chart->plain ? 1.05 : 1.25;
+}
+
+/* A grid line across an axis where it reaches a value, and the value if it is wanted. */
+static inline void ex_chart_line(ex_canvas *canvas, const ex_chart *chart, int vertical, double value, unsigned color,
+                                 int labelled) {
+    const double *axis = vertical ? chart->x : chart->y;
     const int right = chart->left + chart->width, bottom = chart->top + chart->height;
+    const double x = ex_chart_x(chart, value), y = ex_chart_y(chart, value);
     char label[32];
+    if (value < (chart->plain ? 0 : axis[0] * 0.999) || value > axis[1] * 1.001) return;
+    snprintf(label, sizeof label, "%g", value);
+    if (vertical)
+        ex_canvas_line(canvas, x, chart->top, x, bottom, 1, color);
+    else
+        ex_canvas_line(canvas, chart->left, y, right, y, 1, color);
+    if (!labelled) return;
+    if (vertical)
+        ex_canvas_text(canvas, (int)x - ex_text_width(label) / 2, bottom + 5, label, 0x404040);
+    else
+        ex_canvas_text(canvas, chart->left - ex_text_width(label) - 4, (int)y - 3, label, 0x404040);
+}
+
+/* Lines at 1, 2 and 5 of each decade. */
+static inline void ex_chart_decades(ex_canvas *canvas, const ex_chart *chart) {
+    static const double steps[3] = {1, 2, 5};
+    const int all = chart->height > 45 * log10(chart->y[1] / chart->y[0]);
     for (int power = -9; power <= 9; ++power)
-        for (int k = 0; k < 3; ++k) {
-            const double value = steps[k] * pow(10, power);
-            const unsigned color = k ? 0xe8e8e8 : 0xc0c0c0;
-            snprintf(label, sizeof label, "%g", value);
-            if (value >= chart->x[0] * 0.999 && value <= chart->x[1] * 1.001) {
-                const double x = ex_chart_x(chart, value);
-                ex_canvas_line(canvas, x, chart->top, x, bottom, 1, color);
-                ex_canvas_text(canvas, (int)x - ex_text_width(label) / 2, bottom + 5, label, 0x404040);
-            }
-            if (value >= chart->y[0] * 0.999 && value <= chart->y[1] * 1.001) {
-                const double y = ex_chart_y(chart, value);
-                ex_canvas_line(canvas, chart->left, y, right, y, 1, color);
-                if (k == 0 || chart->height > 45 * log10(chart->y[1] / chart->y[0]))
-                    ex_canvas_text(canvas, chart->left - ex_text_width(label) - 4, (int)y - 3, label, 0x404040);
-            }
-        }
+        for (int k = 0; k < 3; ++k)
+            for (int vertical = 1; vertical >= 0; --vertical)
+                ex_chart_line(canvas, chart, vertical, steps[k] * pow(10, power), k ? 0xe8e8e8 : 0xc0c0c0,
+                              vertical || k == 0 || all);
+}
+
+/* Four to ten lines at round values. */
+static inline void ex_chart_steps(ex_canvas *canvas, const ex_chart *chart, int vertical) {
+    const double last = vertical ? chart->x[1] : chart->y[1], decade = pow(10, floor(log10(last / 4)));
+    const double step = decade * (last / decade >= 20 ? 5 : last / decade >= 10 ? 2 : 1);
+    for (int i = 0; i * step <= last; ++i) ex_chart_line(canvas, chart, vertical, i * step, 0xe8e8e8, 1);
+}
+
+/* The axes, grid lines, and what they stand for. */
+static inline void ex_chart_frame(ex_canvas *canvas, const ex_chart *chart) {
+    const int right = chart->left + chart->width, bottom = chart->top + chart->height;
+    if (!chart->plain) ex_chart_decades(canvas, chart);
+    for (int vertical = 0; chart->plain && vertical < 2; ++vertical) ex_chart_steps(canvas, chart, vertical);
     ex_canvas_line(canvas, chart->left, chart->top, chart->left, bottom, 1, 0x404040);
     ex_canvas_line(canvas, chart->left, bottom, right, bottom, 1, 0x404040);
     ex_canvas_text(canvas, chart->left, chart->top - 13, chart->title, 0x000000);
     ex_canvas_text(canvas, right - ex_text_width(chart->x_name), bottom + 17, chart->x_name, 0x404040);
 }
 
-/* Points joined in their order; those with a zero are left out. */
+/* Points joined in their order; on logarithmic axes those with a zero are left out. */
 static inline void ex_chart_curve(ex_canvas *canvas, const ex_chart *chart, const double (*points)[2], int count,
                                   ex_mark mark, unsigned color) {
     for (int i = 0; i < count; ++i) {
-        if (!(points[i][0] > 0 && points[i][1] > 0)) continue;
+        if (!chart->plain && !(points[i][0] > 0 && points[i][1] > 0)) continue;
         const double x = ex_chart_x(chart, points[i][0]), y = ex_chart_y(chart, points[i][1]);
-        if (i > 0 && points[i - 1][0] > 0 && points[i - 1][1] > 0)
+        if (i > 0 && (chart->plain || (points[i - 1][0] > 0 && points[i - 1][1] > 0)))
             ex_canvas_line(canvas, ex_chart_x(chart, points[i - 1][0]), ex_chart_y(chart, points[i - 1][1]), x, y, 1.4,
                            color);
         ex_canvas_mark(canvas, x, y, mark, color);
@@ -221,6 +255,23 @@ static inline void ex_canvas_picture(ex_canvas *canvas, int x, int y, const floa
             }
         }
     ex_canvas_text(canvas, x, y + height / shrink + 3, name, 0x000000);
+}
+
+/* ================================================================================================ >>writing */
+
+/* Writes folder/name.png for a document: of few colors, unfiltered and packed with patience, it is a third as large. */
+static inline int ex_canvas_write(ex_canvas *canvas, const char *folder, const char *name, ex_error *error) {
+    const int usual = stbi_write_png_compression_level;
+    char path[4096];
+    for (size_t i = 0; i < (size_t)canvas->width * (size_t)canvas->height * 4; ++i) {
+        const double code = floor(ex_srgb_code(canvas->rgba[i]) * (31 / 255.0) + 0.5) / 31;
+        canvas->rgba[i] = (float)ex_linear_of(code);
+    }
+    snprintf(path, sizeof path, "%s/%s.png", folder, name);
+    stbi_write_png_compression_level = 64, stbi_write_force_png_filter = 0;
+    const int failed = ex_write_png(path, canvas->rgba, canvas->width, canvas->height, error);
+    stbi_write_png_compression_level = usual, stbi_write_force_png_filter = -1;
+    return failed;
 }
 
 #endif /* EX_CHART_H */

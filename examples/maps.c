@@ -251,16 +251,10 @@ static void write_picture(const char *folder, const char *name, const float *rgb
 
 enum { SHEET_COLUMNS = 4, SHEET_SHRINK = 4, CROP_X = 180, CROP_Y = 90, CROP_WIDTH = 600, CROP_HEIGHT = 520 };
 
-/* For the manual: of few colors, unfiltered and packed with patience, files are a third as large. */
-static void write_small(const char *folder, const char *name, ex_canvas *canvas) {
-    const int usual = stbi_write_png_compression_level;
-    for (size_t i = 0; i < (size_t)canvas->width * (size_t)canvas->height * 4; ++i) {
-        const double code = floor(ex_srgb_code(canvas->rgba[i]) * (31 / 255.0) + 0.5) / 31;
-        canvas->rgba[i] = (float)ex_linear_of(code);
-    }
-    stbi_write_png_compression_level = 64, stbi_write_force_png_filter = 0;
-    write_picture(folder, name, canvas->rgba, canvas->width, canvas->height);
-    stbi_write_png_compression_level = usual, stbi_write_force_png_filter = -1;
+/* A chart, or the sheet of pictures, for the document. */
+static void write_chart(const char *folder, const char *name, ex_canvas *canvas) {
+    ex_error error;
+    ex_stop_if(ex_canvas_write(canvas, folder, name, &error), program, &error);
 }
 
 /* Puts the part of a picture that holds smoke and shadow at one of the sheet's places. */
@@ -279,10 +273,7 @@ static void add_to_sheet(ex_canvas *sheet, int place, const float *rgba, const c
 static void draw_chart(ex_canvas *canvas, ex_chart *chart, const set_up *s, double (*x_of)(const trial *)) {
     for (int i = 0; i < s->trials.count; ++i)
         ex_chart_reach(chart, x_of(&s->trials.list[i]), s->trials.list[i].gas.rms);
-    for (int axis = 0; axis < 2; ++axis) {
-        double *ends = axis ? chart->y : chart->x;
-        ends[0] *= 0.8, ends[1] *= 1.25;
-    }
+    ex_chart_widen(chart);
     ex_chart_frame(canvas, chart);
     for (int k = 0; k < KINDS; ++k) {
         double points[COUNTS][2];
@@ -309,11 +300,11 @@ static void chart_time(const set_up *s, const char *folder) {
     ex_canvas canvas = ex_canvas_begin(720, 480, 1);
     char x_name[64];
     snprintf(x_name, sizeof x_name, "milliseconds to build and to answer %d points", POINTS);
-    ex_chart chart = {48, 28, 480, 410, {0, 0}, {0, 0}, "", x_name};
+    ex_chart chart = {48, 28, 480, 410, {0, 0}, {0, 0}, "", x_name, 0};
     chart.title = "puff: rms error of transmittance in the gas";
     draw_chart(&canvas, &chart, s, milliseconds_of);
     draw_keys(&canvas, 545, 40, 1, 0);
-    write_small(folder, "maps_time", &canvas);
+    write_chart(folder, "maps_time", &canvas);
     ex_canvas_end(&canvas);
 }
 
@@ -321,14 +312,14 @@ static void chart_time(const set_up *s, const char *folder) {
 static void chart_bytes(set_up *const *scenes, const char *name, const char *folder) {
     ex_canvas canvas = ex_canvas_begin(960, 385, 1);
     for (int i = 0; i < 3; ++i) {
-        ex_chart chart = {48 + i * 312, 28, 250, 245, {0, 0}, {0, 0}, "", "megabytes"};
+        ex_chart chart = {48 + i * 312, 28, 250, 245, {0, 0}, {0, 0}, "", "megabytes", 0};
         char title[80];
         snprintf(title, sizeof title, "%s: rms error in the gas", scenes[i]->name);
         chart.title = title;
         draw_chart(&canvas, &chart, scenes[i], megabytes_of);
     }
     draw_keys(&canvas, 48, 322, 4, 228);
-    write_small(folder, name, &canvas);
+    write_chart(folder, name, &canvas);
     ex_canvas_end(&canvas);
 }
 
@@ -907,7 +898,7 @@ int main(int argc, char **argv) {
     chart_time(scenes[PUFF], argv[1]);
     chart_bytes(scenes + PUFF, "maps_bytes", argv[1]);
     chart_bytes(scenes + SHELL, "maps_bytes_hard", argv[1]);
-    write_small(argv[1], "maps_differences", &sheet);
+    write_chart(argv[1], "maps_differences", &sheet);
     for (int i = 0; i < SCENES; ++i) set_up_end(scenes[i]), free(scenes[i]);
     ex_canvas_end(&sheet);
     ex_session_end(&session);

@@ -483,6 +483,127 @@ static void test_even_surface(void) {
 
 /* --- what is splatted nevertheless --- */
 
+/* --- patches of sixteen rays --- */
+
+enum { EDGE = 40 }; /* voxels */
+
+/* A cloud as wide as 7 voxels, in a cube from -1 to 1, of which it fills the middle. */
+static double cloud(const void *user, const double p[3]) {
+    const double width = 7 * 2.0 / EDGE;
+    (void)user;
+    return exp(-(p[0] * p[0] + p[1] * p[1] + 1.3 * p[2] * p[2]) / (2 * width * width));
+}
+
+static const check_field cloud_field = {cloud, NULL, {0, 0, 0}, {{0, 0, 0}, {{0, 0, 0}, {0, 0, 0}, {0, 0, 0}}}};
+
+/* The cloud, in a picture in which a patch is `voxels` wide. It absorbs, and scatters nothing. */
+static void start_cloud(check_scene *s, double voxels) {
+    start(s, noise);
+    check_orthographic(&s->view.camera, SIDE * voxels / 8 * 2 / EDGE);
+    for (int k = 0; k < 3; ++k) s->volume[0].size[k] = EDGE;
+    s->volume[0].read_fn = NULL;
+    s->volume[0].eval_fn = check_eval_field;
+    s->volume[0].user = (void *)(size_t)&cloud_field;
+    s->volume[0].extinction = 4;
+    check_color(s->volume[0].albedo, 0, 0, 0);
+}
+
+/* Renders with a tolerance, and returns what was used of it by the eye. */
+static double spent(check_scene *s, float tolerance, float *image, double *samples) {
+    sps_stats_report stats;
+    s->view.tolerance = tolerance;
+    if (!check_render(context, s, image)) return -1;
+    sps_get_stats(context, &stats);
+    *samples = (double)stats.eye_samples;
+    return (double)stats.eye_bound;
+}
+
+/* The largest difference of the optical depths of two pictures of matter that only absorbs. */
+static double depths_apart(const float *a, const float *b) {
+    double most = 0;
+    for (int i = 3; i < COUNT; i += 4) most = fmax(most, fabs((double)log1pf(-a[i]) - (double)log1pf(-b[i])));
+    return most;
+}
+
+/* What is interpolated is off by no more than the bound, which is no more than the tolerance, and by what kernels are
+   uneven by: a slope is off by 0.0013 of itself (2 pi sigma^2 2 q, q = exp(-2 pi^2 sigma^2)) and 0.0054 for what 4 taps
+   leave out, here 0.0067 * 0.6 / 7 of the largest value along 7 sqrt(2 pi) voxels of 4 * 2 / EDGE each. A tolerance
+   that is less than what all patches would use leaves some of them, but not all, as they are. */
+static void test_tolerance(void) {
+    static const double widths[] = {1, 3, 6};
+    const double uneven = 0.0067 * 0.6 / 7 * 7 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE;
+    for (int n = 0; n < 3; ++n)
+        for (int slab = 1; slab <= 4; slab += 3) {
+            double none, all, some, bound, half;
+            check_scene s;
+            start_cloud(&s, widths[n]);
+            s.view.slab = slab;
+            CHECK(spent(&s, 0, image_a, &none) == 0);
+            bound = spent(&s, 1, image_b, &all);
+            if (!CHECK(bound > 0 && bound <= 1) || !CHECK(all < 0.5 * none) ||
+                !CHECK(depths_apart(image_a, image_b) <= bound + uneven))
+                printf("    patches of %g voxels, slabs of %d: %g of %g samples, bound %g, off by %g\n", widths[n],
+                       slab, all, none, bound, depths_apart(image_a, image_b));
+            if (getenv("CHECK_FIGURES"))
+                printf("patches of %g voxels, slabs of %d: %.3f of the samples, bound %.5f, off by %.6f\n", widths[n],
+                       slab, all / none, bound, depths_apart(image_a, image_b));
+            half = spent(&s, (float)(0.4 * bound), image_b, &some);
+            if (!CHECK(half <= 0.4 * bound * (1 + 1e-6) && some > all && some < none))
+                printf("    patches of %g voxels, slabs of %d: bound %g of %g, %g samples\n", widths[n], slab, half,
+                       0.4 * bound, some);
+        }
+}
+
+/* Light is interpolated as well: what arrives is off by both bounds at most, relative to what would arrive without gas.
+   A patch of texels has eight voxels on a side at medium; they are half as large here. */
+static void test_tolerance_of_light(void) {
+    sps_stats_report all, some;
+    check_scene s;
+    double unshadowed;
+    start_cloud(&s, 3);
+    check_color(s.volume[0].albedo, 1, 1, 1);
+    check_add_directional(&s, 1, -1, -0.6, 3);
+    s.light[0].shadow_source = SPS_SHADOW_SHEETS;
+    s.view.shadow_size = 160;
+    if (!check_render(context, &s, image_a)) return;
+    sps_get_stats(context, &all);
+    s.view.tolerance = 0.2f;
+    if (!check_render(context, &s, image_b)) return;
+    sps_get_stats(context, &some);
+    unshadowed = 3 / (4 * SPSI_PI);
+    CHECK((double)some.light_samples < 0.7 * (double)all.light_samples && all.light_bound == 0);
+    CHECK(some.light_bound > 0 && some.light_bound <= 0.2f && some.eye_bound <= 0.2f);
+    CHECK(check_largest(image_a, image_b, COUNT) <=
+          unshadowed * ((double)some.light_bound + (double)some.eye_bound + 2 * 0.0067));
+}
+
+/* What may not be interpolated stays as it is, to the bit: noise, what emits, what is classified, splatted or coarse;
+   patches that polygons or the near plane cut. */
+static void test_not_interpolated(void) {
+    static const double corner[3] = {-3, -0.05, -3}, u[3] = {0, 0.1, 6}, v[3] = {6, 0, 0};
+    for (int kind = 0; kind < 7; ++kind) {
+        check_scene s;
+        double samples[2];
+        start_cloud(&s, kind == 4 ? 40 : 3);
+        if (kind == 0) start(&s, noise);
+        if (kind == 1) check_color(s.volume[0].emission, 1, 1, 1);
+        if (kind == 2) s.volume[0].transfer = &looks;
+        if (kind == 3) s.view.filling = SPS_FILLING_SPLAT;
+        if (kind == 5) {
+            check_add_quad(&faces, corner, u, v); /* through the middle, across rows of patches */
+            check_add_mesh(&s, &faces, 0.6);
+        }
+        if (kind == 6) s.view.near_distance = sqrt(1.2 * 1.2 + 0.9 * 0.9 + 16);
+        spent(&s, 0, image_a, &samples[0]);
+        spent(&s, kind < 5 ? 0.02f : 1, image_b, &samples[1]);
+        if (kind < 5 && !CHECK(samples[0] == samples[1] && memcmp(image_a, image_b, sizeof image_a) == 0))
+            printf("    kind %d\n", kind);
+        if (kind >= 5 && !CHECK(samples[1] < samples[0] && depths_apart(image_a, image_b) <= 0.02))
+            printf("    kind %d: %g of %g samples, off by %g\n", kind, samples[1], samples[0],
+                   depths_apart(image_a, image_b));
+    }
+}
+
 static void test_splatted(void) {
     for (int n = 0; n < 5; ++n) {
         check_scene s;
@@ -661,8 +782,8 @@ static void test_held_table(void) {
 
 /* The plan's pass of reading includes fields, whose bound is the difference from splatting. */
 static void test_bytes(void) {
-    static const int own[] = {SPSI_BUFFER_FIELDS, SPSI_BUFFER_FIELD_GRIDS, SPSI_BUFFER_FIELD_VALUES,
-                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES};
+    static const int own[] = {SPSI_BUFFER_FIELDS,      SPSI_BUFFER_FIELD_GRIDS,  SPSI_BUFFER_FIELD_VALUES,
+                              SPSI_BUFFER_LEVEL_GRIDS, SPSI_BUFFER_LEVEL_VALUES, SPSI_BUFFER_BENDS};
     for (int kind = GAS; kind <= MIXED; kind += MIXED) {
         sps_context *fresh = check_context(NULL);
         sps_plan_report plans[2];
@@ -673,12 +794,13 @@ static void test_bytes(void) {
         if (kind == GAS) check_orthographic(&s.view.camera, 20); /* it has levels then */
         for (int i = 0; i < 2; ++i) {
             s.view.filling = i ? SPS_FILLING_GATHER : SPS_FILLING_SPLAT;
+            s.view.tolerance = i ? 0.1f : 0;
             CHECK_OK(fresh, sps_plan(fresh, &s.scene, &s.view, &plans[i]));
         }
         check_render(fresh, &s, image_a);
         sps_get_stats(fresh, &stats);
         CHECK(stats.bytes_peak <= plans[1].bytes);
-        for (int i = 0; i < 5; ++i) bytes += fresh->buffers[own[i]].size;
+        for (int i = 0; i < 6; ++i) bytes += fresh->buffers[own[i]].size;
         CHECK((fresh->buffers[SPSI_BUFFER_LEVEL_VALUES].size > 0) == (kind == GAS));
         CHECK(bytes > 0 && bytes <= plans[1].pass[SPS_PASS_GATHER].bytes - plans[0].pass[SPS_PASS_GATHER].bytes);
         sps_destroy(fresh);
@@ -694,6 +816,12 @@ static void test_workers_and_failures(void) {
     check_orthographic(&s.view.camera, 20);
     check_workers(&s, image_a, image_b);
     CHECK(check_failing(&s, 0, 4, image_a, image_b) > 8);
+    start_cloud(&s, 3);
+    check_add_directional(&s, 1, -1, -0.6, 3);
+    check_color(s.volume[0].albedo, 1, 1, 1);
+    s.view.tolerance = 1;
+    check_workers(&s, image_a, image_b);
+    CHECK(check_failing(&s, 0, 4, image_a, image_b) > 8);
 }
 
 static void test_bad(void) {
@@ -701,6 +829,12 @@ static void test_bad(void) {
     start(&s, noise);
     s.view.filling = (sps_filling)3;
     check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.filling is 3");
+    s.view.filling = SPS_FILLING_AUTO;
+    for (int n = 0; n < 3; ++n) {
+        static const float wrong[] = {-0.1f, 1.5f, NAN};
+        s.view.tolerance = wrong[n];
+        check_fails(context, &s, image_a, SPS_ERROR_ARGUMENT, "view.tolerance is");
+    }
 }
 
 int main(void) {
@@ -723,6 +857,9 @@ int main(void) {
     RUN(test_picture_ends);
     RUN(test_hidden_beside);
     RUN(test_even_surface);
+    RUN(test_tolerance);
+    RUN(test_tolerance_of_light);
+    RUN(test_not_interpolated);
     RUN(test_splatted);
     RUN(test_reasons);
     RUN(test_chosen);

@@ -252,6 +252,7 @@ static void make_view(const arguments *all, sps_view *view) {
     view->scatter_size = all->scatter_size;
     view->filling = (sps_filling)all->filling;
     view->scatter_tolerance = (float)all->scatter_tolerance;
+    view->tolerance = (float)all->tolerance;
 }
 
 /* ================================================================================================= reports */

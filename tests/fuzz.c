@@ -376,6 +376,7 @@ static void random_view(scenery *x) {
     view->scatter_tolerance = view->height % 8 ? 0 : 0.5f;
     view->scatter_size = view->width % 13; /* drawn from nothing: scenes stay as they were */
     view->filling = (sps_filling)(view->width % 31 == 30 ? 3 : view->width % 3);
+    view->tolerance = view->height % 37 == 36 ? 2 : 0.3f * (float)(view->height % 3);
     if (one_in(4)) view->coverage_samples = below(10) - (one_in(20) ? 1 : 0);
 }
 

@@ -842,6 +842,7 @@ static inline void build_scene(random_scene *x, const int levels[FEATURES], uint
     draw_eye(x);
     set_output(x, pixels);
     x->s.view.filling = (sps_filling)(seed % 3); /* drawn from nothing: scenes stay as they were */
+    x->s.view.tolerance = seed % 4 == 1 ? 0.05f : 0;
     set_camera(x);
     add_volumes(x);
     add_mesh(x);

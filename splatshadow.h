@@ -704,7 +704,9 @@ typedef struct sps_scene {
 /* Settings of a quality:    slab (voxels) of a   shadow texels per   rays end at     kernels end   ripple of a constant
                              gas, classified      voxel; classified   transmittance   at (voxels)   (rms, maximum)
    At medium, the kernels of classified volumes end at 1.82 voxels in shadow buffers, where their ripple is small
-   compared with the error of the texels; the price is that flat voxels ripple more. */
+   compared with the error of the texels; the price is that flat voxels ripple more.
+   Small pictures need less: at draft and medium, slabs are at least 0.5 pixels thick, 0.3 if anything is classified,
+   and texels of lights' sheets at least 0.6 pixels, or 0.5, where the eye is nearest to the gas. */
 typedef enum sps_quality {
     SPS_QUALITY_DEFAULT = 0, /* medium */
     SPS_QUALITY_DRAFT,       /*  2     1.4         0.75  1            0.01            1.82          0.5 %   1.5 %  */
@@ -778,14 +780,16 @@ typedef enum sps_filling {
     SPS_FILLING_AUTO = 0,
     SPS_FILLING_SPLAT, /* voxel by voxel: cost is proportional to the number of relevant voxels */
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
-       voxel or less. Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where
-       voxels are smaller than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a
-       coarser level are sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels
-       smaller than 0.9 pixels has four rays in these, by which it finds their gradients. Volumes are splatted
-       nevertheless, one by one and in each pass, if no level fits all of them, if they are not all well before the eye
-       or the light, if rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too
-       thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra, and
-       roughly an eighth as many on each coarser level. */
+       voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
+       Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where voxels are smaller
+       than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
+       sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels smaller than 0.9
+       pixels has four rays in these, by which it finds their gradients. A texel of a light's sheets has one ray, on
+       such a level or, if the volume is classified, through voxels of any size. Volumes are splatted nevertheless, one
+       by one and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if
+       rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost
+       besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra, and roughly an eighth
+       as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -798,12 +802,15 @@ typedef struct sps_view {
     int region[4]; /* x, y, width, height of the part to render; all 0: the whole image */
     sps_quality quality;
     /* Slab thickness in voxels, the main trade of speed for error: error is proportional to its square. 0: from
-       quality. Particles count as voxels of 0.7 times their geometric mean radius, but no smaller than about 1/500 of
-       their cloud; with voxels too, the smaller of the two counts. */
+       quality, and more where pixels are wide (sps_quality). Particles count as voxels of 0.7 times their geometric
+       mean radius, but no smaller than about 1/500 of their cloud; with voxels too, the smaller of the two counts. */
     double slab;
     /* Texels on the longer side of a light's sheets, and of the depth map by which polygons shade gas, up to 16384; 0:
-       from quality. The depth map, which is fitted to the gas, has at least 512, 1024, 2048 or 4096 by quality, and
-       sheets of particles alone have at most that many. Shadows on polygons have no texels. */
+       from quality, and fewer where pixels are wide (sps_quality): a shadow need not be sharper than the picture. Where
+       there are polygons, that counts pixels in which one of them could show the gas's shadow, even if nearer to the
+       eye than the gas. The depth map, which is fitted to the gas, has at least 512, 1024, 2048 or 4096 by quality, or
+       texels half as wide as those of sheets may be in gas; sheets of particles alone have at most that many. Shadows
+       on polygons have no texels. */
     int shadow_size;
     int no_shadows; /* 1: as no_shadow on every light */
     /* Samples of polygons' edges along each side of a pixel, up to 8; 0 or 1: one per pixel, at its centre. With N, a
@@ -4311,6 +4318,8 @@ typedef struct spsi_lamp {
 typedef struct spsi_accuracy {
     double threshold;     /* transmittance at which an eye ray ends */
     double shadow_texels; /* shadow texels per voxel */
+    double texel_pixels;  /* least size of shadow texels in pixels; 0 if the caller sets their number */
+    double slab_pixels;   /* least thickness of slabs in pixels; 0 if the caller sets it */
     int depth_map_texels; /* minimum on a side of a depth map */
     double cut;           /* radius of kernels in standard deviations */
     double light_cut;     /* the same for classified volumes in a light's sheets; maps use `cut` */
@@ -5108,12 +5117,17 @@ static sps_result spsi_check_view(sps_context *context, const sps_view *view) {
 static void spsi_resolve_quality(spsi_frame *frame) {
     static const double slab[2][5] = {{1, 2, 1, 0.5, 0.25}, {0.7, 1.4, 0.7, 0.4, 0.2}};
     static const double texels[2][5] = {{1, 0.75, 1, 2, 4}, {1.25, 1, 1.25, 2, 4}};
+    static const double texel_pixels[2] = {0.6, 0.5}, slab_pixels[2] = {0.5, 0.3};
     static const double cut[] = {3.3, 2.8, 3.3, SPSI_CUT, SPSI_CUT};
     static const double light_cut[] = {2.8, 2.8, 2.8, SPSI_CUT, SPSI_CUT};
     static const double threshold[] = {0.003, 0.01, 0.003, 0.0005, 0.00005};
     static const int depth_map_texels[] = {1024, 512, 1024, 2048, 4096};
     static const int light_points[] = {16, 8, 16, 32, 64};
     static const int cells[] = {48, 24, 48, 64, 96};
+    if (frame->view.quality <= SPS_QUALITY_MEDIUM) {
+        frame->accuracy.texel_pixels = frame->view.shadow_size > 0 ? 0 : texel_pixels[frame->matter.classifies];
+        frame->accuracy.slab_pixels = frame->view.slab > 0 ? 0 : slab_pixels[frame->matter.classifies];
+    }
     if (!(frame->view.slab > 0)) frame->view.slab = slab[frame->matter.classifies][frame->view.quality];
     frame->accuracy.shadow_texels = texels[frame->matter.classifies][frame->view.quality];
     frame->accuracy.threshold = threshold[frame->view.quality];
@@ -8937,6 +8951,74 @@ static double spsi_lamp_texel(const spsi_frame *frame, const spsi_lamp *lamp) {
     return fmin(size, fmax(own, spsi_length(across) / frame->accuracy.depth_map_texels));
 }
 
+/* --- pixels wider than voxels ---
+   Neither shadows nor slabs need be finer than what the picture tells apart. A texel of gas has a filter of its own, of
+   1/8 to 1/2 square texels, and lookups add 1/6: at 0.6 pixels, shadows are no more blurred than by 1/4 of a square
+   pixel, which is the pixel filter. Classified volumes are not filtered, since what a mean looks like is not the mean
+   of looks: half a pixel leaves each pixel two texels along each axis. Slabs are second order in their thickness, and
+   those of gas may be half a pixel thick; classified volumes have one sample in each, at 0.3 pixels. */
+
+/* The least breadth of a pixel at depth t or behind it. */
+static double spsi_pixel_from(const spsi_rays *eye, double t) {
+    const double breadth = fmin(spsi_length(eye->a), spsi_length(eye->b));
+    return eye->perspective ? breadth * fmax(t, fmax(eye->near_depth, 0)) : breadth;
+}
+
+/* Its minimum where the eye sees gas; 0 if gas reaches beside or behind it. */
+static double spsi_pixel_in_gas(const spsi_frame *frame) {
+    double nearest = HUGE_VAL;
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3], q[3];
+        spsi_bounds_corner(&frame->content->bounds, corner, point);
+        spsi_project(&frame->content->eye, point, q);
+        nearest = fmin(nearest, q[2]);
+    }
+    return spsi_pixel_from(&frame->content->eye, nearest);
+}
+
+/* How far eight points, in ray coordinates (x t, y t, t) that change at constant rates, can go until all of them have
+   left the image by the same side; infinity if they don't. */
+static double spsi_way_in_image(const spsi_rays *eye, double q[8][3], double rates[8][3]) {
+    double end = HUGE_VAL;
+    for (int side = 0; side < 4; ++side) {
+        const int k = side / 2, size = k ? eye->height : eye->width;
+        const double sign = side % 2 ? -1 : 1, edge = side % 2 ? size - 0.5 : -0.5;
+        double last = 0;
+        for (int i = 0; i < 8; ++i) {
+            const double inside = sign * (q[i][k] - edge * q[i][2]), rate = sign * (rates[i][k] - edge * rates[i][2]);
+            last = rate < 0 ? fmax(last, inside / -rate) : HUGE_VAL;
+        }
+        end = fmin(end, last);
+    }
+    return end;
+}
+
+/* The least breadth of a pixel where the eye may see the shadow of gas: on gas, and on polygons wherever they are. */
+static double spsi_pixel_in_shadow(const spsi_frame *frame, const spsi_lamp *lamp) {
+    const spsi_rays *eye = &frame->content->eye;
+    double q[8][3], rates[8][3], nearest = HUGE_VAL, end;
+    if (frame->meshes.triangle_count == 0 || !eye->perspective) return spsi_pixel_in_gas(frame);
+    for (int corner = 0; corner < 8; ++corner) {
+        double point[3], way[3];
+        spsi_bounds_corner(&frame->content->bounds, corner, point);
+        memcpy(way, lamp->direction, sizeof way);
+        if (lamp->is_point) spsi_along(point, lamp->position, -1, way);
+        spsi_along(point, eye->origin, -1, point);
+        spsi_to_rays(eye, point, q[corner]);
+        spsi_to_rays(eye, way, rates[corner]);
+    }
+    end = spsi_way_in_image(eye, q, rates);
+    for (int i = 0; i < 8; ++i) nearest = fmin(nearest, rates[i][2] < 0 ? q[i][2] + end * rates[i][2] : q[i][2]);
+    return spsi_pixel_from(eye, nearest);
+}
+
+/* The least size of a texel of a depth map by which polygons shade gas: half of what the gas's may be, since their
+   edges have no filter; 0: they are as fine as quality says. */
+static double spsi_depth_map_texel(const spsi_frame *frame) {
+    if (spsi_bounds_empty(&frame->content->bounds)) return 0;
+    return 0.5 * frame->accuracy.texel_pixels * spsi_pixel_in_gas(frame);
+}
+
 /* Bounds of the gas that a light's map serves. */
 static const spsi_bounds *spsi_lamp_bounds(const spsi_frame *frame, const spsi_lamp *lamp) {
     return lamp->map_bounds ? lamp->map_bounds : &frame->content->bounds;
@@ -9281,11 +9363,12 @@ static float *spsi_depth_map_lay_out(spsi_depth_map *map, float *memory) {
     return memory;
 }
 
-/* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, or six where a point light
-   does not see all gas within a cone. */
-static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, int size, spsi_depth_map *map) {
+/* Aims a light's depth map: a single face fitted to the gas, however far the polygons reach, whose texels need not be
+   finer than `texel`, or six where a point light does not see all gas within a cone. */
+static void spsi_depth_map_aim(const spsi_frame *frame, const spsi_lamp *lamp, int size, double texel,
+                               spsi_depth_map *map) {
     map->face_count = 1;
-    if (spsi_rays_fit(lamp, &frame->content->bounds, 1, size, size, &map->rays[0])) return;
+    if (spsi_rays_fit(lamp, &frame->content->bounds, texel, texel > 0 ? 0 : size, size, &map->rays[0])) return;
     map->face_count = SPSI_CUBE_FACES;
     for (int face = 0; face < SPSI_CUBE_FACES; ++face) /* they overlap by a texel */
         spsi_rays_of_cube_face(lamp->position, face, spsi_most(8, size / 2), 1, &map->rays[face]);
@@ -9992,12 +10075,14 @@ static inline spsi_v spsi_chord_share(int soft, spsi_v v) {
 
 #define SPSI_COSINE_MIN  0.1  /* minimum of a ray with s, which then crosses a slab within 10 times its thickness */
 #define SPSI_COSINE_EVEN 0.35 /* below this, slabs are halved; the middle ray has 0.71 or more */
+#define SPSI_SLAB_TEXELS 8    /* thickness, in texels, up to which pixels may widen slabs */
 
 typedef struct spsi_slabs {
     double normal[3]; /* s */
     double start;     /* s . p where the first slab begins */
     double thickness;
     int count;
+    int wide; /* 1: thicker than voxels call for, since pixels are wide */
 } spsi_slabs;
 
 /* Slab coordinate of a point: its integer part is the number of the slab. */
@@ -10314,9 +10399,10 @@ static double spsi_slab_voxel(const spsi_frame *frame, const spsi_lattice *latti
 }
 
 /* Cuts the bounds of volumes and particles, along the slabs' normal, into slabs that serve the rays of a target and
-   those of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. */
+   those of a light (NULL: none). `edge` is the voxel edge that stands for particles, or infinite. Slabs need not be
+   thinner than `least`, or than what makes a chunk of them. */
 static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                 const spsi_lamp *lamp, double edge, spsi_slabs *slabs) {
+                                 const spsi_lamp *lamp, double edge, double least, spsi_slabs *slabs) {
     double low = HUGE_VAL, high = -HUGE_VAL, count;
     for (int corner = 0; corner < 8; ++corner) {
         double point[3];
@@ -10328,7 +10414,9 @@ static sps_result spsi_slabs_cut(sps_context *context, const spsi_frame *frame, 
     for (int i = 0; i < frame->medium_count; ++i)
         edge = fmin(edge, spsi_slab_voxel(frame, &frame->lattices[i], rays, lamp, slabs->normal));
     slabs->start = low;
-    slabs->thickness = fmin(frame->view.slab * edge, high - low); /* never thicker than the whole extent */
+    least = fmin(least, (high - low) / SPSI_CHUNK);
+    slabs->wide = least > frame->view.slab * edge;
+    slabs->thickness = fmin(fmax(frame->view.slab * edge, least), high - low); /* never thicker than the whole extent */
     count = ceil((high - low) / slabs->thickness);
     if (!(count <= SPSI_SLABS_MAX))
         return spsi_fail_field(context, SPS_ERROR_ARGUMENT, frame->viewer, -1, "slab", frame->view.slab,
@@ -10361,8 +10449,10 @@ static double spsi_penumbra_texels(const spsi_frame *frame, const spsi_sweep *sw
 /* Fits the rays of the light's sheets. Returns whether that is possible. */
 static int spsi_sweep_fit(const spsi_frame *frame, spsi_sweep *sweep) {
     const spsi_lamp *lamp = sweep->lamp;
-    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
-                       spsi_light_texels_most(frame), &sweep->rays))
+    const double pixels = frame->accuracy.texel_pixels * spsi_pixel_in_shadow(frame, lamp);
+    const double texel = fmax(spsi_lamp_texel(frame, lamp), pixels);
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, texel, frame->view.shadow_size, spsi_light_texels_most(frame),
+                       &sweep->rays))
         return 0;
     sweep->soft = lamp->extent.exists && spsi_penumbra_texels(frame, sweep) >= 0.5;
     return 1;
@@ -10411,6 +10501,14 @@ static sps_result spsi_sweep_place(sps_context *context, const spsi_frame *frame
     return SPS_OK;
 }
 
+/* The thickness that a sweep's slabs may have, whatever the size of voxels: a share of the least pixel in gas, but not
+   so much that rays through the light's texels would need many samples in a slab. */
+static double spsi_slab_least(const spsi_frame *frame, const spsi_sweep *sweep) {
+    const double least = frame->accuracy.slab_pixels * spsi_pixel_in_gas(frame);
+    if (!sweep->lamp) return least;
+    return fmin(least, SPSI_SLAB_TEXELS * spsi_pixel_size_at(&sweep->rays, sweep->rays.depth_reference));
+}
+
 /* Sets up the n-th sweep for a part of the image. Without gas there are no slabs, and nothing can prevent slicing. */
 static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame, int n, int part, spsi_sweep *sweep) {
     const double edge = frame->content->particle_count > 0 ? spsi_particle_edge(frame) : HUGE_VAL;
@@ -10418,7 +10516,7 @@ static sps_result spsi_sweep_build(sps_context *context, const spsi_frame *frame
     sweep->first = n == 0;
     if (spsi_bounds_empty(&frame->content->bounds)) return SPS_OK;
     if (spsi_sweep_place(context, frame, sweep)) return context->result;
-    return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, &sweep->slabs);
+    return spsi_slabs_cut(context, frame, &sweep->eye, sweep->lamp, edge, spsi_slab_least(frame, sweep), &sweep->slabs);
 }
 
 /* Cuts the image into as few parts as slabs can serve, for sweeps without a light's sheets. If even quarters cannot be
@@ -11514,8 +11612,10 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    has samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after
    the other. Where voxels are smaller than pixels, a pixel has four rays. Those of a surface lie near its centre, where
    it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall
-   short, much nearer ones would show that weights come in steps. Volumes that are not classified have a pyramid: each
-   level's voxels are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
+   short, much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on a level
+   whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are right in
+   the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice
+   as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
    midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
    of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
@@ -11898,6 +11998,7 @@ typedef struct spsi_tapper {
     float aside;                   /* pixels from its centre to them, along each axis */
     spsi_linear at[3], slab;
     int whole;    /* 1: neither polygons nor the near plane cut slabs */
+    int lone;     /* 1: a ray has one sample in a slab, however thick that is */
     float near_d; /* t at which rays begin, as t - depth_reference */
     float scale;  /* of values */
 } spsi_tapper;
@@ -12138,6 +12239,7 @@ static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int lanes, int coun
 static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, int part, int lanes,
                          float *sheets, size_t at, size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
+    const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
     spsi_v before, first;
     int slabs[2];
@@ -12155,7 +12257,7 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
             sum = spsi_add(sum, last);
         }
         next = spsi_tap_sample(t, rays, (slab + 1) * steps, lanes, &tile->samples);
-        sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), spsi_set(1.0f / 24), sum);
+        sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), correction, sum);
         sum = spsi_mul(sum, weight);
         if (cuts) sum = spsi_tap_cut(t, rays, spsi_min(a, b), spsi_max(a, b), sum, lanes, &tile->samples);
         before = last;
@@ -12336,7 +12438,8 @@ static float spsi_tap_way(const spsi_tapper *t, const spsi_tile *tile) {
 
 /* Number of samples in a slab in which rays cross so many voxels. */
 static int spsi_tap_steps(const spsi_tapper *t, float way) {
-    return spsi_most(1, (int)ceilf(spsi_lower(way / (float)spsi_tap_step(t->fields), SPSI_TAP_MOST)));
+    const float steps = ceilf(spsi_lower(way / (float)spsi_tap_step(t->fields), SPSI_TAP_MOST));
+    return t->lone ? 1 : spsi_most(1, (int)steps);
 }
 
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
@@ -12422,7 +12525,7 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < 2; ++i)
             across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
-    steps = fmax(ceil(sqrt(spsi_dot(way, way)) / spsi_tap_step(tapper->fields)), 1);
+    steps = tapper->lone ? 1 : fmax(ceil(sqrt(spsi_dot(way, way)) / spsi_tap_step(tapper->fields)), 1);
     return steps * tapper->across * tapper->across / fabs(spsi_determinant(across[0], across[1], way));
 }
 
@@ -12436,7 +12539,8 @@ static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_
     if (variance < SPSI_TAP_VARIANCE && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     if (variance > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
     spsi_tapper_way(tapper, rays, q, way);
-    if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields))) return SPSI_SPLAT_THICK;
+    if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
+        return SPSI_SPLAT_THICK;
     return SPSI_GATHER_ASKED;
 }
 
@@ -12496,21 +12600,38 @@ static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lat
     return material->table ? 0 : extinction * cbrt(lattice->voxel_volume);
 }
 
-/* How a volume fills sheets, whose splatter is ready; `slopes`: 1: those of its gradient, too. Builds the tapper of one
-   that is gathered. */
+/* What a pixel's or a texel's rays are for. */
+typedef enum spsi_tapping {
+    SPSI_TAP_PIXELS, /* one ray, or four where voxels are smaller */
+    SPSI_TAP_SLOPES, /* four: those of the gradient, too */
+    SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before four */
+} spsi_tapping;
+
+/* Builds the tapper of a level. Where slabs of a classified volume are as thick as pixels call for, a ray has one
+   sample in each: the mean of several is classified as none of them is. */
+static spsi_verdict spsi_tapper_try(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
+                                    const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int across,
+                                    spsi_tapper *tapper) {
+    spsi_tapper_build(fields, lattice, rays, slabs, level, across, tapper);
+    tapper->lone = slabs->wide && !(splatter->filter > 0);
+    return spsi_tapper_serves(tapper, lattice, rays, splatter);
+}
+
+/* How a volume fills sheets, whose splatter is ready. Builds the tapper of one that is gathered. */
 static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattice *lattice, const spsi_rays *rays,
-                                      const spsi_slabs *slabs, const spsi_splatter *splatter, int slopes,
+                                      const spsi_slabs *slabs, const spsi_splatter *splatter, spsi_tapping tapping,
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
+    const int levels = spsi_levels_wanted(frame, lattice->medium);
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
-    for (int n = slopes; n < 2 + spsi_levels_wanted(frame, lattice->medium) && verdict == SPSI_SPLAT_SMALL; ++n) {
-        spsi_tapper_build(fields, lattice, rays, slabs, spsi_most(n - 1, 0), n > 0 ? 2 : 1, tapper);
-        verdict = spsi_tapper_serves(tapper, lattice, rays, splatter);
-    }
+    for (int n = 0; n <= levels && tapping == SPSI_TAP_SHEETS && verdict == SPSI_SPLAT_SMALL; ++n)
+        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, 1, tapper);
+    for (int n = tapping == SPSI_TAP_SLOPES; n < 2 + levels && verdict == SPSI_SPLAT_SMALL; ++n)
+        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, spsi_most(n - 1, 0), n > 0 ? 2 : 1, tapper);
     tapper->whole = splatter->whole;
-    if (slopes) tapper->aside = SPSI_TAP_BESIDE;
+    if (tapping == SPSI_TAP_SLOPES) tapper->aside = SPSI_TAP_BESIDE;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
     if (spsi_medium_depth(frame, lattice) > SPSI_TAP_OPAQUE) return SPSI_SPLAT_OPAQUE;
     return spsi_tapper_pays(tapper, lattice, rays, splatter) ? SPSI_GATHER_CHEAPER : SPSI_SPLAT_CHEAPER;
@@ -13033,16 +13154,18 @@ static sps_result spsi_target_of_eye(sps_context *context, const spsi_frame *fra
         if (backwards) splatter->sign = -1;
         if (material->table) spsi_splatter_classified(splatter);
         target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, target->rays, slabs, splatter,
-                                                target->slope_channels[i] >= 0, &target->tappers[i]);
+                                                target->slope_channels[i] >= 0 ? SPSI_TAP_SLOPES : SPSI_TAP_PIXELS,
+                                                &target->tappers[i]);
         target->tappers[i].scale = 1;
     }
     return SPS_OK;
 }
 
-/* The rays of a light or of a map's face as a target. Its sheets hold the optical depth of gases and the values of
-   classified volumes, whose kernels end at `classified_cut`. */
+/* The rays of a light's sheets (1) or of a map's face (0) as a target, which holds the optical depth of gases and the
+   values of classified volumes. In a light's sheets, kernels of these end early, and are not widened to a texel: it
+   would be the look of a mean. */
 static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *frame, const spsi_rays *rays,
-                                       const spsi_slabs *slabs, double classified_cut, spsi_target *target) {
+                                       const spsi_slabs *slabs, int of_sheets, spsi_target *target) {
     spsi_target_place(frame, rays, slabs, target);
     target->shape = spsi_light_shape(frame);
     spsi_crossing_build(rays, slabs, 0, &target->crossing);
@@ -13051,13 +13174,14 @@ static sps_result spsi_target_of_light(sps_context *context, const spsi_frame *f
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
         const float scale = material->table ? 1 : material->extinction;
+        const double cut = of_sheets && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
         if (!material->extinguishes) continue;
         target->channels[i] = medium->light_channel;
-        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale,
-                                 material->table ? classified_cut : frame->accuracy.cut, &target->splatters[i]))
+        if (!spsi_splatter_build(medium->lattice, rays, slabs, scale, cut, &target->splatters[i]))
             return spsi_target_refuse(context, medium);
-        target->verdicts[i] =
-            spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i], 0, &target->tappers[i]);
+        if (of_sheets && material->table) target->splatters[i].filter = 0;
+        target->verdicts[i] = spsi_tapper_judge(frame, medium->lattice, rays, slabs, &target->splatters[i],
+                                                of_sheets ? SPSI_TAP_SHEETS : SPSI_TAP_PIXELS, &target->tappers[i]);
         target->tappers[i].scale = scale;
     }
     return SPS_OK;
@@ -15091,7 +15215,7 @@ static sps_result spsi_tmap_slabs(sps_context *context, const spsi_frame *frame,
             context, SPS_ERROR_UNSUPPORTED, frame->viewer, -1, "camera's outermost rays' cosine with its axis", least,
             frame->has_matrix ? "volumes need 0.1; is world_to_clip row-major? If it is, narrow the light's view"
                               : "volumes need 0.1; narrow the light's view, up and down or sideways");
-    return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, slabs);
+    return spsi_slabs_cut(context, frame, rays, NULL, HUGE_VAL, 0, slabs);
 }
 
 /* Prepares the splatting of volumes into a face. */
@@ -15101,8 +15225,7 @@ static sps_result spsi_map_volumes_build(sps_context *context, const spsi_frame 
     memset(volumes, 0, sizeof *volumes);
     if (spsi_tmap_slabs(context, frame, rays, &volumes->slabs)) return context->result;
     spsi_light_shader_build(frame, rays, &volumes->slabs, &volumes->shader);
-    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, frame->accuracy.cut, target))
-        return context->result;
+    if (spsi_target_of_light(context, frame, rays, &volumes->slabs, 0, target)) return context->result;
     return spsi_contents_build(context, target, NULL, &volumes->contents);
 }
 
@@ -17171,8 +17294,7 @@ static sps_result spsi_sliced_begin(sps_context *context, const spsi_frame *fram
     if (sweep->soft && spsi_penumbra_begin(context, frame, sweep, faces, &sliced->penumbra)) return context->result;
     spsi_light_shader_build(frame, &sweep->rays, &sweep->slabs, &sliced->shader);
     if (spsi_planes_build(context, frame, &sweep->rays, &sliced->planes)) return context->result;
-    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, frame->accuracy.light_cut, &sliced->target))
-        return context->result;
+    if (spsi_target_of_light(context, frame, &sweep->rays, &sweep->slabs, 1, &sliced->target)) return context->result;
     sliced->target.tolerance = frame->view.tolerance;
     return SPS_OK;
 }
@@ -17355,15 +17477,18 @@ static void spsi_shadow_surfaces(const spsi_shadow *shadow, int first_slab, int 
 
 /* --- the choice between sheets and a table --- */
 
-/* Whether a light's table, in place of sheets that are aimed already, has entries as fine as their texels, along the
-   light too. */
-static int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_sweep *sheets,
-                              const spsi_lamp *lamp) {
+/* Whether a light's table has entries as fine as the texels of its sheets in a large picture, along the light too: as a
+   small one is enlarged, the choice stays. */
+static int spsi_table_is_fine(sps_context *context, const spsi_frame *frame, const spsi_lamp *lamp) {
     sps_tmap map;
     const double *near_depth = &map.settings.near_depth, *far_depth = &map.settings.far_depth;
     const spsi_rays *rays = &map.rays[0];
-    if (spsi_lamp_tmap_aim(context, frame, lamp, &map)) return 0;
-    if (map.face_count > 1 || rays->width < sheets->rays.width || rays->height < sheets->rays.height) return 0;
+    spsi_rays sheets;
+    if (!spsi_rays_fit(lamp, &frame->content->bounds, spsi_lamp_texel(frame, lamp), frame->view.shadow_size,
+                       spsi_light_texels_most(frame), &sheets) ||
+        spsi_lamp_tmap_aim(context, frame, lamp, &map))
+        return 0;
+    if (map.face_count > 1 || rays->width < sheets.width || rays->height < sheets.height) return 0;
     return ceil((*far_depth - *near_depth) / spsi_pixel_size_at(rays, 0.5 * (*near_depth + *far_depth))) <=
            map.settings.components;
 }
@@ -17422,7 +17547,7 @@ static void spsi_choose_for_lamp(sps_context *context, const spsi_frame *frame, 
     spsi_lamp_take(lamp, 1, others ? SPSI_CHOICE_TABLE_SHARED : SPSI_CHOICE_TABLE_AGAIN);
     spsi_lamp_tmap_bytes(frame, lamp, &held, &filling);
     bytes = (double)held + (double)filling;
-    if (spsi_table_is_fine(context, frame, &sweep, lamp) &&
+    if (spsi_table_is_fine(context, frame, lamp) &&
         bytes + spsi_bytes_without_tables(context, frame, &sweep) <= *room)
         *room -= bytes;
     else
@@ -17457,15 +17582,16 @@ static void spsi_choose_shadows(sps_context *context, spsi_frame *frame) {
 
 /* --- maps of a sweep's shadows --- */
 
-/* Builds the depth maps by which polygons shade gas. Surfaces do not use them. */
+/* Builds the depth maps by which polygons shade gas, whose texels need not be finer than `texel`. Surfaces do not use
+   them. */
 static sps_result spsi_depth_maps_build(sps_context *context, const spsi_frame *frame, const spsi_faces *faces,
-                                        spsi_shadow *shadows, int count) {
+                                        double texel, spsi_shadow *shadows, int count) {
     size_t floats = 0, more;
     float *memory;
     if (faces->count == 0 || !frame->matter.scatters || !spsi_holds_gas(context, frame)) return SPS_OK;
     for (int i = 0; i < count; ++i) {
         if (shadows[i].soft) continue;
-        spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), &shadows[i].depth_map);
+        spsi_depth_map_aim(frame, shadows[i].lamp, spsi_depth_map_size(frame), texel, &shadows[i].depth_map);
         more = spsi_depth_map_floats(&shadows[i].depth_map);
         floats = more > SIZE_MAX - floats ? SIZE_MAX : floats + more; /* SIZE_MAX cannot be reserved */
     }
@@ -17492,7 +17618,7 @@ static sps_result spsi_pane_maps_lay_out(sps_context *context, const spsi_frame 
             const double share = 1 / sqrt((double)shadows[i].pane_map_count);
             memset(next, 0, sizeof *next);
             spsi_depth_map_aim(frame, shadows[i].soft ? &lamp->points[k] : lamp,
-                               spsi_most(8, (int)(share * spsi_depth_map_size(frame))), &next->grid);
+                               spsi_most(8, (int)(share * spsi_depth_map_size(frame))), 0, &next->grid);
             bytes += spsi_pane_map_bytes(next);
         }
     }
@@ -21350,7 +21476,7 @@ static sps_result spsi_cells_shadows(spsi_cell_job *job, const spsi_part_of_call
         next[lamp->shadows] += 1;
         each.progress += each.share;
     }
-    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, job->shadows, shadows) ||
+    if (!job->later && (spsi_depth_maps_build(job->context, frame, job->faces, 0, job->shadows, shadows) ||
                         spsi_pane_maps_build(job->context, frame, job->faces, job->shadows, shadows)))
         return job->context->result;
     for (int i = 0; i < tables; ++i) spsi_shadow_aim(&job->sheets.rays, &job->shadows[i]);
@@ -22592,7 +22718,7 @@ static sps_result spsi_spreads_make(sps_context *context, const spsi_frame *fram
     if (!job || !shadows) return context->result;
     memset(shadows, 0, count * sizeof *shadows);
     for (size_t i = 0; i < count; ++i) shadows[i].lamp = spreads->list[i].lamp;
-    if (spsi_depth_maps_build(context, frame, faces, shadows, spreads->count) ||
+    if (spsi_depth_maps_build(context, frame, faces, 0, shadows, spreads->count) ||
         spsi_pane_maps_build(context, frame, faces, shadows, spreads->count))
         return context->result;
     each.share /= spreads->count;
@@ -23265,7 +23391,7 @@ static sps_result spsi_render_sweep(sps_context *context, const spsi_picture *pi
     start = spsi_clock(context);
     shadows = run->shadows; /* a part that fails may leave the run without them */
     count = run->shader.shadow_count;
-    if (spsi_depth_maps_build(context, frame, &picture->faces, shadows, count) ||
+    if (spsi_depth_maps_build(context, frame, &picture->faces, spsi_depth_map_texel(frame), shadows, count) ||
         spsi_pane_maps_build(context, frame, &picture->faces, shadows, count))
         return context->result;
     context->stats.seconds_polygons += spsi_clock(context) - start;
@@ -23574,7 +23700,8 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
     for (int i = 0; i < frame->medium_count; ++i) {
         const spsi_medium *medium = &frame->media[i];
         const spsi_material *material = &frame->matter.materials[medium->channel];
-        const int slopes = !of_light && frame->gradients.splatted && material->shading == SPS_SHADING_SURFACE;
+        const int slopes = frame->gradients.splatted && material->table && material->shading == SPS_SHADING_SURFACE;
+        const spsi_tapping tapping = of_light ? SPSI_TAP_SHEETS : slopes ? SPSI_TAP_SLOPES : SPSI_TAP_PIXELS;
         const double cut = of_light && material->table ? frame->accuracy.light_cut : frame->accuracy.cut;
         spsi_verdict verdict;
         spsi_splatter splatter;
@@ -23582,8 +23709,8 @@ static void spsi_plan_filling(const spsi_frame *frame, const spsi_sweep *sweep, 
         if (of_light && !material->extinguishes) continue;
         if (!spsi_splatter_build(medium->lattice, rays, &sweep->slabs, 1, cut, &splatter)) continue; /* it is refused */
         if (!of_light && material->table) spsi_splatter_classified(&splatter);
-        verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, slopes && material->table,
-                                    &tapper);
+        if (of_light && material->table) splatter.filter = 0;
+        verdict = spsi_tapper_judge(frame, medium->lattice, rays, &sweep->slabs, &splatter, tapping, &tapper);
         if (judged++ == 0) *why = reasons[verdict];
         count += spsi_gathers(verdict);
     }

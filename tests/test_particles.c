@@ -989,6 +989,8 @@ static void test_plan_bounds(void) {
         fill(&x, 0, lit ? 1000 : 60000, 9);
         for (int i = 0; i < 1000 && lit; ++i) x.clouds[0].list[i].radius = 0.002f;
         if (lit) check_add_directional(&x.s, 0.2, 0.1, -1, 1);
+        x.s.view.width = x.s.view.height = 4096; /* pixels are smaller than particles */
+        x.s.view.region[2] = x.s.view.region[3] = 3;
         x.s.view.quality = SPS_QUALITY_DRAFT;
         x.s.view.slab = 1000;
         stage_ready(&x);

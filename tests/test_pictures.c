@@ -149,7 +149,7 @@ static void test_slabs_and_texels(void) {
             sps_plan_report plan;
             check_scene s;
             sps_volume *volume;
-            check_clear(&s, 8, 8);
+            check_clear(&s, 800, 800); /* no voxel is smaller than a pixel */
             check_orthographic(&s.view.camera, 3);
             s.view.quality = qualities[n];
             volume = check_add_volume(&s, 20, 20, 20, check_box(-1, -1, -1, 1, 1, 1));
@@ -186,7 +186,8 @@ static void test_slabs_of_particles(void) {
         sps_particles particles;
         sps_stats_report stats;
         check_scene s;
-        check_clear(&s, 8, 8);
+        check_clear(&s, 4096, 4096); /* pixels are smaller than particles */
+        s.view.region[2] = s.view.region[3] = 8;
         memset(&particles, 0, sizeof particles);
         particles.read_fn = read_row;
         particles.user = &user;

@@ -94,7 +94,8 @@ static sps_transfer layers = {layer_points, 4, NULL, NULL, 0};
 /* --------------------------------------------------------------------------------------------- seen small and large */
 
 /* A shaded ball of 20 voxels at a quarter to four pixels per voxel, of which the upper half is enough: its mean is
-   within 1 % of the reference's at each. */
+   within 1 % of the reference's at each. Where pixels are 4 voxels wide, texels are as wide as half a pixel at medium:
+   of the 10 pixels that show the ball, 2 at its terminator may be off by half of what they show. */
 static void test_image_sizes(void) {
     static const int n[3] = {20, 20, 20};
     for (int pixels = 5; pixels <= 80; pixels *= 2)
@@ -114,7 +115,8 @@ static void test_image_sizes(void) {
             snprintf(what, sizeof what, "%g pixels a voxel, quality %d", pixels / 20.0, quality);
             if (quality == SPS_QUALITY_MEDIUM && !check_march(context, &s, 0.25, image_b, NULL)) return;
             if (!check_render(context, &s, image_a)) return;
-            within(compare(image_a, image_b, pixels * s.view.region[3]), 0.1, 0.01, what);
+            within(compare(image_a, image_b, pixels * s.view.region[3]),
+                   0.1 + (pixels == 5 && quality == SPS_QUALITY_MEDIUM ? 0.5 * sqrt(0.2) : 0), 0.01, what);
         }
 }
 

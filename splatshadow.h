@@ -12128,14 +12128,15 @@ static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *ti
 
 /* Begins rays through a row of pixels at the near plane, and ends them at polygons. */
 static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *tile, int x, int y, spsi_tap_rays *rays) {
-    const spsi_v steps = spsi_set((float)rays->steps), slope = spsi_div(spsi_set(1), rays->per_slab);
+    const spsi_v steps = spsi_set((float)rays->steps), last = spsi_set((float)tile->slab_count);
+    const spsi_v slope = spsi_div(spsi_set(1), rays->per_slab);
     spsi_v begin, end, low, high; /* slab coordinates, samples */
     rays->nearest = spsi_set(t->near_d);
     rays->limit = spsi_hit_depths(tile->limits, tile->limit_width, tile->limit_height, x, y);
     begin = spsi_fma(slope, rays->nearest, rays->base);
     end = spsi_fma(slope, rays->limit, rays->base);
-    low = spsi_mul(spsi_floor(spsi_min(begin, end)), steps);
-    high = spsi_mul(spsi_floor(spsi_max(begin, end)), steps);
+    low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
+    high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
     rays->first = spsi_max(rays->first, spsi_sub(low, spsi_set(1)));
     rays->end = spsi_min(rays->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
 }

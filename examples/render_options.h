@@ -459,7 +459,7 @@ static const option_rule options[] = {
     {"--reference", NULL, "brute-force ray marching, shadows traced from every step: slow; heeds --shadow none only", set_flag, OF_SCENE(reference), NO_NUMBERS},
     {"--samples", "N", "paths per pixel of --reference, for what scatters again; default 0, with --scattering off", set_integers, OF_SCENE(samples), 1, 0, 1 << 20, NULL},
     {"--filling", "auto|splat|gather", "how voxels fill sheets; auto, the default: as costs less", set_choice, OF_SCENE(filling), 1, 0, 0, filling_names},
-    {"--tolerance", "T", "optical depth that rays through smooth gas may be off by, to follow fewer of them; default 0", set_reals, OF_SCENE(tolerance), 1, 0, 1, NULL},
+    {"--tolerance", "T", "optical depth by which rays through smooth gas may be off, to follow fewer; default 0", set_reals, OF_SCENE(tolerance), 1, 0, 1, NULL},
     {"--scattering", "auto|off|ambient|forward|convolution|full", "light in gas; auto, the default: full, in all directions, if it is not thin, or off", set_choice, OF_SCENE(scattering), 1, 0, 0, scattering_names},
     {"--scatter-size", "N", "cells along the gas for --scattering full, half the texels for convolution", set_integers, OF_SCENE(scatter_size), 1, 1, 256, NULL},
     {"--scatter-tolerance", "T", "share of light that may be left out by --scattering auto; default 0.01", set_reals, OF_SCENE(scatter_tolerance), 1, 0, 1, NULL},

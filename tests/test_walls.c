@@ -602,8 +602,8 @@ static void test_floor_receives(void) {
     check_scene s;
     start(&s, NULL);
     add_place(&s, ABOVE_FLOOR);
-    s.view.filling =
-        SPS_FILLING_SPLAT; /* samples lie elsewhere for cells' tables than for the other picture's sheets */
+    s.view.filling = SPS_FILLING_SPLAT;       /* cells' tables have other samples than the other picture's sheets, */
+    s.view.shadow_size = 64, s.view.slab = 1; /* and neither texels nor slabs that follow pixels */
     check_color(s.mesh[0].color, 0.9, 0.6, 0.3);
     check_render(context, &s, image_a);
     s.view.scattering = SPS_SCATTERING_OFF;

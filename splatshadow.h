@@ -1311,6 +1311,15 @@ static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v fou
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
+static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm512_shuffle_f32x4(a, b, 0x44); }
+static inline spsi_v spsi_load_halves(const float *a, const float *b) {
+    return spsi_halves(_mm512_castps256_ps512(_mm256_loadu_ps(a)), _mm512_castps256_ps512(_mm256_loadu_ps(b)));
+}
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
+    _mm256_storeu_ps(a, _mm512_castps512_ps256(v));
+    _mm256_storeu_ps(b, _mm512_castps512_ps256(_mm512_shuffle_f32x4(v, v, 0xee)));
+}
+#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 #define SPSI_HAS_LOOKUP
 
@@ -1375,6 +1384,15 @@ static inline __m256i spsi_first(int count) {
 }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
+static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm256_permute2f128_ps(a, b, 0x20); }
+static inline spsi_v spsi_load_halves(const float *a, const float *b) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
+}
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
+    _mm_storeu_ps(a, _mm256_castps256_ps128(v));
+    _mm_storeu_ps(b, _mm256_extractf128_ps(v, 1));
+}
+#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 #define SPSI_HAS_LOOKUP
 
@@ -1498,6 +1516,44 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
     memcpy(p, lanes, (size_t)count * sizeof(float));
 }
 #endif
+
+/* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
+   spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
+#ifdef SPSI_HAS_HALVES
+#define SPSI_ROWS_MOST 2
+#else
+#define SPSI_ROWS_MOST 1
+static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return (void)b, a; }
+static inline spsi_v spsi_load_halves(const float *a, const float *b) { return (void)b, spsi_load(a); }
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
+    spsi_store(a, v);
+    (void)b;
+}
+#endif
+
+/* The pixels of a vector of 1 or 2 rows, from its first: columns, and rows. */
+static inline spsi_v spsi_columns_of(int rows) {
+    return rows == 1 ? spsi_iota() : spsi_halves(spsi_iota(), spsi_iota());
+}
+static inline spsi_v spsi_rows_of(int rows) { return rows == 1 ? spsi_set(0) : spsi_halves(spsi_set(0), spsi_set(1)); }
+
+static inline spsi_v spsi_load_rows(const float *p, size_t pitch, int rows) {
+    return rows == 1 ? spsi_load(p) : spsi_load_halves(p, p + pitch);
+}
+
+static inline void spsi_store_rows(float *p, size_t pitch, spsi_v a, int rows) {
+    if (rows == 1)
+        spsi_store(p, a);
+    else
+        spsi_store_halves(p, p + pitch, a);
+}
+
+/* Whether a box of pixels takes fewer vectors of two rows than of one. */
+static inline int spsi_rows_for(int width, int height) {
+    const int half = SPSI_LANES / SPSI_ROWS_MOST;
+    const int twos = (width + half - 1) / half * ((height + 1) / 2);
+    return SPSI_ROWS_MOST > 1 && twos < (width + SPSI_LANES - 1) / SPSI_LANES * height ? 2 : 1;
+}
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Rounds down, for |a| < 2^30. */
@@ -9645,27 +9701,39 @@ static void spsi_ball_chord_near(const spsi_rays *rays, const spsi_ball *ball, i
     chord->share = spsi_load(lanes[2]);
 }
 
-/* The chords of a vector of pixels' rays, from (x, y) on. They also hold outside of x0 .. x1, wherever there is a
-   ray. */
-static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
-    const spsi_v one = spsi_set(1), zero = spsi_set(0);
-    const float dy = (float)(y - ball->y0) - ball->y;
-    const spsi_v dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_iota());
-    const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_set(dy * ball->tilt[1]));
+/* The chords of a vector of rays, given by the places of their pixels from a distant ball's centre. They also hold
+   outside of x0 .. x1, wherever there is a ray. */
+static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *ball, spsi_v dx, spsi_v dy,
+                                       spsi_chord *chord) {
+    const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
+    const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_mul(dy, spsi_set(ball->tilt[1])));
     spsi_v q, d, square, root;
-    if (ball->near_by) {
-        spsi_ball_chord_near(rays, ball, x, y, chord);
-        return;
-    }
-    q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_set(2 * dy * ball->bend[1]));
-    q = spsi_fma(dx, q, spsi_set(dy * dy * ball->bend[2]));
-    d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_set(2 * dy * ball->cross[1]));
-    d = spsi_fma(dx, d, spsi_set(dy * dy * ball->cross[2]));
+    q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_mul(twice, spsi_set(ball->bend[1])));
+    q = spsi_fma(dx, q, spsi_mul(down, spsi_set(ball->bend[2])));
+    d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_mul(twice, spsi_set(ball->cross[1])));
+    d = spsi_fma(dx, d, spsi_mul(down, spsi_set(ball->cross[2])));
     square = rays->perspective ? spsi_add(one, spsi_fma(spsi_set(2), p, q)) : one;
     root = spsi_div(one, spsi_sqrt(spsi_max(square, spsi_set(FLT_MIN))));
     chord->share = spsi_sqrt(spsi_max(spsi_sub(one, spsi_mul(d, spsi_mul(root, root))), zero));
     chord->half = spsi_mul(spsi_mul(chord->share, root), spsi_set(ball->radius));
     chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
+}
+
+/* The places of a vector of pixels, of 1 or 2 rows from (x, y) on, from a distant ball's centre. */
+static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, int rows, spsi_v *dx, spsi_v *dy) {
+    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_columns_of(rows));
+    *dy = spsi_add(spsi_set((float)(y - ball->y0) - ball->y), spsi_rows_of(rows));
+}
+
+/* The chords of a vector of pixels' rays, from (x, y) on. */
+static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
+    spsi_v dx, dy;
+    if (ball->near_by) {
+        spsi_ball_chord_near(rays, ball, x, y, chord);
+        return;
+    }
+    spsi_ball_offsets(ball, x, y, 1, &dx, &dy);
+    spsi_ball_chord_far(rays, ball, dx, dy, chord);
 }
 
 /* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2 for a soft ball, over them. */
@@ -10387,6 +10455,7 @@ typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD
 typedef struct spsi_sections {
     float *sheet;      /* the first one */
     size_t sheet_size; /* floats from one sheet to the next */
+    size_t pitch;      /* floats from one row to the next, if the rays are of two rows */
     int count;         /* number of sheets */
     int starts;        /* 1: the first sheet also receives what lies before its plane */
     int ends;          /* 1: the last sheet also receives what lies behind its plane */
@@ -10401,8 +10470,13 @@ static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
     return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
+/* Adds weight times share to a vector of 1 or 2 rows of a sheet. */
+static inline void spsi_add_rows(float *sheet, size_t pitch, spsi_v weight, spsi_v share, int rows) {
+    spsi_store_rows(sheet, pitch, spsi_fma(weight, share, spsi_load_rows(sheet, pitch, rows)), rows);
+}
+
 /* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
-static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
+static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped, int rows) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
     if (s->starts)
@@ -10412,12 +10486,12 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
-        spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
+        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
         before = after;
     }
     if (!s->ends) return;
     after = clamped ? spsi_mass_share(mass, s->high) : spsi_set(1);
-    spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
+    spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
 }
 
 /* Derivatives along x and y of sections that are not clamped. */
@@ -10544,6 +10618,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
     sections.per_plane = spsi_set(f->per_slab[i]);
     sections.low = sections.high = spsi_set(0);
     for (int r = 0; r < count; ++r, row += tile->pitch) {
@@ -10567,7 +10642,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.starts = rows->starts[r];
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
-        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped);
+        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
         if (sloped) {
             const float dy = rows->dy[r];
             const spsi_slopes slopes = {
@@ -10702,10 +10777,11 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     sections.sheet =
         print->channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
     sections.count = k1 - k0;
     sections.starts = k0 == print->first;
     sections.ends = k1 == print->last;
-    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
+    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1, 1);
 }
 
 /* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
@@ -11107,15 +11183,17 @@ typedef struct spsi_ball_print {
     int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 
-/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
-static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
-                                     spsi_sections *sections) {
+/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle.
+   `at`: the rays' pixels. */
+static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, const spsi_v at[2], int x,
+                                     int y, int rows, int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
     const spsi_crossing *crossing = print->crossing;
     const spsi_seen *seen = print->seen;
-    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
+    const spsi_v zero = spsi_set(0);
     const spsi_v slope =
-        spsi_fma(at, spsi_set(crossing->slab_x), spsi_set(crossing->slab_t + (float)y * crossing->slab_y));
+        spsi_fma(at[0], spsi_set(crossing->slab_x),
+                 spsi_add(spsi_set(crossing->slab_t), spsi_mul(at[1], spsi_set(crossing->slab_y))));
     const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
     spsi_v middle, step;
     if (seen->ball.near_by) {
@@ -11123,9 +11201,10 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
         middle = spsi_fma(spsi_add(chord->middle, spsi_set((float)crossing->rays->depth_reference)), slope,
                           spsi_set(eye_slab));
     } else {
-        const float dy = (float)(y - seen->ball.y0) - seen->ball.y;
-        const spsi_v dx = spsi_add(spsi_set((float)(x - seen->ball.x0) - seen->ball.x), spsi_iota());
-        middle = spsi_fma(dx, spsi_set(seen->tilt_x), spsi_set(seen->slab + dy * seen->tilt_y));
+        spsi_v dx, dy;
+        spsi_ball_offsets(&seen->ball, x, y, rows, &dx, &dy);
+        middle = spsi_fma(dx, spsi_set(seen->tilt_x),
+                          spsi_add(spsi_set(seen->slab), spsi_mul(dy, spsi_set(seen->tilt_y))));
         middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
     }
     step = spsi_div(spsi_set(1), spsi_max(spsi_mul(rate, chord->half), spsi_set(1e-20f)));
@@ -11140,31 +11219,50 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
     sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* Splats one row of a ball. `row`: its first sheet, at print->x0. */
-static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamped, float *row) {
+/* Splats a vector of 1 or 2 rows of a ball, from (x, y) on, which begin at `sheet` in the first slab. */
+static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int rows, int clamped, float *sheet,
+                                      spsi_sections *sections) {
     const spsi_ball *ball = &print->seen->ball;
-    const spsi_mass mass = ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD;
-    const spsi_v zero = spsi_set(0), beyond = spsi_set((float)print->x1 + 0.5f);
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
+    const spsi_v at[2] = {spsi_add(spsi_set((float)x), spsi_columns_of(rows)),
+                          spsi_add(spsi_set((float)y), spsi_rows_of(rows))};
+    spsi_chord chord;
+    spsi_v weight;
+    spsi_m inside;
+    if (rows == 1) {
+        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
+    } else {
+        spsi_v dx, dy;
+        spsi_ball_offsets(ball, x, y, rows, &dx, &dy);
+        spsi_ball_chord_far(print->crossing->rays, ball, dx, dy, &chord);
+    }
+    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at[0], spsi_add(spsi_set((float)print->x1), half)));
+    if (rows == 2) inside = spsi_and(inside, spsi_less(at[1], spsi_add(spsi_set((float)print->y1), half)));
+    if (!spsi_bits(inside)) return;
+    spsi_print_planes(print, &chord, at, x, y, rows, clamped, sections);
+    weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
+    if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
+    sections->weight = spsi_select(inside, weight, zero);
+    sections->sheet = sheet;
+    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped, rows);
+}
+
+/* Splats a ball, 1 or 2 rows at a time. */
+static inline void spsi_splat_ball(const spsi_ball_print *print, int rows, int clamped) {
+    const spsi_tile *tile = print->tile;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    float *first = tile->sheets + (size_t)print->seen->channel * tile->channel_size +
+                   (size_t)(print->first + margin) * tile->sheet_size;
     spsi_sections sections;
-    sections.sheet_size = print->tile->sheet_size;
+    sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
     sections.count = print->last - print->first;
     sections.starts = print->starts;
     sections.ends = print->ends;
-    for (int x = print->x0; x <= print->x1; x += SPSI_LANES) {
-        const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-        spsi_chord chord;
-        spsi_v weight;
-        spsi_m inside;
-        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
-        inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at, beyond));
-        if (!spsi_bits(inside)) continue;
-        spsi_print_planes(print, &chord, x, y, clamped, &sections);
-        weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
-        if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
-        sections.weight = spsi_select(inside, weight, zero);
-        sections.sheet = row + (x - print->x0);
-        spsi_add_sections(&sections, mass, 1);
-    }
+    for (int y = print->y0; y <= print->y1; y += rows)
+        for (int x = print->x0; x <= print->x1; x += SPSI_LANES / rows)
+            spsi_splat_ball_at(print, x, y, rows, clamped,
+                               first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)), &sections);
 }
 
 /* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
@@ -11172,7 +11270,6 @@ static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamp
 static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int starts,
                                 int left) {
     const spsi_ball *ball = &seen->ball;
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
     const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
@@ -11190,15 +11287,12 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     if (p.x0 > p.x1 || p.y0 > p.y1 || !(tile->open & spsi_patches(tile, p.x0, p.y0, p.x1, p.y1))) return;
     tile->visits += 1;
     tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
-    for (int y = p.y0; y <= p.y1; ++y) {
-        float *row = tile->sheets + (size_t)seen->channel * tile->channel_size +
-                     (size_t)(p.first + margin) * tile->sheet_size +
-                     (size_t)((y - tile->y0) * tile->pitch + (p.x0 - tile->x0));
-        if (clamped)
-            spsi_splat_row(&p, y, 1, row);
-        else
-            spsi_splat_row(&p, y, 0, row);
-    }
+    if (clamped)
+        spsi_splat_ball(&p, 1, 1);
+    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 1)
+        spsi_splat_ball(&p, 1, 0);
+    else
+        spsi_splat_ball(&p, SPSI_ROWS_MOST, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -12258,9 +12352,10 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
 }
 
 static size_t spsi_shape_floats(const spsi_shape *shape) {
-    const int pixels = 2 * shape->margin, slabs = SPSI_CHUNK + 2 * shape->slab_margin;
-    return (size_t)shape->channels * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
-           2 * SPSI_LANES;
+    const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
+    const size_t width = (size_t)(SPSI_TILE_WIDTH + 2 * shape->margin);
+    const size_t height = (size_t)(SPSI_TILE_HEIGHT + 2 * shape->margin);
+    return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
 }
 
 /* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab, and gradients

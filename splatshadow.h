@@ -1653,6 +1653,7 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
+    __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
 #else
     (void)data, (void)size;
 #endif
@@ -2312,6 +2313,8 @@ typedef struct spsi_rays {
     int perspective, width, height;
     double origin[3], a[3], b[3], c[3];
     double inverse[3][3]; /* rows; maps (p - origin) to (x t, y t, t) or (x, y, t) */
+    double pixel;         /* the larger one of the lengths of a and b */
+    double per_length;    /* change of t per world length, along the axis */
     double depth_reference, near_depth;
     int is_cube_face; /* 1: one of six faces around the origin */
 } spsi_rays;
@@ -2325,6 +2328,8 @@ static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_T
 /* Returns 0 if the rays do not span space, or if a nearly singular matrix puts them too far away. */
 static int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
+    rays->pixel = fmax(spsi_length(rays->a), spsi_length(rays->b));
+    rays->per_length = spsi_length(rays->inverse[2]);
     return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
            !spsi_bad_coordinate(rays->b, 3);
 }
@@ -9559,20 +9564,20 @@ typedef struct spsi_chord {
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return fmax(fabs(offset[0]), fmax(fabs(offset[1]), fabs(offset[2])));
-    return fmax(spsi_dot(rays->inverse[2], offset), 0);
+    return spsi_maximum(spsi_dot(rays->inverse[2], offset), 0);
 }
 
 /* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced by as much as the area
    has grown. `offset`: of its centre from the rays' origin. */
 static void spsi_ball_size(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                            const double offset[3], spsi_ball *ball, double *radius) {
-    const double pixel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
+    const double pixel = rays->pixel * spsi_distance_to(rays, offset);
     const double own = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2.0;
     double depth = (double)particle->optical_depth;
     if (set->is_extinction) depth *= shape * own;
-    *radius = fmax(own, SPSI_BALL_LEAST * pixel);
+    *radius = spsi_maximum(own, SPSI_BALL_LEAST * pixel);
     if (own < *radius) depth *= (own / *radius) * (own / *radius);
-    ball->depth = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
+    ball->depth = (float)spsi_minimum(depth, (double)SPSI_DEPTH_MAX);
     ball->soft = set->soft;
 }
 
@@ -9585,12 +9590,12 @@ typedef struct spsi_outline {
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
-    const double root = sqrt(fmax(half * half + square * (e * e + c), 0));
+    const double root = sqrt(spsi_maximum(half * half + square * (e * e + c), 0));
     *first = 0;
     *last = size - 1;
     if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* not an ellipse: the eye's plane cuts it */
-    *first = (int)fmin(fmax(ceil(centre + (half - root) / square), 0), size);
-    *last = (int)fmax(fmin(floor(centre + (half + root) / square), size - 1), -1);
+    *first = (int)spsi_minimum(spsi_maximum(ceil(centre + (half - root) / square), 0), size);
+    *last = (int)spsi_maximum(spsi_minimum(floor(centre + (half + root) / square), size - 1), -1);
 }
 
 /* Fills in what depends on the direction of the rays. `c`: the ray's direction at the centre; q: the centre's pixel and
@@ -9644,8 +9649,9 @@ static void spsi_ball_near_range(const double across[3], const double along[3], 
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)fmax(fmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
-                            spsi_ball *ball) {
+/* Returns the radius in the world, raised to the minimum. */
+static double spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
+                              spsi_ball *ball) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
     memset(ball, 0, sizeof *ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
@@ -9653,8 +9659,8 @@ static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set,
     spsi_project(rays, centre, q);
     spsi_ball_size(rays, set, particle, offset, ball, &radius);
     ball->x1 = ball->y1 = -1;
-    ahead = q[2] / spsi_length(rays->inverse[2]); /* distance from the origin's plane, in the world */
-    if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return;
+    ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
+    if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
     ball->near_by =
         rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > SPSI_BALL_ASIDE * spsi_length(offset));
     ball->t = (float)(q[2] - rays->depth_reference);
@@ -9663,12 +9669,13 @@ static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set,
         spsi_ball_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
         spsi_ball_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
         ball->world_radius = (float)radius;
-        return;
+        return radius;
     }
     spsi_ray_direction(rays, q[0], q[1], c);
     spsi_ball_shape(rays, c, q, radius, ball);
     ball->x = (float)(q[0] - ball->x0);
     ball->y = (float)(q[1] - ball->y0);
+    return radius;
 }
 
 /* Intersects one ray with a near ball; returns 0 if it misses. The chord is as in spsi_chord. */
@@ -11121,7 +11128,6 @@ typedef struct spsi_seen {
     float reach_depth;    /* maximum radius in t */
     float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel at constant t */
     int channel;          /* of the sheets */
-    int list;             /* the tiles' list that it is in, >>targets; -1: none */
 } spsi_seen;
 
 static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
@@ -11138,7 +11144,7 @@ static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, 
     crossing->slab_t = (float)spsi_dot(crossing->row, rays->c);
     crossing->eye_near = spsi_rays_begin(rays);
     crossing->reach = 1 / slabs->thickness;
-    crossing->reach_depth = spsi_length(rays->inverse[2]);
+    crossing->reach_depth = rays->per_length;
 }
 
 /* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
@@ -11157,16 +11163,15 @@ static void spsi_particle_slabs(const spsi_crossing *crossing, const spsi_partic
 static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
                             int channel, int first_slab, spsi_seen *seen) {
     const spsi_rays *rays = crossing->rays;
-    double slab, reach, t;
-    spsi_ball_build(rays, set, particle, &seen->ball);
-    spsi_particle_slabs(crossing, set, particle, &slab, &reach);
+    const double radius = spsi_ball_build(rays, set, particle, &seen->ball);
+    double centre[3], t;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
-    seen->slab = (float)(slab - first_slab);
-    seen->reach = (float)reach;
-    reach /= crossing->reach;
-    seen->reach_depth = (float)(reach * crossing->reach_depth);
-    seen->weight = (float)fmin((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / reach, 1e30);
+    seen->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
+    seen->reach = (float)(radius * crossing->reach);
+    seen->reach_depth = (float)(radius * crossing->reach_depth);
+    seen->weight = (float)spsi_minimum((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
     seen->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
     seen->tilt_y = (float)(spsi_dot(crossing->row, rays->b) * t);
     seen->channel = channel;
@@ -12293,6 +12298,7 @@ static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
    tiles is listed with the top left one; wider particles are in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_seen *seen;
+    int *places;  /* of each in `seen`: 4 * its list, plus what its member has; -1: none */
     int *members; /* 4 * index in `seen`, plus 1 if the particle reaches the next column of tiles, plus 2: the next row
                    */
     int *starts;  /* per tile, and one more: index of its first member */
@@ -12584,7 +12590,7 @@ static size_t spsi_list_starts(const spsi_rays *rays) {
 /* Bytes of a target's lists for a given number of particles in a chunk. If they exceed a size_t: SIZE_MAX, which cannot
    be reserved. */
 static size_t spsi_lists_bytes(const spsi_rays *rays, size_t particles) {
-    const size_t each = sizeof(spsi_seen) + sizeof(int), starts = spsi_list_starts(rays) * sizeof(int);
+    const size_t each = sizeof(spsi_seen) + 2 * sizeof(int), starts = spsi_list_starts(rays) * sizeof(int);
     if (particles == 0) return 0;
     return particles > (SIZE_MAX - starts) / each ? SIZE_MAX : particles * each + starts;
 }
@@ -12593,7 +12599,8 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     spsi_lists *lists = &target->particles;
     lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, spsi_lists_bytes(target->rays, (size_t)most));
     if (!lists->seen) return context->result;
-    lists->members = (int *)(void *)(lists->seen + most);
+    lists->places = (int *)(void *)(lists->seen + most);
+    lists->members = lists->places + most;
     lists->starts = lists->members + most;
     return SPS_OK;
 }
@@ -12654,28 +12661,31 @@ static sps_result spsi_contents_add_particles(spsi_contents *contents) {
 
 /* --- a chunk's particles, by tile --- */
 
-/* The list that a particle belongs in. */
-static int spsi_list_of(const spsi_target *target, const spsi_ball *ball) {
+/* The list that a particle belongs in, as spsi_lists.places has it. */
+static int spsi_list_place(const spsi_target *target, const spsi_ball *ball) {
     const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
     const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
     if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
-    return x1 - x0 <= 1 && y1 - y0 <= 1 ? y0 * target->columns + x0 : target->columns * target->rows;
+    if (x1 - x0 > 1 || y1 - y0 > 1) return 4 * target->columns * target->rows;
+    return 4 * (y0 * target->columns + x0) + (x1 > x0) + 2 * (y1 > y0);
 }
 
 static void spsi_seen_task(void *data, int index, int worker) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, contents->particles.current);
+    const int end = spsi_batch_end(index, contents->particles.current), ahead = 16;
+    const sps_particle *particles = frame->content->particles;
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = contents->particles.present[i];
         const spsi_particle_set *set = spsi_set_of(frame, particle);
+        if (i + ahead < end) spsi_prefetch(&particles[contents->particles.present[i + ahead]], sizeof *particles);
         for (int n = 0; n < contents->target_count; ++n) {
             const spsi_target *target = contents->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
-            spsi_seen_build(&target->crossing, set, &frame->content->particles[particle],
+            spsi_seen_build(&target->crossing, set, &particles[particle],
                             target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
-            seen->list = spsi_list_of(target, &seen->ball);
+            target->particles.places[i] = spsi_list_place(target, &seen->ball);
         }
     }
 }
@@ -12689,15 +12699,10 @@ static void spsi_lists_task(void *data, int index, int worker) {
     (void)worker;
     memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
     for (int i = 0; i < count; ++i)
-        if (lists->seen[i].list >= 0) lists->starts[lists->seen[i].list] += 1;
+        if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
     for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
     for (int i = count - 1; i >= 0; --i) /* from the end: each list's end moves to its start */
-        if (lists->seen[i].list >= 0) {
-            const spsi_ball *ball = &lists->seen[i].ball;
-            const int right = ball->x1 / SPSI_TILE_WIDTH > ball->x0 / SPSI_TILE_WIDTH;
-            const int below = ball->y1 / SPSI_TILE_HEIGHT > ball->y0 / SPSI_TILE_HEIGHT;
-            lists->members[--lists->starts[lists->seen[i].list]] = 4 * i + right + 2 * below;
-        }
+        if (lists->places[i] >= 0) lists->members[--lists->starts[lists->places[i] / 4]] = 4 * i + lists->places[i] % 4;
 }
 
 /* Projects and bins the chunk's particles for all targets. */
@@ -14257,7 +14262,7 @@ static void spsi_ball_weigh(const spsi_ball_job *job, const spsi_particle_set *s
         return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
-    texel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
+    texel = rays->pixel * spsi_distance_to(rays, offset);
     share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
     if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
     /* a face of too few texels, or a ball as wide as its distance */
@@ -14301,7 +14306,7 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
 /* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
    seen. */
 static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
-    const double per_length = spsi_length(rays->inverse[2]);
+    const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
         const spsi_ball *ball = &balls[i];

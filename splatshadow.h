@@ -10501,6 +10501,26 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
 }
 
+/* The share of a kernel before planes at v, for rays that have nothing of it before `low`, and nothing behind `high`. */
+static inline spsi_v spsi_kernel_share_within(spsi_v v, spsi_v low, spsi_v high) {
+    const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
+    return spsi_kernel_share(spsi_select(spsi_less(high, v), spsi_set(1), from));
+}
+
+/* The same for two rows of a kernel, which may end at different planes. */
+static inline void spsi_add_pairs(const spsi_sections *s) {
+    float *sheet = s->sheet;
+    spsi_v v = s->v, after;
+    spsi_v before = s->starts ? spsi_set(0) : spsi_kernel_share_within(v, s->low, s->high);
+    for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
+        v = spsi_add(v, s->per_plane);
+        after = spsi_kernel_share_within(v, s->low, s->high);
+        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), 2);
+        before = after;
+    }
+    if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
+}
+
 /* Derivatives along x and y of sections that are not clamped. */
 typedef struct spsi_slopes {
     spsi_v log_weight[2]; /* of the logarithm of their weight */
@@ -10541,6 +10561,8 @@ typedef struct spsi_rows {
     float dy[SPSI_LANES];                      /* y from the kernel's centre */
     float factor[SPSI_LANES];                  /* of the weight: exp of the term that depends on y alone */
     float v[SPSI_LANES];                       /* of the first plane at the kernel's own x */
+    float low[SPSI_LANES], high[SPSI_LANES];   /* v there behind the first plane and before the last, which are the
+                                                  kernel's ends; infinite if they are not */
 } spsi_rows;
 
 static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
@@ -10569,6 +10591,10 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store(rows->dy, dy);
     spsi_store(rows->factor, spsi_exp(spsi_mul(square, spsi_set(f->inverse_yy[i]))));
     spsi_store(rows->v, spsi_fma(per_slab, first, v));
+    spsi_store(rows->low, spsi_select(spsi_less(low, zero), spsi_set(-SPSI_INFINITY),
+                                      spsi_fma(per_slab, spsi_add(first, spsi_set(0.5f)), v)));
+    spsi_store(rows->high, spsi_select(spsi_less(count, high), spsi_set(SPSI_INFINITY),
+                                       spsi_fma(per_slab, spsi_sub(high, spsi_set(0.5f)), v)));
     spsi_store(rows->left, spsi_sub(x0, spsi_set(0.5f)));
     spsi_store(rows->right, spsi_add(x1, spsi_set(0.5f)));
     spsi_store_int(rows->x0, x0);
@@ -10660,6 +10686,63 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     }
 }
 
+/* Two rows' numbers, in a vector of both. */
+static inline spsi_v spsi_pair(const float *rows, int r) {
+    return spsi_halves(spsi_set(rows[r]), spsi_set(rows[r + 1]));
+}
+
+/* Sets the sheets that two rows reach, and v of their first plane at the kernel's own x. `row`: in the first sheet of
+   all; `bits`: those of the rows that reach any. */
+static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
+                                      spsi_sections *sections) {
+    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1;
+    const int first = spsi_least(rows->first[i], rows->first[j]);
+    sections->sheet = row + (size_t)first * sections->sheet_size;
+    sections->count = spsi_most(rows->first[i] + rows->slabs[i], rows->first[j] + rows->slabs[j]) - first;
+    sections->starts = rows->starts[i] & rows->starts[j];
+    sections->ends = rows->ends[i] & rows->ends[j];
+    sections->v = spsi_halves(spsi_set(rows->v[i] - per_slab * (float)(rows->first[i] - first)),
+                              spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
+}
+
+/* The same for columns of half a vector, two rows at a time, neither clamped nor sloped. */
+static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *rows, int count, int x, int y) {
+    const spsi_tile *tile = print->tile;
+    const spsi_footprints *f = print->footprints;
+    const int i = print->lane;
+    const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
+    const int slender = b * b > 0.8f * 4 * a * c;
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_columns_of(2)), dx = spsi_sub(at, spsi_set(f->x[i]));
+    const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
+    const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));
+    const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_add(along, along)) : spsi_set(1);
+    float *row = print->channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    spsi_v column = spsi_mul(spsi_exp(spsi_fma(along, spsi_pair(rows->dy, 0), square)), amplitude);
+    spsi_sections sections;
+    sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
+    sections.per_plane = spsi_set(f->per_slab[i]);
+    for (int r = 0; r < count; r += 2, row += 2 * tile->pitch) {
+        const int bits = (rows->slabs[r] > 0) + 2 * (r + 1 < count && rows->slabs[r + 1] > 0);
+        const spsi_v held = spsi_halves(spsi_set((float)(bits & 1)), spsi_set((float)(bits & 2)));
+        const spsi_m within =
+            spsi_and(spsi_less(spsi_pair(rows->left, r), at), spsi_less(at, spsi_pair(rows->right, r)));
+        spsi_v weight = spsi_mul(column, spsi_pair(rows->factor, r));
+        column = spsi_mul(column, turn);
+        if (!bits) continue;
+        if (slender) {
+            const spsi_v dy = spsi_pair(rows->dy, r), down = spsi_mul(spsi_mul(dy, dy), spsi_set(c));
+            weight = spsi_mul(amplitude, spsi_exp(spsi_fma(along, dy, spsi_add(square, down))));
+        }
+        spsi_pair_sections(rows, r, bits, f->per_slab[i], row, &sections);
+        sections.weight = spsi_select(spsi_and(spsi_less(spsi_set(0), held), within), weight, spsi_set(0));
+        sections.v = spsi_add(v_column, sections.v);
+        sections.low = spsi_add(v_column, spsi_pair(rows->low, r));
+        sections.high = spsi_add(v_column, spsi_pair(rows->high, r));
+        spsi_add_pairs(&sections);
+    }
+}
+
 static void spsi_splat_footprint(const spsi_print *print) {
     spsi_tile *tile = print->tile;
     const spsi_splatter *s = print->splatter;
@@ -10674,6 +10757,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
+    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && !tile->slopes && x1 - x0 < SPSI_LANES / 2;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -10681,6 +10765,10 @@ static void spsi_splat_footprint(const spsi_print *print) {
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
+        if (narrow) {
+            spsi_splat_pairs(print, &rows, count, x0, y);
+            continue;
+        }
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (tile->slopes)
                 spsi_splat_columns(print, &rows, count, x, y, 0, 1);

@@ -1233,8 +1233,8 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 
 /* ================================================================================================= >>simd
    2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a boolean for each. All code below is written once, for
-   any width. Lanes never mix, so results do not depend on the width except for the rounding of fused multiply-add. Only
-   this section names instruction sets. */
+   any width. Lanes never add up, so results do not depend on the width except for rounding. Only this section names
+   instruction sets. */
 
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
@@ -10225,8 +10225,9 @@ static void spsi_image_divide(const spsi_frame *frame) {
    sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
    sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
    smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps).
-   Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Cost: about 14 vector
-   operations per vector of fragments and section, and 25 per row. */
+   Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Narrow footprints, which
+   would leave most of a long vector empty, have two rows in each. Cost: about 14 vector operations per vector of
+   fragments and section, and 25 per row. */
 
 /* A kernel near a perspective eye, in units of t's standard deviation, so that fourth powers stay in range. */
 typedef struct spsi_near_case {
@@ -10501,7 +10502,7 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
 }
 
-/* The share of a kernel before planes at v, for rays that have nothing of it before `low`, and nothing behind `high`. */
+/* The share of a kernel before planes at v, for rays that have nothing of it before `low` and nothing behind `high`. */
 static inline spsi_v spsi_kernel_share_within(spsi_v v, spsi_v low, spsi_v high) {
     const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
     return spsi_kernel_share(spsi_select(spsi_less(high, v), spsi_set(1), from));
@@ -10631,10 +10632,12 @@ typedef struct spsi_print {
     float *channel;
 } spsi_print;
 
+/* Whether the factors of a footprint's weights could overflow. */
+static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
+
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
-   that no exponential is evaluated per pixel. Slender ellipses, whose factors could overflow, evaluate one per vector
-   and row. */
+   that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
 static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped, int sloped) {
     const spsi_tile *tile = print->tile;
@@ -10642,7 +10645,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
-    const int slender = b * b > 0.8f * 4 * a * c;
+    const int slender = spsi_is_slender(a, b, c);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i]));
@@ -10711,7 +10714,7 @@ static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *ro
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
-    const int slender = b * b > 0.8f * 4 * a * c;
+    const int slender = spsi_is_slender(a, b, c);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_columns_of(2)), dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));

@@ -119,6 +119,23 @@ static void test_quads(void) {
     }
 }
 
+/* Two rows of half as many pixels; where vectors are short, one whole row. */
+static void test_rows(void) {
+    const int rows = SPSI_ROWS_MOST, width = SPSI_LANES / rows, pitch = width + 3;
+    float grid[2 * SPSI_LANES + 6], out[SPSI_LANES], columns[SPSI_LANES], down[SPSI_LANES];
+    for (int i = 0; i < 2 * SPSI_LANES + 6; ++i) grid[i] = (float)i;
+    spsi_store(out, spsi_load_rows(grid, (size_t)pitch, rows));
+    spsi_store(columns, spsi_columns_of(rows));
+    spsi_store(down, spsi_rows_of(rows));
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        CHECK(same_bits(columns[i], (float)(i % width)) && same_bits(down[i], (float)(i / width)));
+        CHECK(same_bits(out[i], grid[i / width * pitch + i % width]));
+    }
+    spsi_store_rows(grid, (size_t)pitch, spsi_add(spsi_load(out), spsi_set(100)), rows);
+    for (int i = 0; i < rows * pitch; ++i)
+        CHECK(same_bits(grid[i], (float)(i + (i % pitch < width ? 100 : 0)))); /* and nothing between the rows */
+}
+
 static void test_fours(void) {
     float table[4 * 50], entry[SPSI_LANES], out[SPSI_LANES];
     spsi_v four[4];
@@ -375,6 +392,7 @@ int main(int count, char **arguments) {
     test_masks();
     test_rounding();
     test_quads();
+    test_rows();
     test_fours();
     test_exp();
     test_kernel_share();

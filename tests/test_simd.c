@@ -6,7 +6,7 @@
 
 #include "check.h"
 
-enum { WIDTH = 70, HEIGHT = 45, FLOATS = 5 * WIDTH * HEIGHT, SCENES = 6 };
+enum { WIDTH = 70, HEIGHT = 45, FLOATS = 5 * WIDTH * HEIGHT, SCENES = 7 };
 
 /* ------------------------------------------------------------------------------------------------------- operations */
 
@@ -252,7 +252,8 @@ static int read_bumps(void *user, const int lo[3], const int size[3], float *out
 }
 
 /* The n-th scene: gas; against the light; polygons within; a point light; classified as a surface; orthographic, thin
-   slabs. Quality HIGH, where a kernel's last ring that one program may draw and the other not is 6e-4 of its peak. */
+   slabs; the same with voxels of a pixel, whose footprints are narrow enough for two rows in a vector. Quality HIGH,
+   where a kernel's last ring that one program may draw and the other not is 6e-4 of its peak. */
 static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer *transfer, int n) {
     static const sps_transfer_point points[] = {{0.4f, {0.9f, 0.4f, 0.2f}, 0}, {0.8f, {0.3f, 0.9f, 0.5f}, 9}};
     const double origin[3] = {-1.1, -0.9, 0.1}, u[3] = {2.2, 0.3, 0.2}, v[3] = {0.1, 1.1, -0.9};
@@ -260,11 +261,13 @@ static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer
     check_clear(s, WIDTH, HEIGHT);
     check_set3(s->view.camera.position, 0.7, 0.9, 5);
     check_orthographic(&s->view.camera, 2.7);
-    check_perspective(&s->view.camera, n == 5 ? 0 : 0.5);
+    check_perspective(&s->view.camera, n >= 5 ? 0 : 0.5);
     s->view.quality = SPS_QUALITY_HIGH;
     s->view.shadow_size = 50;
-    if (n == 5) s->view.slab = 0.2;
-    volume = check_add_volume(s, 13, 12, 11, check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));
+    if (n >= 5) s->view.slab = 0.2;
+    if (n == 6) s->view.filling = SPS_FILLING_SPLAT;
+    volume = check_add_volume(s, n == 6 ? 26 : 13, n == 6 ? 24 : 12, n == 6 ? 22 : 11,
+                              check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));
     volume->read_fn = read_bumps;
     volume->extinction = 1.3f;
     volume->placement.axis[0][2] = 0.3;

@@ -1260,8 +1260,8 @@ SPS_API void sps_tmap_destroy(sps_tmap *map);
 
 /* ================================================================================================= >>simd
    2  Vectors of floats: spsi_v holds SPSI_LANES floats, spsi_m a boolean for each. All code below is written once, for
-   any width. Lanes never mix, so results do not depend on the width except for the rounding of fused multiply-add. Only
-   this section names instruction sets. */
+   any width. Lanes never add up, so results do not depend on the width except for rounding. Only this section names
+   instruction sets. */
 
 #if !defined(SPS_NO_SIMD) && defined(__AVX512F__)
 #define SPSI_SIMD_AVX512
@@ -1338,6 +1338,15 @@ static inline void spsi_lookup_four(const float *table, spsi_v entry, spsi_v fou
 static inline spsi_m spsi_first(int count) { return (spsi_m)(count < 16 ? (1u << count) - 1 : 0xffffu); }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm512_maskz_loadu_ps(spsi_first(count), p); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm512_mask_storeu_ps(p, spsi_first(count), a); }
+static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm512_shuffle_f32x4(a, b, 0x44); }
+static inline spsi_v spsi_load_halves(const float *a, const float *b) {
+    return spsi_halves(_mm512_castps256_ps512(_mm256_loadu_ps(a)), _mm512_castps256_ps512(_mm256_loadu_ps(b)));
+}
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
+    _mm256_storeu_ps(a, _mm512_castps512_ps256(v));
+    _mm256_storeu_ps(b, _mm512_castps512_ps256(_mm512_shuffle_f32x4(v, v, 0xee)));
+}
+#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
     const __m512i words = _mm512_i32gather_epi32(_mm512_cvttps_epi32(at), grid, 4);
@@ -1407,6 +1416,15 @@ static inline __m256i spsi_first(int count) {
 }
 static inline spsi_v spsi_load_first(const float *p, int count) { return _mm256_maskload_ps(p, spsi_first(count)); }
 static inline void spsi_store_first(float *p, spsi_v a, int count) { _mm256_maskstore_ps(p, spsi_first(count), a); }
+static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return _mm256_permute2f128_ps(a, b, 0x20); }
+static inline spsi_v spsi_load_halves(const float *a, const float *b) {
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
+}
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
+    _mm_storeu_ps(a, _mm256_castps256_ps128(v));
+    _mm_storeu_ps(b, _mm256_extractf128_ps(v, 1));
+}
+#define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
 static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
     const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)grid, _mm256_cvttps_epi32(at), 4);
@@ -1536,6 +1554,44 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
     memcpy(p, lanes, (size_t)count * sizeof(float));
 }
 #endif
+
+/* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
+   spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
+#ifdef SPSI_HAS_HALVES
+#define SPSI_ROWS_MOST 2
+#else
+#define SPSI_ROWS_MOST 1
+static inline spsi_v spsi_halves(spsi_v a, spsi_v b) { return (void)b, a; }
+static inline spsi_v spsi_load_halves(const float *a, const float *b) { return (void)b, spsi_load(a); }
+static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
+    spsi_store(a, v);
+    (void)b;
+}
+#endif
+
+/* The pixels of a vector of 1 or 2 rows, from its first: columns, and rows. */
+static inline spsi_v spsi_columns_of(int rows) {
+    return rows == 1 ? spsi_iota() : spsi_halves(spsi_iota(), spsi_iota());
+}
+static inline spsi_v spsi_rows_of(int rows) { return rows == 1 ? spsi_set(0) : spsi_halves(spsi_set(0), spsi_set(1)); }
+
+static inline spsi_v spsi_load_rows(const float *p, size_t pitch, int rows) {
+    return rows == 1 ? spsi_load(p) : spsi_load_halves(p, p + pitch);
+}
+
+static inline void spsi_store_rows(float *p, size_t pitch, spsi_v a, int rows) {
+    if (rows == 1)
+        spsi_store(p, a);
+    else
+        spsi_store_halves(p, p + pitch, a);
+}
+
+/* Whether a box of pixels takes fewer vectors of two rows than of one. */
+static inline int spsi_rows_for(int width, int height) {
+    const int half = SPSI_LANES / SPSI_ROWS_MOST;
+    const int twos = (width + half - 1) / half * ((height + 1) / 2);
+    return SPSI_ROWS_MOST > 1 && twos < (width + SPSI_LANES - 1) / SPSI_LANES * height ? 2 : 1;
+}
 
 #if defined(SPSI_SIMD_SSE2) || SPSI_LANES == 1
 /* Rounds down, for |a| < 2^30. */
@@ -1699,6 +1755,7 @@ static inline void spsi_lookup_quad(const float *grid, int stride, spsi_v x, sps
 static inline void spsi_prefetch(const void *data, size_t size) {
 #if defined(__GNUC__)
     for (size_t i = 0; i < size; i += 64) __builtin_prefetch((const char *)data + i);
+    __builtin_prefetch((const char *)data + size - 1); /* the data may begin within a line */
 #else
     (void)data, (void)size;
 #endif
@@ -2369,6 +2426,8 @@ typedef struct spsi_rays {
     int perspective, width, height;
     double origin[3], a[3], b[3], c[3];
     double inverse[3][3]; /* rows; maps (p - origin) to (x t, y t, t) or (x, y, t) */
+    double pixel;         /* the larger one of the lengths of a and b */
+    double per_length;    /* change of t per world length, along the axis */
     double depth_reference, near_depth;
     int is_cube_face; /* 1: one of six faces around the origin */
 } spsi_rays;
@@ -2382,6 +2441,8 @@ static int spsi_tile_rows(const spsi_rays *rays) { return (rays->height + SPSI_T
 /* Returns 0 if the rays do not span space, or if a nearly singular matrix puts them too far away. */
 static int spsi_rays_complete(spsi_rays *rays) {
     if (!spsi_invert(rays->a, rays->b, rays->c, rays->inverse)) return 0;
+    rays->pixel = fmax(spsi_length(rays->a), spsi_length(rays->b));
+    rays->per_length = spsi_length(rays->inverse[2]);
     return !spsi_bad_coordinate(rays->origin, 3) && !spsi_bad_coordinate(rays->a, 3) &&
            !spsi_bad_coordinate(rays->b, 3);
 }
@@ -9889,20 +9950,20 @@ typedef struct spsi_chord {
 static double spsi_distance_to(const spsi_rays *rays, const double offset[3]) {
     if (!rays->perspective) return 1;
     if (rays->is_cube_face) return fmax(fabs(offset[0]), fmax(fabs(offset[1]), fabs(offset[2])));
-    return fmax(spsi_dot(rays->inverse[2], offset), 0);
+    return spsi_maximum(spsi_dot(rays->inverse[2], offset), 0);
 }
 
 /* The particle's radius, raised to the minimum that pixels allow, and its optical depth, reduced by as much as the area
    has grown. `offset`: of its centre from the rays' origin. */
 static void spsi_ball_size(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
                            const double offset[3], spsi_ball *ball, double *radius) {
-    const double pixel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
+    const double pixel = rays->pixel * spsi_distance_to(rays, offset);
     const double own = (double)particle->radius, shape = set->soft ? 4.0 / 3 : 2.0;
     double depth = (double)particle->optical_depth;
     if (set->is_extinction) depth *= shape * own;
-    *radius = fmax(own, SPSI_BALL_LEAST * pixel);
+    *radius = spsi_maximum(own, SPSI_BALL_LEAST * pixel);
     if (own < *radius) depth *= (own / *radius) * (own / *radius);
-    ball->depth = (float)fmin(depth, (double)SPSI_DEPTH_MAX);
+    ball->depth = (float)spsi_minimum(depth, (double)SPSI_DEPTH_MAX);
     ball->soft = set->soft;
 }
 
@@ -9915,12 +9976,12 @@ typedef struct spsi_outline {
 static void spsi_outline_range(const spsi_outline *outline, double centre, int size, int *first, int *last) {
     const double a = outline->a, b = outline->b, c = outline->c, d = outline->d, e = outline->e;
     const double square = a * c - b * b, half = c * d - b * e;
-    const double root = sqrt(fmax(half * half + square * (e * e + c), 0));
+    const double root = sqrt(spsi_maximum(half * half + square * (e * e + c), 0));
     *first = 0;
     *last = size - 1;
     if (!(square > 1e-12 * a * c) || !(a > 0)) return; /* not an ellipse: the eye's plane cuts it */
-    *first = (int)fmin(fmax(ceil(centre + (half - root) / square), 0), size);
-    *last = (int)fmax(fmin(floor(centre + (half + root) / square), size - 1), -1);
+    *first = (int)spsi_minimum(spsi_maximum(ceil(centre + (half - root) / square), 0), size);
+    *last = (int)spsi_maximum(spsi_minimum(floor(centre + (half + root) / square), size - 1), -1);
 }
 
 /* Fills in what depends on the direction of the rays. `c`: the ray's direction at the centre; q: the centre's pixel and
@@ -9974,8 +10035,9 @@ static void spsi_ball_near_range(const double across[3], const double along[3], 
     if (a > 0 || !(x - b / a * t > 0)) *last = (int)fmax(fmin(floor(a > 0 ? high : low), size - 1), -1);
 }
 
-static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
-                            spsi_ball *ball) {
+/* Returns the radius in the world, raised to the minimum. */
+static double spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set, const sps_particle *particle,
+                              spsi_ball *ball) {
     double centre[3], offset[3], q[3], c[3], radius, ahead;
     memset(ball, 0, sizeof *ball);
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
@@ -9983,8 +10045,8 @@ static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set,
     spsi_project(rays, centre, q);
     spsi_ball_size(rays, set, particle, offset, ball, &radius);
     ball->x1 = ball->y1 = -1;
-    ahead = q[2] / spsi_length(rays->inverse[2]); /* distance from the origin's plane, in the world */
-    if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return;
+    ahead = q[2] / rays->per_length; /* distance from the origin's plane, in the world */
+    if (!(ball->depth > 0) || !(radius > 0) || (rays->perspective && !(ahead > -radius))) return radius;
     ball->near_by =
         rays->perspective && !(ahead > SPSI_BALL_NEAR * radius && ahead > SPSI_BALL_ASIDE * spsi_length(offset));
     ball->t = (float)(q[2] - rays->depth_reference);
@@ -9993,12 +10055,13 @@ static void spsi_ball_build(const spsi_rays *rays, const spsi_particle_set *set,
         spsi_ball_near_range(rays->inverse[0], rays->inverse[2], offset, radius, rays->width, &ball->x0, &ball->x1);
         spsi_ball_near_range(rays->inverse[1], rays->inverse[2], offset, radius, rays->height, &ball->y0, &ball->y1);
         ball->world_radius = (float)radius;
-        return;
+        return radius;
     }
     spsi_ray_direction(rays, q[0], q[1], c);
     spsi_ball_shape(rays, c, q, radius, ball);
     ball->x = (float)(q[0] - ball->x0);
     ball->y = (float)(q[1] - ball->y0);
+    return radius;
 }
 
 /* Intersects one ray with a near ball; returns 0 if it misses. The chord is as in spsi_chord. */
@@ -10031,27 +10094,39 @@ static void spsi_ball_chord_near(const spsi_rays *rays, const spsi_ball *ball, i
     chord->share = spsi_load(lanes[2]);
 }
 
-/* The chords of a vector of pixels' rays, from (x, y) on. They also hold outside of x0 .. x1, wherever there is a
-   ray. */
-static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
-    const spsi_v one = spsi_set(1), zero = spsi_set(0);
-    const float dy = (float)(y - ball->y0) - ball->y;
-    const spsi_v dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_iota());
-    const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_set(dy * ball->tilt[1]));
+/* The chords of a vector of rays, given by the places of their pixels from a distant ball's centre. They also hold
+   outside of x0 .. x1, wherever there is a ray. */
+static inline void spsi_ball_chord_far(const spsi_rays *rays, const spsi_ball *ball, spsi_v dx, spsi_v dy,
+                                       spsi_chord *chord) {
+    const spsi_v one = spsi_set(1), zero = spsi_set(0), twice = spsi_add(dy, dy), down = spsi_mul(dy, dy);
+    const spsi_v p = spsi_fma(dx, spsi_set(ball->tilt[0]), spsi_mul(dy, spsi_set(ball->tilt[1])));
     spsi_v q, d, square, root;
-    if (ball->near_by) {
-        spsi_ball_chord_near(rays, ball, x, y, chord);
-        return;
-    }
-    q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_set(2 * dy * ball->bend[1]));
-    q = spsi_fma(dx, q, spsi_set(dy * dy * ball->bend[2]));
-    d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_set(2 * dy * ball->cross[1]));
-    d = spsi_fma(dx, d, spsi_set(dy * dy * ball->cross[2]));
+    q = spsi_fma(dx, spsi_set(ball->bend[0]), spsi_mul(twice, spsi_set(ball->bend[1])));
+    q = spsi_fma(dx, q, spsi_mul(down, spsi_set(ball->bend[2])));
+    d = spsi_fma(dx, spsi_set(ball->cross[0]), spsi_mul(twice, spsi_set(ball->cross[1])));
+    d = spsi_fma(dx, d, spsi_mul(down, spsi_set(ball->cross[2])));
     square = rays->perspective ? spsi_add(one, spsi_fma(spsi_set(2), p, q)) : one;
     root = spsi_div(one, spsi_sqrt(spsi_max(square, spsi_set(FLT_MIN))));
     chord->share = spsi_sqrt(spsi_max(spsi_sub(one, spsi_mul(d, spsi_mul(root, root))), zero));
     chord->half = spsi_mul(spsi_mul(chord->share, root), spsi_set(ball->radius));
     chord->middle = spsi_fma(spsi_mul(spsi_add(p, q), spsi_set(ball->shift)), spsi_mul(root, root), spsi_set(ball->t));
+}
+
+/* The places of a vector of pixels, of 1 or 2 rows from (x, y) on, from a distant ball's centre. */
+static inline void spsi_ball_offsets(const spsi_ball *ball, int x, int y, int rows, spsi_v *dx, spsi_v *dy) {
+    *dx = spsi_add(spsi_set((float)(x - ball->x0) - ball->x), spsi_columns_of(rows));
+    *dy = spsi_add(spsi_set((float)(y - ball->y0) - ball->y), spsi_rows_of(rows));
+}
+
+/* The chords of a vector of pixels' rays, from (x, y) on. */
+static inline void spsi_ball_chord(const spsi_rays *rays, const spsi_ball *ball, int x, int y, spsi_chord *chord) {
+    spsi_v dx, dy;
+    if (ball->near_by) {
+        spsi_ball_chord_near(rays, ball, x, y, chord);
+        return;
+    }
+    spsi_ball_offsets(ball, x, y, 1, &dx, &dy);
+    spsi_ball_chord_far(rays, ball, dx, dy, chord);
 }
 
 /* Optical depth along a vector of chords: the integral of 1, or of 1 - s^2 for a soft ball, over them. */
@@ -10551,8 +10626,9 @@ static void spsi_image_divide(const spsi_frame *frame) {
    sees them are the exception: a transfer function of a mean is not the mean of a transfer function, so they are
    sampled once per pixel, as polygons are, and from whole slabs, as profiles and gradients require. Where voxels are
    smaller than pixels, the gradient has sheets of its own, d/dx and d/dy of each section (spsi_add_slopes; >>taps).
-   Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Cost: about 14 vector
-   operations per vector of fragments and section, and 25 per row. */
+   Sheets hold the integral of value over t; the length of a ray per t is applied at shading. Narrow footprints, which
+   would leave most of a long vector empty, have two rows in each. Cost: about 14 vector operations per vector of
+   fragments and section, and 25 per row. */
 
 /* A kernel near a perspective eye, in units of t's standard deviation, so that fourth powers stay in range. */
 typedef struct spsi_near_case {
@@ -10788,6 +10864,7 @@ typedef enum spsi_mass { SPSI_MASS_KERNEL, SPSI_MASS_CHORD, SPSI_MASS_SOFT_CHORD
 typedef struct spsi_sections {
     float *sheet;      /* the first one */
     size_t sheet_size; /* floats from one sheet to the next */
+    size_t pitch;      /* floats from one row to the next, if the rays are of two rows */
     int count;         /* number of sheets */
     int starts;        /* 1: the first sheet also receives what lies before its plane */
     int ends;          /* 1: the last sheet also receives what lies behind its plane */
@@ -10802,8 +10879,13 @@ static inline spsi_v spsi_mass_share(spsi_mass mass, spsi_v v) {
     return spsi_chord_share(mass == SPSI_MASS_SOFT_CHORD, v);
 }
 
+/* Adds weight times share to a vector of 1 or 2 rows of a sheet. */
+static inline void spsi_add_rows(float *sheet, size_t pitch, spsi_v weight, spsi_v share, int rows) {
+    spsi_store_rows(sheet, pitch, spsi_fma(weight, share, spsi_load_rows(sheet, pitch, rows)), rows);
+}
+
 /* Adds to each sheet the weight times the change of share from plane to plane. Each plane's share serves two sheets. */
-static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped) {
+static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int clamped, int rows) {
     float *sheet = s->sheet;
     spsi_v v = s->v, before, after;
     if (s->starts)
@@ -10813,12 +10895,32 @@ static inline void spsi_add_sections(const spsi_sections *s, spsi_mass mass, int
     for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
         v = spsi_add(v, s->per_plane);
         after = spsi_mass_share(mass, clamped ? spsi_clamp(v, s->low, s->high) : v);
-        spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
+        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
         before = after;
     }
     if (!s->ends) return;
     after = clamped ? spsi_mass_share(mass, s->high) : spsi_set(1);
-    spsi_store(sheet, spsi_fma(s->weight, spsi_sub(after, before), spsi_load(sheet)));
+    spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), rows);
+}
+
+/* The share of a kernel before planes at v, for rays that have nothing of it before `low` and nothing behind `high`. */
+static inline spsi_v spsi_kernel_share_within(spsi_v v, spsi_v low, spsi_v high) {
+    const spsi_v from = spsi_select(spsi_less(v, low), spsi_set(-1), v);
+    return spsi_kernel_share(spsi_select(spsi_less(high, v), spsi_set(1), from));
+}
+
+/* The same for two rows of a kernel, which may end at different planes. */
+static inline void spsi_add_pairs(const spsi_sections *s) {
+    float *sheet = s->sheet;
+    spsi_v v = s->v, after;
+    spsi_v before = s->starts ? spsi_set(0) : spsi_kernel_share_within(v, s->low, s->high);
+    for (int k = 0; k < s->count - s->ends; ++k, sheet += s->sheet_size) {
+        v = spsi_add(v, s->per_plane);
+        after = spsi_kernel_share_within(v, s->low, s->high);
+        spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(after, before), 2);
+        before = after;
+    }
+    if (s->ends) spsi_add_rows(sheet, s->pitch, s->weight, spsi_sub(spsi_set(1), before), 2);
 }
 
 /* Derivatives along x and y of sections that are not clamped. */
@@ -10861,6 +10963,8 @@ typedef struct spsi_rows {
     float dy[SPSI_LANES];                      /* y from the kernel's centre */
     float factor[SPSI_LANES];                  /* of the weight: exp of the term that depends on y alone */
     float v[SPSI_LANES];                       /* of the first plane at the kernel's own x */
+    float low[SPSI_LANES], high[SPSI_LANES];   /* v there behind the first plane and before the last, which are the
+                                                  kernel's ends; infinite if they are not */
 } spsi_rows;
 
 static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints *f, int i, int y, float cut,
@@ -10889,6 +10993,10 @@ static inline void spsi_rows_build(const spsi_tile *tile, const spsi_footprints 
     spsi_store(rows->dy, dy);
     spsi_store(rows->factor, spsi_exp(spsi_mul(square, spsi_set(f->inverse_yy[i]))));
     spsi_store(rows->v, spsi_fma(per_slab, first, v));
+    spsi_store(rows->low, spsi_select(spsi_less(low, zero), spsi_set(-SPSI_INFINITY),
+                                      spsi_fma(per_slab, spsi_add(first, spsi_set(0.5f)), v)));
+    spsi_store(rows->high, spsi_select(spsi_less(count, high), spsi_set(SPSI_INFINITY),
+                                       spsi_fma(per_slab, spsi_sub(high, spsi_set(0.5f)), v)));
     spsi_store(rows->left, spsi_sub(x0, spsi_set(0.5f)));
     spsi_store(rows->right, spsi_add(x1, spsi_set(0.5f)));
     spsi_store_int(rows->x0, x0);
@@ -10925,10 +11033,12 @@ typedef struct spsi_print {
     float *channel;
 } spsi_print;
 
+/* Whether the factors of a footprint's weights could overflow. */
+static inline int spsi_is_slender(float a, float b, float c) { return b * b > 0.8f * 4 * a * c; }
+
 /* A vector of columns of up to SPSI_LANES rows. With the inverse covariance (A B; B C), weights are
    exp(-A dx^2 / 2 - B dx dy0) * exp(-B dx)^row * exp(-C dy^2 / 2): the first two are per column, the last per row, so
-   that no exponential is evaluated per pixel. Slender ellipses, whose factors could overflow, evaluate one per vector
-   and row. */
+   that no exponential is evaluated per pixel. Slender ellipses evaluate one per vector and row. */
 static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *rows, int count, int x, int y,
                                       int clamped, int sloped) {
     const spsi_tile *tile = print->tile;
@@ -10936,7 +11046,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     const spsi_footprints *f = print->footprints;
     const int i = print->lane;
     const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
-    const int slender = b * b > 0.8f * 4 * a * c;
+    const int slender = spsi_is_slender(a, b, c);
     const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), dx = spsi_sub(at, spsi_set(f->x[i]));
     const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
     const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i]));
@@ -10945,6 +11055,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
     spsi_v column = spsi_mul(spsi_exp(spsi_fma(dx, spsi_set(b * rows->dy[0]), square)), amplitude);
     spsi_sections sections;
     sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
     sections.per_plane = spsi_set(f->per_slab[i]);
     sections.low = sections.high = spsi_set(0);
     for (int r = 0; r < count; ++r, row += tile->pitch) {
@@ -10968,7 +11079,7 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
         sections.starts = rows->starts[r];
         sections.ends = rows->ends[r];
         sections.v = spsi_add(v_column, spsi_set(rows->v[r]));
-        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped);
+        spsi_add_sections(&sections, SPSI_MASS_KERNEL, clamped, 1);
         if (sloped) {
             const float dy = rows->dy[r];
             const spsi_slopes slopes = {
@@ -10976,6 +11087,63 @@ static inline void spsi_splat_columns(const spsi_print *print, const spsi_rows *
                 {f->slope_x[i], f->slope_y[i]}};
             spsi_add_slopes(&sections, &slopes, tile->channel_size, tile->slopes + (sections.sheet - print->channel));
         }
+    }
+}
+
+/* Two rows' numbers, in a vector of both. */
+static inline spsi_v spsi_pair(const float *rows, int r) {
+    return spsi_halves(spsi_set(rows[r]), spsi_set(rows[r + 1]));
+}
+
+/* Sets the sheets that two rows reach, and v of their first plane at the kernel's own x. `row`: in the first sheet of
+   all; `bits`: those of the rows that reach any. */
+static inline void spsi_pair_sections(const spsi_rows *rows, int r, int bits, float per_slab, float *row,
+                                      spsi_sections *sections) {
+    const int i = bits == 2 ? r + 1 : r, j = bits == 1 ? r : r + 1;
+    const int first = spsi_least(rows->first[i], rows->first[j]);
+    sections->sheet = row + (size_t)first * sections->sheet_size;
+    sections->count = spsi_most(rows->first[i] + rows->slabs[i], rows->first[j] + rows->slabs[j]) - first;
+    sections->starts = rows->starts[i] & rows->starts[j];
+    sections->ends = rows->ends[i] & rows->ends[j];
+    sections->v = spsi_halves(spsi_set(rows->v[i] - per_slab * (float)(rows->first[i] - first)),
+                              spsi_set(rows->v[j] - per_slab * (float)(rows->first[j] - first)));
+}
+
+/* The same for columns of half a vector, two rows at a time, neither clamped nor sloped. */
+static inline void spsi_splat_pairs(const spsi_print *print, const spsi_rows *rows, int count, int x, int y) {
+    const spsi_tile *tile = print->tile;
+    const spsi_footprints *f = print->footprints;
+    const int i = print->lane;
+    const float a = -0.5f * f->across[i], b = f->across[i] * f->lean[i], c = f->inverse_yy[i];
+    const int slender = spsi_is_slender(a, b, c);
+    const spsi_v at = spsi_add(spsi_set((float)x), spsi_columns_of(2)), dx = spsi_sub(at, spsi_set(f->x[i]));
+    const spsi_v square = spsi_mul(spsi_mul(dx, dx), spsi_set(a)), amplitude = spsi_set(f->amplitude[i]);
+    const spsi_v v_column = spsi_mul(dx, spsi_set(f->slope_x[i])), along = spsi_mul(dx, spsi_set(b));
+    const spsi_v turn = b < 0 || b > 0 ? spsi_exp(spsi_add(along, along)) : spsi_set(1);
+    float *row = print->channel + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
+    spsi_v column = spsi_mul(spsi_exp(spsi_fma(along, spsi_pair(rows->dy, 0), square)), amplitude);
+    spsi_sections sections;
+    sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
+    sections.per_plane = spsi_set(f->per_slab[i]);
+    for (int r = 0; r < count; r += 2, row += 2 * tile->pitch) {
+        const int bits = (rows->slabs[r] > 0) + 2 * (r + 1 < count && rows->slabs[r + 1] > 0);
+        const spsi_v held = spsi_halves(spsi_set((float)(bits & 1)), spsi_set((float)(bits & 2)));
+        const spsi_m within =
+            spsi_and(spsi_less(spsi_pair(rows->left, r), at), spsi_less(at, spsi_pair(rows->right, r)));
+        spsi_v weight = spsi_mul(column, spsi_pair(rows->factor, r));
+        column = spsi_mul(column, turn);
+        if (!bits) continue;
+        if (slender) {
+            const spsi_v dy = spsi_pair(rows->dy, r), down = spsi_mul(spsi_mul(dy, dy), spsi_set(c));
+            weight = spsi_mul(amplitude, spsi_exp(spsi_fma(along, dy, spsi_add(square, down))));
+        }
+        spsi_pair_sections(rows, r, bits, f->per_slab[i], row, &sections);
+        sections.weight = spsi_select(spsi_and(spsi_less(spsi_set(0), held), within), weight, spsi_set(0));
+        sections.v = spsi_add(v_column, sections.v);
+        sections.low = spsi_add(v_column, spsi_pair(rows->low, r));
+        sections.high = spsi_add(v_column, spsi_pair(rows->high, r));
+        spsi_add_pairs(&sections);
     }
 }
 
@@ -10993,6 +11161,7 @@ static void spsi_splat_footprint(const spsi_print *print) {
     const int clamped =
         tile->clamped && !s->whole &&
         (f->depth[i] + s->reach_depth > tile->nearest_limit || f->depth[i] - s->reach_depth < s->eye_near);
+    const int narrow = SPSI_ROWS_MOST > 1 && !clamped && !tile->slopes && x1 - x0 < SPSI_LANES / 2;
     if (!(tile->open & spsi_patches(tile, x0, y0, x1, y1))) return;
     tile->visits += 1;
     for (int y = y0; y <= y1; y += SPSI_LANES) {
@@ -11000,6 +11169,10 @@ static void spsi_splat_footprint(const spsi_print *print) {
         spsi_rows rows;
         spsi_rows_build(tile, f, i, y, s->cut, &rows);
         for (int r = 0; r < count; ++r) tile->fragments += (uint64_t)rows.area[r];
+        if (narrow) {
+            spsi_splat_pairs(print, &rows, count, x0, y);
+            continue;
+        }
         for (int x = x0; x <= x1; x += SPSI_LANES)
             if (tile->slopes)
                 spsi_splat_columns(print, &rows, count, x, y, 0, 1);
@@ -11103,10 +11276,11 @@ static inline void spsi_splat_near_row(const spsi_near_print *print, int x, int 
     sections.sheet =
         print->channel + (size_t)k0 * tile->sheet_size + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0));
     sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
     sections.count = k1 - k0;
     sections.starts = k0 == print->first;
     sections.ends = k1 == print->last;
-    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1);
+    spsi_add_sections(&sections, SPSI_MASS_KERNEL, 1, 1);
 }
 
 /* Whether a kernel, or (side -1) its mirror image behind the eye, meets a tile's rays. */
@@ -11446,7 +11620,6 @@ typedef struct spsi_seen {
     float reach_depth;    /* maximum radius in t */
     float tilt_x, tilt_y; /* change of slab coordinate from pixel to pixel at constant t */
     int channel;          /* of the sheets */
-    int list;             /* the tiles' list that it is in, >>targets; -1: none */
 } spsi_seen;
 
 static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, int backwards,
@@ -11463,7 +11636,7 @@ static void spsi_crossing_build(const spsi_rays *rays, const spsi_slabs *slabs, 
     crossing->slab_t = (float)spsi_dot(crossing->row, rays->c);
     crossing->eye_near = spsi_rays_begin(rays);
     crossing->reach = 1 / slabs->thickness;
-    crossing->reach_depth = spsi_length(rays->inverse[2]);
+    crossing->reach_depth = rays->per_length;
 }
 
 /* Slab coordinate of a particle's centre, and its radius in slabs, for these rays. */
@@ -11482,16 +11655,15 @@ static void spsi_particle_slabs(const spsi_crossing *crossing, const spsi_partic
 static void spsi_seen_build(const spsi_crossing *crossing, const spsi_particle_set *set, const sps_particle *particle,
                             int channel, int first_slab, spsi_seen *seen) {
     const spsi_rays *rays = crossing->rays;
-    double slab, reach, t;
-    spsi_ball_build(rays, set, particle, &seen->ball);
-    spsi_particle_slabs(crossing, set, particle, &slab, &reach);
+    const double radius = spsi_ball_build(rays, set, particle, &seen->ball);
+    double centre[3], t;
+    for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     if (!(seen->ball.depth >= SPSI_VALUE_MIN)) seen->ball.x1 = -1; /* widened to a pixel, it is too thin to count */
     t = rays->perspective ? (double)seen->ball.t + rays->depth_reference : 1;
-    seen->slab = (float)(slab - first_slab);
-    seen->reach = (float)reach;
-    reach /= crossing->reach;
-    seen->reach_depth = (float)(reach * crossing->reach_depth);
-    seen->weight = (float)fmin((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / reach, 1e30);
+    seen->slab = (float)(spsi_dot(crossing->row, centre) - crossing->slab_origin - first_slab);
+    seen->reach = (float)(radius * crossing->reach);
+    seen->reach_depth = (float)(radius * crossing->reach_depth);
+    seen->weight = (float)spsi_minimum((double)seen->ball.depth / (seen->ball.soft ? 4.0 / 3 : 2.0) / radius, 1e30);
     seen->tilt_x = (float)(spsi_dot(crossing->row, rays->a) * t);
     seen->tilt_y = (float)(spsi_dot(crossing->row, rays->b) * t);
     seen->channel = channel;
@@ -11508,15 +11680,17 @@ typedef struct spsi_ball_print {
     int ends;           /* 1: the last slab also receives what it has behind that */
 } spsi_ball_print;
 
-/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle. */
-static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, int x, int y, int clamped,
-                                     spsi_sections *sections) {
+/* Positions along a vector of chords at which the rays cross the slabs of a chunk, in half chords from the middle.
+   `at`: the rays' pixels. */
+static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_chord *chord, const spsi_v at[2], int x,
+                                     int y, int rows, int clamped, spsi_sections *sections) {
     const spsi_tile *tile = print->tile;
     const spsi_crossing *crossing = print->crossing;
     const spsi_seen *seen = print->seen;
-    const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota()), zero = spsi_set(0);
+    const spsi_v zero = spsi_set(0);
     const spsi_v slope =
-        spsi_fma(at, spsi_set(crossing->slab_x), spsi_set(crossing->slab_t + (float)y * crossing->slab_y));
+        spsi_fma(at[0], spsi_set(crossing->slab_x),
+                 spsi_add(spsi_set(crossing->slab_t), spsi_mul(at[1], spsi_set(crossing->slab_y))));
     const spsi_v rate = spsi_max(spsi_mul(slope, spsi_set(crossing->sign)), spsi_set(1e-20f));
     spsi_v middle, step;
     if (seen->ball.near_by) {
@@ -11524,9 +11698,10 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
         middle = spsi_fma(spsi_add(chord->middle, spsi_set((float)crossing->rays->depth_reference)), slope,
                           spsi_set(eye_slab));
     } else {
-        const float dy = (float)(y - seen->ball.y0) - seen->ball.y;
-        const spsi_v dx = spsi_add(spsi_set((float)(x - seen->ball.x0) - seen->ball.x), spsi_iota());
-        middle = spsi_fma(dx, spsi_set(seen->tilt_x), spsi_set(seen->slab + dy * seen->tilt_y));
+        spsi_v dx, dy;
+        spsi_ball_offsets(&seen->ball, x, y, rows, &dx, &dy);
+        middle = spsi_fma(dx, spsi_set(seen->tilt_x),
+                          spsi_add(spsi_set(seen->slab), spsi_mul(dy, spsi_set(seen->tilt_y))));
         middle = spsi_fma(spsi_sub(chord->middle, spsi_set(seen->ball.t)), slope, middle);
     }
     step = spsi_div(spsi_set(1), spsi_max(spsi_mul(rate, chord->half), spsi_set(1e-20f)));
@@ -11541,31 +11716,50 @@ static inline void spsi_print_planes(const spsi_ball_print *print, const spsi_ch
     sections->high = spsi_clamp(sections->high, spsi_set(-1), spsi_set(1));
 }
 
-/* Splats one row of a ball. `row`: its first sheet, at print->x0. */
-static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamped, float *row) {
+/* Splats a vector of 1 or 2 rows of a ball, from (x, y) on, which begin at `sheet` in the first slab. */
+static inline void spsi_splat_ball_at(const spsi_ball_print *print, int x, int y, int rows, int clamped, float *sheet,
+                                      spsi_sections *sections) {
     const spsi_ball *ball = &print->seen->ball;
-    const spsi_mass mass = ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD;
-    const spsi_v zero = spsi_set(0), beyond = spsi_set((float)print->x1 + 0.5f);
+    const spsi_v zero = spsi_set(0), half = spsi_set(0.5f);
+    const spsi_v at[2] = {spsi_add(spsi_set((float)x), spsi_columns_of(rows)),
+                          spsi_add(spsi_set((float)y), spsi_rows_of(rows))};
+    spsi_chord chord;
+    spsi_v weight;
+    spsi_m inside;
+    if (rows == 1) {
+        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
+    } else {
+        spsi_v dx, dy;
+        spsi_ball_offsets(ball, x, y, rows, &dx, &dy);
+        spsi_ball_chord_far(print->crossing->rays, ball, dx, dy, &chord);
+    }
+    inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at[0], spsi_add(spsi_set((float)print->x1), half)));
+    if (rows == 2) inside = spsi_and(inside, spsi_less(at[1], spsi_add(spsi_set((float)print->y1), half)));
+    if (!spsi_bits(inside)) return;
+    spsi_print_planes(print, &chord, at, x, y, rows, clamped, sections);
+    weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
+    if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
+    sections->weight = spsi_select(inside, weight, zero);
+    sections->sheet = sheet;
+    spsi_add_sections(sections, ball->soft ? SPSI_MASS_SOFT_CHORD : SPSI_MASS_CHORD, clamped, rows);
+}
+
+/* Splats a ball, 1 or 2 rows at a time. */
+static inline void spsi_splat_ball(const spsi_ball_print *print, int rows, int clamped) {
+    const spsi_tile *tile = print->tile;
+    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
+    float *first = tile->sheets + (size_t)print->seen->channel * tile->channel_size +
+                   (size_t)(print->first + margin) * tile->sheet_size;
     spsi_sections sections;
-    sections.sheet_size = print->tile->sheet_size;
+    sections.sheet_size = tile->sheet_size;
+    sections.pitch = (size_t)tile->pitch;
     sections.count = print->last - print->first;
     sections.starts = print->starts;
     sections.ends = print->ends;
-    for (int x = print->x0; x <= print->x1; x += SPSI_LANES) {
-        const spsi_v at = spsi_add(spsi_set((float)x), spsi_iota());
-        spsi_chord chord;
-        spsi_v weight;
-        spsi_m inside;
-        spsi_ball_chord(print->crossing->rays, ball, x, y, &chord);
-        inside = spsi_and(spsi_less(zero, chord.share), spsi_less(at, beyond));
-        if (!spsi_bits(inside)) continue;
-        spsi_print_planes(print, &chord, x, y, clamped, &sections);
-        weight = spsi_mul(spsi_mul(chord.half, spsi_set(2)), spsi_set(print->seen->weight));
-        if (ball->soft) weight = spsi_mul(weight, spsi_mul(spsi_mul(chord.share, chord.share), spsi_set(2.0f / 3)));
-        sections.weight = spsi_select(inside, weight, zero);
-        sections.sheet = row + (x - print->x0);
-        spsi_add_sections(&sections, mass, 1);
-    }
+    for (int y = print->y0; y <= print->y1; y += rows)
+        for (int x = print->x0; x <= print->x1; x += SPSI_LANES / rows)
+            spsi_splat_ball_at(print, x, y, rows, clamped,
+                               first + (size_t)((y - tile->y0) * tile->pitch + (x - tile->x0)), &sections);
 }
 
 /* Splats a particle into a tile's slabs of a chunk. `starts`: this chunk is the first; `left`: number of slabs from its
@@ -11573,7 +11767,6 @@ static inline void spsi_splat_row(const spsi_ball_print *print, int y, int clamp
 static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, const spsi_seen *seen, int starts,
                                 int left) {
     const spsi_ball *ball = &seen->ball;
-    const int margin = (tile->slab_count - SPSI_CHUNK) / 2;
     const float rounding = 1e-4f + 1e-6f * (fabsf(seen->slab) + seen->reach);
     const float low = seen->slab - seen->reach - rounding, high = seen->slab + seen->reach + rounding;
     const int clamped = ball->near_by || (tile->clamped && (ball->t + seen->reach_depth > tile->nearest_limit ||
@@ -11591,15 +11784,12 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
     if (p.x0 > p.x1 || p.y0 > p.y1 || !(tile->open & spsi_patches(tile, p.x0, p.y0, p.x1, p.y1))) return;
     tile->visits += 1;
     tile->fragments += (uint64_t)(p.x1 - p.x0 + 1) * (uint64_t)(p.y1 - p.y0 + 1) * (uint64_t)(p.last - p.first);
-    for (int y = p.y0; y <= p.y1; ++y) {
-        float *row = tile->sheets + (size_t)seen->channel * tile->channel_size +
-                     (size_t)(p.first + margin) * tile->sheet_size +
-                     (size_t)((y - tile->y0) * tile->pitch + (p.x0 - tile->x0));
-        if (clamped)
-            spsi_splat_row(&p, y, 1, row);
-        else
-            spsi_splat_row(&p, y, 0, row);
-    }
+    if (clamped)
+        spsi_splat_ball(&p, 1, 1);
+    else if (spsi_rows_for(p.x1 - p.x0 + 1, p.y1 - p.y0 + 1) == 1)
+        spsi_splat_ball(&p, 1, 0);
+    else
+        spsi_splat_ball(&p, SPSI_ROWS_MOST, 0);
 }
 
 /* ================================================================================================ >>taps
@@ -12991,6 +13181,7 @@ static int spsi_holds_gas(const sps_context *context, const spsi_frame *frame) {
    tiles is listed with the top left one; wider particles are in the last list, which every tile reads. */
 typedef struct spsi_lists {
     spsi_seen *seen;
+    int *places;  /* of each in `seen`: 4 * its list, plus what its member has; -1: none */
     int *members; /* 4 * index in `seen`, plus 1 if the particle reaches the next column of tiles, plus 2: the next row
                    */
     int *starts;  /* per tile, and one more: index of its first member */
@@ -13085,9 +13276,10 @@ static void spsi_contents_advance(spsi_contents *contents, int chunk) {
 }
 
 static size_t spsi_shape_floats(const spsi_shape *shape) {
-    const int pixels = 2 * shape->margin, slabs = SPSI_CHUNK + 2 * shape->slab_margin;
-    return (size_t)shape->channels * (size_t)(slabs * (SPSI_TILE_WIDTH + pixels) * (SPSI_TILE_HEIGHT + pixels)) +
-           2 * SPSI_LANES;
+    const int slabs = SPSI_CHUNK + 2 * shape->slab_margin;
+    const size_t width = (size_t)(SPSI_TILE_WIDTH + 2 * shape->margin);
+    const size_t height = (size_t)(SPSI_TILE_HEIGHT + 2 * shape->margin);
+    return (size_t)(shape->channels * slabs) * width * height + width + 2 * SPSI_LANES; /* vectors reach beyond */
 }
 
 /* The eye's sheets have a channel for each material. Classified volumes interpolate from slab to slab, and gradients
@@ -13321,7 +13513,7 @@ static size_t spsi_list_starts(const spsi_rays *rays) {
 /* Bytes of a target's lists for a given number of particles in a chunk. If they exceed a size_t: SIZE_MAX, which cannot
    be reserved. */
 static size_t spsi_lists_bytes(const spsi_rays *rays, size_t particles) {
-    const size_t each = sizeof(spsi_seen) + sizeof(int), starts = spsi_list_starts(rays) * sizeof(int);
+    const size_t each = sizeof(spsi_seen) + 2 * sizeof(int), starts = spsi_list_starts(rays) * sizeof(int);
     if (particles == 0) return 0;
     return particles > (SIZE_MAX - starts) / each ? SIZE_MAX : particles * each + starts;
 }
@@ -13330,7 +13522,8 @@ static sps_result spsi_lists_reserve(sps_context *context, spsi_buffer_id id, in
     spsi_lists *lists = &target->particles;
     lists->seen = (spsi_seen *)spsi_reserve(context, id, 1, spsi_lists_bytes(target->rays, (size_t)most));
     if (!lists->seen) return context->result;
-    lists->members = (int *)(void *)(lists->seen + most);
+    lists->places = (int *)(void *)(lists->seen + most);
+    lists->members = lists->places + most;
     lists->starts = lists->members + most;
     return SPS_OK;
 }
@@ -13394,28 +13587,31 @@ static sps_result spsi_contents_add_particles(spsi_contents *contents) {
 
 /* --- a chunk's particles, by tile --- */
 
-/* The list that a particle belongs in. */
-static int spsi_list_of(const spsi_target *target, const spsi_ball *ball) {
+/* The list that a particle belongs in, as spsi_lists.places has it. */
+static int spsi_list_place(const spsi_target *target, const spsi_ball *ball) {
     const int x0 = ball->x0 / SPSI_TILE_WIDTH, x1 = ball->x1 / SPSI_TILE_WIDTH;
     const int y0 = ball->y0 / SPSI_TILE_HEIGHT, y1 = ball->y1 / SPSI_TILE_HEIGHT;
     if (ball->x1 < ball->x0 || ball->y1 < ball->y0) return -1;
-    return x1 - x0 <= 1 && y1 - y0 <= 1 ? y0 * target->columns + x0 : target->columns * target->rows;
+    if (x1 - x0 > 1 || y1 - y0 > 1) return 4 * target->columns * target->rows;
+    return 4 * (y0 * target->columns + x0) + (x1 > x0) + 2 * (y1 > y0);
 }
 
 static void spsi_seen_task(void *data, int index, int worker) {
     const spsi_contents *contents = (const spsi_contents *)data;
     const spsi_frame *frame = contents->frame;
-    const int end = spsi_batch_end(index, contents->particles.current);
+    const int end = spsi_batch_end(index, contents->particles.current), ahead = 16;
+    const sps_particle *particles = frame->content->particles;
     (void)worker;
     for (int i = index * SPSI_BATCH; i < end; ++i) {
         const int particle = contents->particles.present[i];
         const spsi_particle_set *set = spsi_set_of(frame, particle);
+        if (i + ahead < end) spsi_prefetch(&particles[contents->particles.present[i + ahead]], sizeof *particles);
         for (int n = 0; n < contents->target_count; ++n) {
             const spsi_target *target = contents->targets[n];
             spsi_seen *seen = &target->particles.seen[i];
-            spsi_seen_build(&target->crossing, set, &frame->content->particles[particle],
+            spsi_seen_build(&target->crossing, set, &particles[particle],
                             target->set_channels[set - frame->particles.sets], contents->first_slab, seen);
-            seen->list = spsi_list_of(target, &seen->ball);
+            target->particles.places[i] = spsi_list_place(target, &seen->ball);
         }
     }
 }
@@ -13429,15 +13625,10 @@ static void spsi_lists_task(void *data, int index, int worker) {
     (void)worker;
     memset(lists->starts, 0, ((size_t)list_count + 1) * sizeof(int));
     for (int i = 0; i < count; ++i)
-        if (lists->seen[i].list >= 0) lists->starts[lists->seen[i].list] += 1;
+        if (lists->places[i] >= 0) lists->starts[lists->places[i] / 4] += 1;
     for (int list = 0; list < list_count; ++list) lists->starts[list + 1] += lists->starts[list];
     for (int i = count - 1; i >= 0; --i) /* from the end: each list's end moves to its start */
-        if (lists->seen[i].list >= 0) {
-            const spsi_ball *ball = &lists->seen[i].ball;
-            const int right = ball->x1 / SPSI_TILE_WIDTH > ball->x0 / SPSI_TILE_WIDTH;
-            const int below = ball->y1 / SPSI_TILE_HEIGHT > ball->y0 / SPSI_TILE_HEIGHT;
-            lists->members[--lists->starts[lists->seen[i].list]] = 4 * i + right + 2 * below;
-        }
+        if (lists->places[i] >= 0) lists->members[--lists->starts[lists->places[i] / 4]] = 4 * i + lists->places[i] % 4;
 }
 
 /* Projects and bins the chunk's particles for all targets. */
@@ -15100,7 +15291,7 @@ static void spsi_ball_weigh(const spsi_ball_job *job, const spsi_particle_set *s
         return;
     for (int i = 0; i < 3; ++i) centre[i] = (double)particle->position[i];
     spsi_along(centre, rays->origin, -1, offset);
-    texel = fmax(spsi_length(rays->a), spsi_length(rays->b)) * spsi_distance_to(rays, offset);
+    texel = rays->pixel * spsi_distance_to(rays, offset);
     share = (SPSI_BALL_COARSE - (double)particle->radius / texel) / (SPSI_BALL_COARSE - SPSI_BALL_FINE);
     if (!(share > 0) || ball->x1 < ball->x0 || ball->y1 < ball->y0) return;
     /* a face of too few texels, or a ball as wide as its distance */
@@ -15144,7 +15335,7 @@ static void spsi_balls_into_tiles(const spsi_ball *balls, size_t count, int tile
 /* Counts the balls that reach beyond the map's depth range; with six faces, on the face through which the centre is
    seen. */
 static void spsi_balls_outside(sps_tmap *map, const spsi_rays *rays, const spsi_ball *balls, size_t count) {
-    const double per_length = spsi_length(rays->inverse[2]);
+    const double per_length = rays->per_length;
     const double light = rays->perspective ? -map->settings.near_depth * map->per_depth : -HUGE_VAL;
     for (size_t i = 0; i < count; ++i) {
         const spsi_ball *ball = &balls[i];

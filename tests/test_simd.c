@@ -6,7 +6,7 @@
 
 #include "check.h"
 
-enum { WIDTH = 70, HEIGHT = 45, FLOATS = 5 * WIDTH * HEIGHT, SCENES = 6 };
+enum { WIDTH = 70, HEIGHT = 45, FLOATS = 5 * WIDTH * HEIGHT, SCENES = 7 };
 
 /* ------------------------------------------------------------------------------------------------------- operations */
 
@@ -117,6 +117,23 @@ static void test_quads(void) {
         for (int i = 0; i < SPSI_LANES; ++i)
             CHECK(same_bits(out[k][i], x[i] + (float)(k % 2) + 11 * (y[i] + (float)(k / 2))));
     }
+}
+
+/* Two rows of half as many pixels; where vectors are short, one whole row. */
+static void test_rows(void) {
+    const int rows = SPSI_ROWS_MOST, width = SPSI_LANES / rows, pitch = width + 3;
+    float grid[2 * SPSI_LANES + 6], out[SPSI_LANES], columns[SPSI_LANES], down[SPSI_LANES];
+    for (int i = 0; i < 2 * SPSI_LANES + 6; ++i) grid[i] = (float)i;
+    spsi_store(out, spsi_load_rows(grid, (size_t)pitch, rows));
+    spsi_store(columns, spsi_columns_of(rows));
+    spsi_store(down, spsi_rows_of(rows));
+    for (int i = 0; i < SPSI_LANES; ++i) {
+        CHECK(same_bits(columns[i], (float)(i % width)) && same_bits(down[i], (float)(i / width)));
+        CHECK(same_bits(out[i], grid[i / width * pitch + i % width]));
+    }
+    spsi_store_rows(grid, (size_t)pitch, spsi_add(spsi_load(out), spsi_set(100)), rows);
+    for (int i = 0; i < rows * pitch; ++i)
+        CHECK(same_bits(grid[i], (float)(i + (i % pitch < width ? 100 : 0)))); /* and nothing between the rows */
 }
 
 static void test_fours(void) {
@@ -235,7 +252,8 @@ static int read_bumps(void *user, const int lo[3], const int size[3], float *out
 }
 
 /* The n-th scene: gas; against the light; polygons within; a point light; classified as a surface; orthographic, thin
-   slabs. Quality HIGH, where a kernel's last ring that one program may draw and the other not is 6e-4 of its peak. */
+   slabs; the same with voxels of a pixel, whose footprints are narrow enough for two rows in a vector. Quality HIGH,
+   where a kernel's last ring that one program may draw and the other not is 6e-4 of its peak. */
 static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer *transfer, int n) {
     static const sps_transfer_point points[] = {{0.4f, {0.9f, 0.4f, 0.2f}, 0}, {0.8f, {0.3f, 0.9f, 0.5f}, 9}};
     const double origin[3] = {-1.1, -0.9, 0.1}, u[3] = {2.2, 0.3, 0.2}, v[3] = {0.1, 1.1, -0.9};
@@ -243,11 +261,13 @@ static void scene_build(check_scene *s, check_triangles *triangles, sps_transfer
     check_clear(s, WIDTH, HEIGHT);
     check_set3(s->view.camera.position, 0.7, 0.9, 5);
     check_orthographic(&s->view.camera, 2.7);
-    check_perspective(&s->view.camera, n == 5 ? 0 : 0.5);
+    check_perspective(&s->view.camera, n >= 5 ? 0 : 0.5);
     s->view.quality = SPS_QUALITY_HIGH;
     s->view.shadow_size = 50;
-    if (n == 5) s->view.slab = 0.2;
-    volume = check_add_volume(s, 13, 12, 11, check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));
+    if (n >= 5) s->view.slab = 0.2;
+    if (n == 6) s->view.filling = SPS_FILLING_SPLAT;
+    volume = check_add_volume(s, n == 6 ? 26 : 13, n == 6 ? 24 : 12, n == 6 ? 22 : 11,
+                              check_box(-0.9, -0.8, -0.7, 0.9, 0.8, 0.7));
     volume->read_fn = read_bumps;
     volume->extinction = 1.3f;
     volume->placement.axis[0][2] = 0.3;
@@ -375,6 +395,7 @@ int main(int count, char **arguments) {
     test_masks();
     test_rounding();
     test_quads();
+    test_rows();
     test_fours();
     test_exp();
     test_kernel_share();

@@ -1019,7 +1019,7 @@ static void test_clock_of_calls(mixed *m) {
 /* Sizes in bytes that exceed a size_t cannot be reserved. */
 static void test_sizes_overflow(void) {
     sps_context *context = check_context(NULL);
-    const size_t each = sizeof(spsi_seen) + sizeof(int), starts = 3 * sizeof(int);
+    const size_t each = sizeof(spsi_seen) + 2 * sizeof(int), starts = 3 * sizeof(int);
     spsi_rays rays;
     memset(&rays, 0, sizeof rays);
     rays.width = rays.height = 2; /* one tile: its list, that of wide particles, and the end */

@@ -9368,7 +9368,8 @@ static void spsi_projection_at(const spsi_frame *frame, const spsi_lamp *lamp, c
    17 Polygons as gas sees them between itself and a light. Cost: the rasteriser's, and 12 bytes per texel; six faces
    have 1.5 times the texels of one. */
 
-#define SPSI_CELL  16   /* texels along a side of a depth map's cell */
+#define SPSI_CELL      16 /* texels along a side of a depth map's cell */
+#define SPSI_CELLS_FAR 8  /* cells to either side that a long way may reach */
 #define SPSI_STEEP 1024 /* maximum rise of a depth map's planes from texel to texel, in texels */
 
 /* For each texel, the plane of the polygon nearest to the light, which is evaluated on the gas's own ray. So a plane
@@ -9378,7 +9379,8 @@ typedef struct spsi_depth_map {
     spsi_rays rays[SPSI_CUBE_FACES];
     float *depths[SPSI_CUBE_FACES];    /* at texel centres, t - depth_reference; infinity: no polygon */
     float *slopes[SPSI_CUBE_FACES][2]; /* rise of the plane from texel to texel along x and y */
-    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it */
+    float *nearest[SPSI_CUBE_FACES];   /* per cell: minimum depth in it and the cells around it; then in it and those up
+                                          to SPSI_CELLS_FAR away */
     int cells[SPSI_CUBE_FACES];        /* per row */
     /* ray coordinates of the map along the eye's rays; t is relative to the map's depth reference */
     spsi_linear along[SPSI_CUBE_FACES][3];
@@ -9514,17 +9516,31 @@ static void spsi_planes_task(void *data, int index, int worker) {
         spsi_planes_row(job, y, cells);
 }
 
-/* Computes the minimum depth in each cell and the cells around it from the minimum in each alone. */
-static void spsi_depth_map_spread(const spsi_depth_map *map, int face, const float *alone) {
+/* Replaces each of a line of cells by the minimum of it and `reach` cells on either side. */
+static void spsi_cells_spread_line(float *cells, int count, int stride, int reach) {
+    enum { MOST = SPSI_SIZE_MAX / SPSI_CELL + 1 };
+    float alone[MOST];
+    for (int i = 0; i < count; ++i) alone[i] = cells[(ptrdiff_t)i * stride];
+    for (int i = 0; i < count; ++i) {
+        float least = alone[i];
+        for (int k = spsi_most(i - reach, 0); k <= spsi_least(i + reach, count - 1); ++k)
+            least = spsi_lower(least, alone[k]);
+        cells[(ptrdiff_t)i * stride] = least;
+    }
+}
+
+static void spsi_cells_spread(float *cells, int columns, int rows, int reach) {
+    for (int row = 0; row < rows; ++row) spsi_cells_spread_line(cells + (ptrdiff_t)row * columns, columns, 1, reach);
+    for (int column = 0; column < columns; ++column) spsi_cells_spread_line(cells + column, rows, columns, reach);
+}
+
+/* Computes the minimum depths about each cell, for short ways and in the place of `alone` for long ones, from that in
+   each alone. */
+static void spsi_depth_map_spread(const spsi_depth_map *map, int face, float *alone) {
     const int columns = map->cells[face], rows = spsi_depth_map_cells(map->rays[face].height);
-    for (int row = 0; row < rows; ++row)
-        for (int column = 0; column < columns; ++column) {
-            float least = SPSI_INFINITY;
-            for (int y = spsi_most(row - 1, 0); y <= spsi_least(row + 1, rows - 1); ++y)
-                for (int x = spsi_most(column - 1, 0); x <= spsi_least(column + 1, columns - 1); ++x)
-                    least = spsi_lower(least, alone[y * columns + x]);
-            map->nearest[face][row * columns + column] = least;
-        }
+    memcpy(map->nearest[face], alone, (size_t)columns * (size_t)rows * sizeof *alone);
+    spsi_cells_spread(map->nearest[face], columns, rows, 1);
+    spsi_cells_spread(alone, columns, rows, SPSI_CELLS_FAR);
 }
 
 /* Rasterises the polygons into a depth map, as the light sees them. */
@@ -9631,9 +9647,12 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
 
 /* The lanes whose ways from d0 to d1 a face of a depth map may shade, as bits: one lookup of a cell, which spares most
    slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a cell
-   of the middle's, or lie before and behind the light. */
-static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0, spsi_v d1,
-                                          int *wide) {
+   of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
+static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, int far_off, spsi_v at, float y,
+                                          spsi_v d0, spsi_v d1, int *wide) {
+    const size_t cells = (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(map->rays[face].height);
+    const float *nearest = map->nearest[face] + (far_off ? cells : 0);
+    const int reach = far_off ? SPSI_CELLS_FAR : 1;
     const spsi_rays *rays = &map->rays[face];
     const float size[2] = {(float)(rays->width - 1), (float)(rays->height - 1)};
     const spsi_v zero = spsi_set(0), half = spsi_set(0.5f), near_t = spsi_set(FLT_MIN * 16);
@@ -9657,25 +9676,27 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, s
     for (int i = 0; i < 2; ++i) {
         const spsi_v low = spsi_min(q[0][i], q[1][i]), high = spsi_max(q[0][i], q[1][i]);
         clear |= (spsi_bits(spsi_less(high, zero)) | spsi_bits(spsi_less(spsi_set(size[i]), low))) & ~crossing;
-        *wide |= spsi_bits(spsi_less(spsi_set(2 * SPSI_CELL - 4), spsi_sub(high, low)));
+        *wide |= spsi_bits(spsi_less(spsi_set((float)(2 * reach * SPSI_CELL - 4)), spsi_sub(high, low)));
         cell[i] = spsi_clamp(spsi_mul(half, spsi_add(low, high)), zero, spsi_set(size[i]));
         cell[i] = spsi_floor(spsi_mul(cell[i], spsi_set(1.0f / SPSI_CELL)));
     }
     *wide &= ~clear;
-    return spsi_bits(spsi_less(spsi_lookup(map->nearest[face], map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
+    return spsi_bits(spsi_less(spsi_lookup(nearest, map->cells[face], cell[0], cell[1]), deepest)) & ~clear;
 }
 
-/* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones are looked at in parts: those of
-   thick slabs. */
+/* Whether a face of a depth map may shade any of the ways from d0 to d1. Wide ones, those of thick slabs, are looked at
+   from farther off and, if that does not clear them, in parts. */
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                            spsi_v d1) {
     const int parts = 8;
     const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts));
-    int wide, shadable = spsi_depth_map_shadable(map, face, at, y, d0, d1, &wide);
+    int wide, shadable = spsi_depth_map_shadable(map, face, 0, at, y, d0, d1, &wide);
     if (!wide) return shadable != 0;
+    shadable = spsi_depth_map_shadable(map, face, 1, at, y, d0, d1, &wide);
+    if (!(shadable | wide)) return 0;
     for (int part = 0; part < parts; ++part) {
         const spsi_v from = spsi_fma(step, spsi_set((float)part), d0);
-        shadable = spsi_depth_map_shadable(map, face, at, y, from, spsi_add(from, step), &wide);
+        shadable = spsi_depth_map_shadable(map, face, 0, at, y, from, spsi_add(from, step), &wide);
         if (shadable | wide) return 1;
     }
     return 0;
@@ -12278,6 +12299,8 @@ typedef struct spsi_tap_rays {
     spsi_v nearest, limit;    /* depths at which rays begin, and end at polygons */
     spsi_v first, end;        /* samples of which rays have any */
     int steps;                /* samples in a slab */
+    int lanes;                /* the pixels whose rays are followed, as bits */
+    int part;                 /* which of a pixel's rays these are */
 } spsi_tap_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
@@ -12285,7 +12308,7 @@ static inline void spsi_tap_rays_clip(const spsi_voxel_field *field, spsi_tap_ra
     const spsi_v zero = spsi_set(0);
     for (int k = 0; k < 3; ++k) {
         const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK)), at = rays->start[k], step = rays->step[k];
-        const spsi_m level = spsi_less(spsi_abs(step), spsi_set(1e-9f));
+        const spsi_m level = spsi_less(spsi_abs(step), spsi_set(1e-9f)); /* along the bricks' sides */
         const spsi_v over = spsi_div(spsi_set(1), spsi_select(level, spsi_set(1e-9f), step));
         const spsi_v a = spsi_mul(spsi_sub(zero, at), over), b = spsi_mul(spsi_sub(edge, at), over);
         const spsi_v low = spsi_min(a, b), high = spsi_max(a, b);
@@ -12294,11 +12317,13 @@ static inline void spsi_tap_rays_clip(const spsi_voxel_field *field, spsi_tap_ra
     }
 }
 
-/* Rays through pixels or places between them. */
+/* Rays through pixels or places between them, all of which are followed. */
 static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
                                        spsi_tap_rays *rays) {
     const spsi_v slope = spsi_linear_slope_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
     rays->steps = steps;
+    rays->lanes = (1 << SPSI_LANES) - 1;
+    rays->part = 0;
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), slope);
     for (int k = 0; k < 3; ++k) {
@@ -12332,11 +12357,11 @@ static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *ti
 }
 
 /* Sample number `n` of each ray. */
-static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, int lanes,
-                                     uint64_t *count) {
+static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, uint64_t *count) {
     const spsi_v number = spsi_set((float)n);
+    const int inside = spsi_bits(spsi_less(number, rays->end)) & ~spsi_bits(spsi_less(number, rays->first));
+    const int lanes = rays->lanes & inside;
     spsi_v place[3];
-    lanes &= spsi_bits(spsi_less(number, rays->end)) & ~spsi_bits(spsi_less(number, rays->first));
     if (!lanes) return spsi_set(0);
     for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, rays->step[k], rays->start[k]);
     return spsi_tap_values(t->fields, t->field, place, lanes, count);
@@ -12385,7 +12410,7 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int 
 /* Integrals over a slab that rays enter and leave at the given depths: `whole`, or the part between where a ray begins
    and where it ends. */
 static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi_v enter, spsi_v leave, spsi_v whole,
-                           int lanes, uint64_t *samples) {
+                           uint64_t *samples) {
     const spsi_v from = spsi_max(enter, rays->nearest), to = spsi_min(leave, rays->limit);
     float sums[SPSI_LANES], begins[SPSI_LANES], ends[SPSI_LANES];
     int cut = spsi_bits(spsi_less(enter, rays->nearest)) | spsi_bits(spsi_less(rays->limit, leave));
@@ -12393,7 +12418,7 @@ static spsi_v spsi_tap_cut(const spsi_tapper *t, const spsi_tap_rays *rays, spsi
     spsi_store(sums, spsi_select(spsi_less(from, to), whole, spsi_set(0)));
     spsi_store(begins, from);
     spsi_store(ends, to);
-    for (cut &= lanes & spsi_bits(spsi_less(from, to)); cut; cut &= cut - 1) {
+    for (cut &= rays->lanes & spsi_bits(spsi_less(from, to)); cut; cut &= cut - 1) {
         const int i = spsi_lowest_bit(cut);
         sums[i] = spsi_tap_part(t, rays, i, begins[i], ends[i], samples);
     }
@@ -12410,12 +12435,13 @@ static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, 
     }
 }
 
-/* The slabs in which a vector's rays have samples, or their neighbours: the first, and the one behind the last. */
-static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int lanes, int count, int slabs[2]) {
+/* The slabs, of `count`, in which a vector's rays have samples, or their neighbours: the first, and the one behind the
+   last. */
+static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
     float first[SPSI_LANES], end[SPSI_LANES], low = SPSI_INFINITY, high = -SPSI_INFINITY;
     spsi_store(first, rays->first);
     spsi_store(end, rays->end);
-    for (; lanes; lanes &= lanes - 1) {
+    for (int lanes = rays->lanes; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes);
         if (!(first[i] < end[i])) continue;
         low = spsi_lower(low, first[i]);
@@ -12427,48 +12453,51 @@ static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int lanes, int coun
 
 /* Adds to sheets of `size` floats, from the one that `at` counts from, what a vector of rays finds in each slab. One
    more sample on either side of a slab tells the slopes at its ends. */
-static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, int part, int lanes,
-                         float *sheets, size_t at, size_t size) {
+static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_rays *rays, float *sheets, size_t at,
+                         size_t size) {
     const spsi_v weight = spsi_mul(spsi_abs(rays->per_slab), spsi_set(t->scale / (float)rays->steps));
     const spsi_v correction = spsi_set(t->lone ? 0 : 1.0f / 24);
     const int steps = rays->steps, cuts = tile->clamped && !t->whole;
     spsi_v before, first;
     int slabs[2];
-    spsi_tap_slabs(rays, lanes, tile->slab_count, slabs);
+    spsi_tap_slabs(rays, tile->slab_count, slabs);
     if (slabs[0] >= slabs[1]) return;
-    before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, lanes, &tile->samples);
-    first = spsi_tap_sample(t, rays, slabs[0] * steps, lanes, &tile->samples);
+    before = spsi_tap_sample(t, rays, slabs[0] * steps - 1, &tile->samples);
+    first = spsi_tap_sample(t, rays, slabs[0] * steps, &tile->samples);
     at += (size_t)slabs[0] * size;
     for (int slab = slabs[0]; slab < slabs[1]; ++slab, at += size) {
         const spsi_v a = spsi_mul(spsi_sub(spsi_set((float)slab), rays->base), rays->per_slab);
         const spsi_v b = spsi_add(a, rays->per_slab);
         spsi_v sum = first, last = first, next;
         for (int n = slab * steps + 1; n < (slab + 1) * steps; ++n) {
-            last = spsi_tap_sample(t, rays, n, lanes, &tile->samples);
+            last = spsi_tap_sample(t, rays, n, &tile->samples);
             sum = spsi_add(sum, last);
         }
-        next = spsi_tap_sample(t, rays, (slab + 1) * steps, lanes, &tile->samples);
+        next = spsi_tap_sample(t, rays, (slab + 1) * steps, &tile->samples);
         sum = spsi_fma(spsi_sub(spsi_sub(next, last), spsi_sub(first, before)), correction, sum);
         sum = spsi_mul(sum, weight);
-        if (cuts) sum = spsi_tap_cut(t, rays, spsi_min(a, b), spsi_max(a, b), sum, lanes, &tile->samples);
+        if (cuts) sum = spsi_tap_cut(t, rays, spsi_min(a, b), spsi_max(a, b), sum, &tile->samples);
         before = last;
         first = next;
         sum = spsi_select(spsi_less(spsi_set(0), sum), sum, spsi_set(0));
         spsi_store(sheets + at, spsi_add(spsi_load(sheets + at), sum));
-        if (tile->slopes) spsi_tap_slopes(t, tile, at, part, sum);
+        if (tile->slopes) spsi_tap_slopes(t, tile, at, rays->part, sum);
     }
 }
 
-/* Adds to the sheets of a vector of pixels what one of their rays finds. */
-static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int part, int lanes, int steps,
-                         float *sheets) {
-    const spsi_v fx = spsi_add(spsi_set((float)x + (part & 1 ? t->aside : -t->aside)), spsi_iota());
-    const spsi_v fy = spsi_set((float)y + (part & 2 ? t->aside : -t->aside));
+/* Adds to the sheets of a vector of pixels, in those of `lanes`, what their rays find. */
+static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int lanes, int steps, float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
-    spsi_tap_rays rays;
-    spsi_tap_rays_build(t, tile, fx, fy, steps, &rays);
-    if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
-    spsi_tap_add(t, tile, &rays, part, lanes, sheets, at, tile->sheet_size);
+    for (int part = 0; part < t->across * t->across; ++part) {
+        const spsi_v fx = spsi_add(spsi_set((float)x + (part & 1 ? t->aside : -t->aside)), spsi_iota());
+        const spsi_v fy = spsi_set((float)y + (part & 2 ? t->aside : -t->aside));
+        spsi_tap_rays rays;
+        spsi_tap_rays_build(t, tile, fx, fy, steps, &rays);
+        rays.lanes = lanes;
+        rays.part = part;
+        if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
+        spsi_tap_add(t, tile, &rays, sheets, at, tile->sheet_size);
+    }
 }
 
 /* ---- patches of sixteen rays ---- */
@@ -12607,7 +12636,7 @@ static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi
     for (int n = 0; n < 16; n += SPSI_LANES) {
         spsi_tap_rays rays;
         spsi_tap_rays_build(t, tile, spsi_load(patch->x + n), spsi_load(patch->y + n), steps, &rays);
-        spsi_tap_add(t, tile, &rays, 0, (1 << SPSI_LANES) - 1, sums, (size_t)n, 16);
+        spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
     }
     spsi_tap_patch_spread(tile, patch, sums, sheets);
 }
@@ -13805,8 +13834,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
         for (int y = tile->y0; y <= tile->y1; ++y, above = row) {
             row = spsi_patch_row_at(tile, patches, done, y);
             if (memcmp(&row, &above, sizeof row) != 0) lanes = spsi_patch_lanes(tile, &row, x);
-            for (int part = 0; part < here.across * here.across && lanes; ++part)
-                spsi_tap_row(&here, tile, x, y, part, lanes, spsi_tap_steps(&here, way), channel);
+            if (lanes) spsi_tap_row(&here, tile, x, y, lanes, spsi_tap_steps(&here, way), channel);
         }
     }
 }

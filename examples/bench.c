@@ -208,6 +208,7 @@ static void bench_splatting(void) {
     printf("\nSplatting: 64^3 voxels of 4 pixels, and of 4 texels of the shadow buffer\n");
     ex_session_measure(&one, program, 1);
     block_frame(&f, &b, 512, 4, 1);
+    f.view.filling = SPS_FILLING_SPLAT;
     f.view.shadow_size = texels_for(&one, &f, 4);
     for (int i = 0; i < 2; ++i) {
         contender c;
@@ -1151,13 +1152,13 @@ static void bench_lights(void) {
         char what[64];
         sps_plan_report plan;
         ex_stop_unless_ok(sps_plan(session.context, &frames[i].scene, &frames[i].view, &plan), program, &session);
-        snprintf(what, sizeof what, "%s by %s: sweeps %d, fragments for the eye %.1f M",
+        snprintf(what, sizeof what, "%s by %s: sweeps %d, samples for the eye %.1f M",
                  i % 2 ? "two lights" : "one light", i < 2 ? "maps" : "sheets", plan.sweep_count,
-                 1e-6 * (double)c[i].stats.eye_fragments);
+                 1e-6 * (double)c[i].stats.eye_samples);
         plain(what, c[i].seconds, "s");
     }
-    at_most("fragments for the eye, two lights with maps / one",
-            (double)c[1].stats.eye_fragments / (double)c[0].stats.eye_fragments, "", 1);
+    at_most("samples for the eye, two lights with maps / one",
+            (double)c[1].stats.eye_samples / (double)c[0].stats.eye_samples, "", 1);
     for (int i = 0; i < 4; ++i) frame_end(&frames[i]);
     ex_session_end(&session);
 }

@@ -105,6 +105,7 @@ enum {
     SURFACE,
     SHEARED,
     FLOOR,
+    FLOOR_BEHIND,
     NEAR_PLANE,
     MIXED,
     LAMP,
@@ -139,9 +140,9 @@ static void start_kind(check_scene *s, int kind) {
         check_set3(s->view.camera.position, 3.6, 2.7, 12);
         check_perspective(&s->view.camera, 0.16);
     }
-    if (kind == FLOOR || kind == NEAR_PLANE || kind == DOT || kind == CUT_CLASSIFIED)
+    if (kind == FLOOR || kind == FLOOR_BEHIND || kind == NEAR_PLANE || kind == DOT || kind == CUT_CLASSIFIED)
         s->view.quality = SPS_QUALITY_HIGH;
-    if (kind == BEHIND)
+    if (kind == BEHIND || kind == FLOOR_BEHIND)
         check_add_directional(s, -0.5, -0.4, 1, 3);
     else if (kind == LAMP)
         check_add_point(s, 2.5, 3, 1.5, 30);
@@ -160,8 +161,8 @@ static void start_kind(check_scene *s, int kind) {
     if (kind == LONG_VOXELS) s->volume[0].placement = check_box(-0.4, -1, -1.2, 0.4, 1, 1.2);
     if (kind == LONG_VOXELS) check_orthographic(&s->view.camera, 1);
     if (kind == DOT) s->view.slab = 0.2; /* its kernel lies in two chunks of slabs */
-    if (kind == THICK || kind == FLOOR || kind == NEAR_PLANE) s->view.slab = 3;
-    if (kind == FLOOR || kind == PANE || kind == CUT_CLASSIFIED) {
+    if (kind == THICK || kind == FLOOR || kind == FLOOR_BEHIND || kind == NEAR_PLANE) s->view.slab = 3;
+    if (kind == FLOOR || kind == FLOOR_BEHIND || kind == PANE || kind == CUT_CLASSIFIED) {
         check_add_quad(&faces, corner, u, v);
         check_add_mesh(s, &faces, 0.6);
         if (kind == PANE) check_color(s->mesh[0].transmittance, 0.5, 0.7, 0.2);
@@ -203,7 +204,7 @@ static void test_pictures_alike(void) {
                    100 * splatted, 100 * apart);
         wave = 2 * (s.view.quality == SPS_QUALITY_HIGH ? 0.0003 : 0.0039) * (s.volume[0].transfer ? 1.5 : 1);
         if (kind == DOT) wave = sqrt(20) * (wave + 2 * 0.002 + 3 * 5e-4);
-        if (kind == NEAR_PLANE || kind == FLOOR) wave += 0.64 / 24 * 0.7 / 8;
+        if (kind == NEAR_PLANE || kind == FLOOR || kind == FLOOR_BEHIND) wave += 0.64 / 24 * 0.7 / 8;
         if (!CHECK(gathered <= splatted + wave) || !CHECK(apart <= wave))
             printf("    kind %d: %g, splatted %g, apart %g\n", kind, gathered, splatted, apart);
     }

@@ -539,9 +539,34 @@ static void test_revision(void) {
     }
 }
 
+/* Minimum depths about the cells of a depth map of 20 x 13 cells: in the neighbours, and in those up to 8 cells away.
+ */
+static void test_depth_map_cells(void) {
+    enum { COLUMNS = 20, ROWS = 13, CELLS = COLUMNS * ROWS };
+    check_random random = {8};
+    float memory[2 * CELLS], alone[CELLS];
+    spsi_depth_map map;
+    memset(&map, 0, sizeof map);
+    map.rays[0].height = ROWS * SPSI_CELL - 3;
+    map.cells[0] = COLUMNS;
+    map.nearest[0] = memory;
+    for (int i = 0; i < CELLS; ++i) memory[CELLS + i] = alone[i] = (float)check_next(&random);
+    spsi_depth_map_spread(&map, 0, memory + CELLS);
+    for (int far_off = 0; far_off < 2; ++far_off)
+        for (int i = 0; i < CELLS; ++i) {
+            const int reach = far_off ? 8 : 1;
+            float least = 1;
+            for (int k = 0; k < CELLS; ++k)
+                if (abs(k % COLUMNS - i % COLUMNS) <= reach && abs(k / COLUMNS - i / COLUMNS) <= reach)
+                    least = alone[k] < least ? alone[k] : least;
+            CHECK(memory[far_off * CELLS + i] == least);
+        }
+}
+
 int main(void) {
     context = check_context(NULL);
     if (!context) return 1;
+    RUN(test_depth_map_cells);
     RUN(test_tree_holds_all);
     RUN(test_tree_against_loops);
     RUN(test_closed_body_is_tight);

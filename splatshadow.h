@@ -9645,11 +9645,11 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
     return spsi_select(way.inside, spsi_map_way_mean(&way, share), spsi_set(1));
 }
 
-/* The lanes whose ways from d0 to d1 a face of a depth map may shade, as bits: one lookup of a cell, which spares most
-   slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a cell
+/* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
+   most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a cell
    of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
 static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, int far_off, spsi_v at, float y,
-                                          spsi_v d0, spsi_v d1, int *wide) {
+                                          const spsi_v d[2], int *wide) {
     const size_t cells = (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(map->rays[face].height);
     const float *nearest = map->nearest[face] + (far_off ? cells : 0);
     const int reach = far_off ? SPSI_CELLS_FAR : 1;
@@ -9661,8 +9661,7 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, i
     for (int i = 0; i < 3; ++i) {
         const spsi_v slope = spsi_linear_slope(&map->along[face][i], at, y);
         const spsi_v base = spsi_linear_base(&map->along[face][i], at, y);
-        q[0][i] = spsi_fma(d0, slope, base);
-        q[1][i] = spsi_fma(d1, slope, base);
+        for (int end = 0; end < 2; ++end) q[end][i] = spsi_fma(d[end], slope, base);
     }
     deepest = spsi_max(q[0][2], q[1][2]);
     if (rays->perspective) {
@@ -9689,14 +9688,14 @@ static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, i
 static inline int spsi_depth_map_may_shade(const spsi_depth_map *map, int face, spsi_v at, float y, spsi_v d0,
                                            spsi_v d1) {
     const int parts = 8;
-    const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts));
-    int wide, shadable = spsi_depth_map_shadable(map, face, 0, at, y, d0, d1, &wide);
+    const spsi_v step = spsi_mul(spsi_sub(d1, d0), spsi_set(1 / (float)parts)), whole[2] = {d0, d1};
+    int wide, shadable = spsi_depth_map_shadable(map, face, 0, at, y, whole, &wide);
     if (!wide) return shadable != 0;
-    shadable = spsi_depth_map_shadable(map, face, 1, at, y, d0, d1, &wide);
+    shadable = spsi_depth_map_shadable(map, face, 1, at, y, whole, &wide);
     if (!(shadable | wide)) return 0;
     for (int part = 0; part < parts; ++part) {
-        const spsi_v from = spsi_fma(step, spsi_set((float)part), d0);
-        shadable = spsi_depth_map_shadable(map, face, 0, at, y, from, spsi_add(from, step), &wide);
+        const spsi_v from = spsi_fma(step, spsi_set((float)part), d0), way[2] = {from, spsi_add(from, step)};
+        shadable = spsi_depth_map_shadable(map, face, 0, at, y, way, &wide);
         if (shadable | wide) return 1;
     }
     return 0;
@@ -12522,8 +12521,8 @@ static float spsi_tap_slabs_per_depth(const spsi_tapper *t, float x, float y) {
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
 }
 
-/* Bound of what a slab's mean is off by if its rays cross `way` voxels in so many steps, where a field bends by `bend`.
-   With steps of h, it is h^3 / 192 of the third derivative for the corrected midpoint rule (Peano's kernel,
+/* Bound of what a slab's mean is off by if its rays cross `way` voxels in that number of steps, where a field bends by
+   `bend`. With steps of h, it is h^3 / 192 of the third derivative for the corrected midpoint rule (Peano's kernel,
    integrated), and h^3 / 288 per step for its correction by differences of samples. */
 static float spsi_tap_steps_bound(float bend, float way, int steps) {
     const float h = way / (float)steps;
@@ -12656,7 +12655,7 @@ static float spsi_tap_way(const spsi_tapper *t, const spsi_tile *tile) {
     return most;
 }
 
-/* Number of samples in a slab in which rays cross so many voxels. */
+/* Number of samples in a slab in which rays cross `way` voxels. */
 static int spsi_tap_steps(const spsi_tapper *t, float way) {
     const float steps = ceilf(spsi_lower(way / (float)spsi_tap_step(t->fields), SPSI_TAP_MOST));
     return t->lone ? 1 : spsi_most(1, (int)steps);

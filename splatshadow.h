@@ -9646,8 +9646,8 @@ static inline spsi_v spsi_depth_map_share(const spsi_depth_map *map, int face, s
 }
 
 /* The lanes whose ways from d[0] to d[1] a face of a depth map may shade, as bits: one lookup of a cell, which spares
-   most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a cell
-   of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
+   most slabs the lookups of four texels' planes. It cannot tell of ways in *wide, whose ends do not both lie within a
+   cell of the middle's, or SPSI_CELLS_FAR of them if `far_off`, or lie before and behind the light. */
 static inline int spsi_depth_map_shadable(const spsi_depth_map *map, int face, int far_off, spsi_v at, float y,
                                           const spsi_v d[2], int *wide) {
     const size_t cells = (size_t)map->cells[face] * (size_t)spsi_depth_map_cells(map->rays[face].height);

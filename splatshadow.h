@@ -5878,7 +5878,7 @@ static void spsi_block_evaluate(spsi_voxels *voxels) {
     }
 }
 
-/* Reads a block unless it is empty, which range_fn is asked first with `asks`. */
+/* Reads a block, unless range_fn, which is called first if `asks`, shows that it is empty. */
 static void spsi_block_read(spsi_voxels *voxels, int asks) {
     spsi_block *block = &voxels->block;
     const spsi_medium *medium = block->medium;
@@ -5952,7 +5952,7 @@ typedef struct spsi_reader {
     const sps_context *context;
     const spsi_medium *medium;
     const spsi_material *material;
-    int asks;               /* 1: range_fn is asked first */
+    int asks;               /* 1: range_fn is called first */
     int replace;            /* 1: invalid values count as 0 */
     spsi_part_of_call part; /* of this volume */
     int64_t block_count;    /* of the volume */
@@ -12516,6 +12516,9 @@ static void spsi_tap_patch_place(int x0, int y0, int x1, int y1, spsi_tap_patch 
     }
 }
 
+/* The ray through a patch's first corner (0), that beside it (1), or those below them (2, 3). */
+static inline int spsi_tap_corner(int corner) { return 3 * (corner & 1) + 12 * (corner >> 1); }
+
 /* Slabs per depth on a ray. */
 static float spsi_tap_slabs_per_depth(const spsi_tapper *t, float x, float y) {
     return t->slab.slope[0] + x * t->slab.slope[1] + y * t->slab.slope[2];
@@ -12531,7 +12534,7 @@ static float spsi_tap_steps_bound(float bend, float way, int steps) {
 
 /* The depth at which the ray through a corner of a patch crosses a slab plane of the tile. */
 static float spsi_tap_patch_depth(const spsi_tapper *t, const spsi_tap_patch *patch, int corner, int plane) {
-    const float x = corner & 1 ? (float)patch->x1 : (float)patch->x0, y = (float)(corner & 2 ? patch->y1 : patch->y0);
+    const float x = patch->x[spsi_tap_corner(corner)], y = patch->y[spsi_tap_corner(corner)];
     const float base = t->slab.base[0] + x * t->slab.base[1] + y * t->slab.base[2];
     return ((float)plane - base) / spsi_tap_slabs_per_depth(t, x, y);
 }
@@ -12547,8 +12550,7 @@ static float spsi_tap_patch_extent(const spsi_tapper *t, const spsi_tile *tile, 
             float place[2];
             for (int i = 0; i < 2; ++i) {
                 const int corner = i << axis;
-                const float x = (float)(corner & 1 ? patch->x1 : patch->x0);
-                const float y = (float)(corner & 2 ? patch->y1 : patch->y0);
+                const float x = patch->x[spsi_tap_corner(corner)], y = patch->y[spsi_tap_corner(corner)];
                 const float depth = spsi_tap_patch_depth(t, patch, corner, end * tile->slab_count);
                 place[i] = at->base[0] + x * at->base[1] + y * at->base[2] +
                            depth * (at->slope[0] + x * at->slope[1] + y * at->slope[2]);
@@ -13742,7 +13744,7 @@ static float spsi_target_depth(const spsi_target *target, const spsi_tile *tile,
     const float extinction = frame->matter.materials[frame->media[medium].channel].extinction;
     float most = 0;
     for (int corner = 0; corner < 4; ++corner) {
-        const float x = (float)(corner & 1 ? patch->x1 : patch->x0), y = (float)(corner & 2 ? patch->y1 : patch->y0);
+        const float x = patch->x[spsi_tap_corner(corner)], y = patch->y[spsi_tap_corner(corner)];
         const float slabs = fabsf(spsi_tap_slabs_per_depth(&target->tappers[medium], x, y));
         most = spsi_higher(most, spsi_lane(spsi_ray_lengths(target->rays, spsi_set(x), y), 0) / slabs);
     }

@@ -1348,10 +1348,11 @@ static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
 }
 #define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
-static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
-    const __m512i words = _mm512_i32gather_epi32(_mm512_cvttps_epi32(at), grid, 4);
-    _mm512_storeu_si512(found, words);
-    return _mm512_test_epi32_mask(words, _mm512_sllv_epi32(_mm512_set1_epi32(1), _mm512_cvttps_epi32(bit)));
+static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
+    const __m512i number = _mm512_cvttps_epi32(bit), within = _mm512_and_si512(number, _mm512_set1_epi32(31));
+    const __m512i entry = _mm512_slli_epi32(_mm512_cvttps_epi32(at), 1);
+    const __m512i words = _mm512_i32gather_epi32(_mm512_add_epi32(entry, _mm512_srli_epi32(number, 5)), grid, 4);
+    return _mm512_test_epi32_mask(words, _mm512_sllv_epi32(_mm512_set1_epi32(1), within));
 }
 #define SPSI_HAS_LOOKUP
 
@@ -1426,10 +1427,11 @@ static inline void spsi_store_halves(float *a, float *b, spsi_v v) {
 }
 #define SPSI_HAS_HALVES
 #define SPSI_HAS_FIRST
-static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
-    const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)grid, _mm256_cvttps_epi32(at), 4);
-    const __m256i place = _mm256_sub_epi32(_mm256_set1_epi32(31), _mm256_cvttps_epi32(bit));
-    _mm256_storeu_si256((__m256i *)(void *)found, words);
+static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
+    const __m256i number = _mm256_cvttps_epi32(bit), entry = _mm256_slli_epi32(_mm256_cvttps_epi32(at), 1);
+    const __m256i places = _mm256_add_epi32(entry, _mm256_srli_epi32(number, 5));
+    const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)grid, places, 4);
+    const __m256i place = _mm256_andnot_si256(number, _mm256_set1_epi32(31)); /* 31 less the bit's in its word */
     return _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_sllv_epi32(words, place)));
 }
 #define SPSI_HAS_LOOKUP
@@ -1555,6 +1557,8 @@ static inline void spsi_store_first(float *p, spsi_v a, int count) {
 }
 #endif
 
+#define SPSI_ALL_LANES ((1 << SPSI_LANES) - 1)
+
 /* Long vectors can hold two rows of half as many pixels, since narrow footprints would leave most of a row empty.
    spsi_halves: the lower halves of a and b; the others are the same in memory. Shorter vectors only hold whole rows. */
 #ifdef SPSI_HAS_HALVES
@@ -1625,15 +1629,15 @@ static inline void spsi_lookup_pair(const uint32_t *grid, int stride, spsi_v x, 
     pair[1] = spsi_load(ys);
 }
 
-/* Gathers grid[at], per lane, into `found`. Returns a bit per lane: whether bit number `bit` is set there. */
-static inline int spsi_lookup_bit(const uint32_t *grid, spsi_v at, spsi_v bit, uint32_t *found) {
+/* Returns a bit per lane: whether bit number `bit`, of 64, is set in grid[at]. */
+static inline int spsi_lookup_bit(const uint32_t (*grid)[2], spsi_v at, spsi_v bit) {
     float places[SPSI_LANES], numbers[SPSI_LANES];
     int lanes = 0;
     spsi_store(places, at);
     spsi_store(numbers, bit);
     for (int i = 0; i < SPSI_LANES; ++i) {
-        found[i] = grid[(ptrdiff_t)places[i]];
-        lanes |= (int)(found[i] >> (int)numbers[i] & 1) << i;
+        const int number = (int)numbers[i];
+        lanes |= (int)(grid[(ptrdiff_t)places[i]][number / 32] >> number % 32 & 1) << i;
     }
     return lanes;
 }
@@ -4473,8 +4477,9 @@ typedef struct spsi_cell_grid {
     float *scale;   /* per channel: of extinction, on the mean of all gas */
 } spsi_cell_grid;
 
-#define SPSI_TAP_STEPS 1024 /* places between two voxels for which there are weights, >>taps */
-#define SPSI_LEVELS    8    /* of voxels twice as large each, besides those that were read */
+#define SPSI_TAP_STEPS     1024 /* places between two voxels for which there are weights, >>taps */
+#define SPSI_FIELD_REACHES 3    /* about what is shown, in which samples are taken */
+#define SPSI_LEVELS        8    /* of voxels twice as large each, besides those that were read */
 
 /* Values of a volume, by which its sheets are filled pixel by pixel, >>taps. */
 typedef struct spsi_voxel_field {
@@ -4488,7 +4493,8 @@ typedef struct spsi_voxel_field {
     int *places;          /* per brick held: where it is in the grid */
     int count;            /* of bricks held */
     float *values;        /* of the first brick held */
-    uint32_t *eighths;    /* per brick: 256 times which one holds it, plus a bit per eighth that has voxels in reach */
+    uint64_t *shown;      /* per brick held: which of its own voxels are, a bit each, layer by layer of 8 x 8 */
+    uint32_t (*cells[SPSI_FIELD_REACHES])[2]; /* per brick: a bit for each of its cells of 2^3 voxels; by their reach */
 } spsi_voxel_field;
 
 /* Those of all volumes. */
@@ -5900,7 +5906,7 @@ static inline int spsi_invalid_bits(spsi_v value) {
     const int numbers = spsi_bits(spsi_less(value, spsi_set(SPSI_INFINITY)));
     const int low = spsi_bits(spsi_less(value, spsi_set(0)));
     const int high = spsi_bits(spsi_less(spsi_set(SPSI_VALUE_MAX), value));
-    return low | high | (numbers ^ ((1 << SPSI_LANES) - 1));
+    return low | high | (numbers ^ SPSI_ALL_LANES);
 }
 
 /* Replaces invalid values by 0, or stops at the first one. */
@@ -8592,7 +8598,7 @@ static void spsi_packet_meet_face(const spsi_faces *faces, int number, int bits,
     }
     for (int first = 0; first < SPSI_PACKET; first += SPSI_LANES) {
         int stopped;
-        if (!(bits >> first & ((1 << SPSI_LANES) - 1))) continue;
+        if (!(bits >> first & SPSI_ALL_LANES)) continue;
         stopped = spsi_face_stops(&faces->list[number], packet, first) << first & packet->open;
         for (int at = first; stopped >> at > 0; ++at)
             if (stopped >> at & 1 && packet->own[at] != number) packet->open &= ~(1 << at);
@@ -9905,7 +9911,7 @@ static void spsi_pane_map_face(const spsi_pane_map *map, int face, const spsi_fa
 static void spsi_pane_map_filter(const spsi_pane_map *map, const spsi_faces *faces, spsi_v at, float y,
                                  const spsi_v d[2], spsi_v filter[3]) {
     float lanes[3][SPSI_LANES];
-    int left = (1 << SPSI_LANES) - 1;
+    int left = SPSI_ALL_LANES;
     spsi_v farthest = spsi_set(-FLT_MAX);
     spsi_pane_ways ways;
     for (int c = 0; c < 3; ++c)
@@ -10727,6 +10733,9 @@ typedef struct spsi_tile {
     int limit_height;       /* of the image */
     float *slopes;          /* sheets of d/dx of the current channel, followed by those of d/dy; NULL: none */
     uint64_t open;          /* bit mask of patches that are not opaque yet; footprints that meet none are skipped */
+    const float *depth;     /* optical depth up to here of the pixels without the margin; NULL: unknown */
+    size_t depth_pitch;     /* floats from one row of these to the next */
+    float end;              /* optical depth at which their rays end */
     int margin;             /* pixels around the patches; they count as part of the patches at the edge */
     float eye_slab;         /* slab coordinate of the rays' origin, for the near case and gradients */
     uint64_t visits;        /* footprints written */
@@ -11397,7 +11406,7 @@ static void spsi_splat_brick(spsi_tile *tile, const spsi_splatter *s, const spsi
     const float unit = f.amplitude[0];
     for (int i = 0; i < brick->count; i += SPSI_LANES) {
         const int at = brick->first + i;
-        const int all = brick->count - i < SPSI_LANES ? (1 << (brick->count - i)) - 1 : (1 << SPSI_LANES) - 1;
+        const int all = brick->count - i < SPSI_LANES ? (1 << (brick->count - i)) - 1 : SPSI_ALL_LANES;
         const spsi_v value = spsi_load(segment->value + at);
         const spsi_v steps[3] = {spsi_load(segment->x + at), spsi_load(segment->y + at), spsi_load(segment->z + at)};
         spsi_v q[3], depth, slab;
@@ -11815,17 +11824,19 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 /* ================================================================================================ >>taps
    21 Filling sheets from the pixels' side. The field at a point is the sum of 4^3 or 6^3 voxels about it, weighted
    along each axis by the kernel; weights add up to 1, and are for 1025 places between voxels. Voxels lie in bricks of
-   8^3 with an apron, so that all taps of a point are in one; a brick is held if any voxel is within reach, and knows
-   which eighths of it have none. Samples lie in the middle of equal steps h along a pixel's ray. The integral over a
-   slab is h times their sum plus h / 24 times the change of the field's differences from its first to its last step
-   (midpoint rule with its end correction, error of order h^4), and where a polygon or the near plane cuts it, its rest
-   has samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after
-   the other. Where voxels are smaller than pixels, a pixel has four rays. Those of a surface lie near its centre, where
-   it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall
-   short, much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on a level
-   whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are right in
-   the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice
-   as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
+   8^3 with an apron, so that all taps of a point are in one; a brick is held if any voxel is within reach, and has a
+   bit for each of its cells of 2^3 voxels: whether samples are taken there. In a gas, they are where a voxel is within
+   reach, in a classified volume where one is that may be shown, and as far from there as looks depend on it. Rays that
+   have ended have none. Samples lie in the middle of equal steps h along a pixel's ray. The integral over a slab is h
+   times their sum plus h / 24 times the change of the field's differences from its first to its last step (midpoint
+   rule with its end correction, error of order h^4), and where a polygon or the near plane cuts it, its rest has
+   samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
+   other. Where voxels are smaller than pixels, a pixel has four rays. Those of a surface lie near its centre, where it
+   is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall short,
+   much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on a level whose
+   voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are right in the
+   mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as
+   large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
    midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
    of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
@@ -11971,11 +11982,29 @@ static void spsi_field_number(const spsi_brick *bricks, int taps, spsi_voxel_fie
 /* A field whose bricks are being filled. */
 typedef struct spsi_field_job {
     const sps_context *context;
-    const spsi_brick *bricks; /* of relevant voxels */
+    const spsi_brick *bricks;       /* of relevant voxels */
+    const spsi_material *classifies; /* what is shown; NULL: voxels that are not 0 */
     int taps;
     const spsi_voxel_field *field;
     const spsi_voxel_field *fine; /* the next finer one, of a level */
 } spsi_field_job;
+
+/* Notes which voxels of a brick's own are shown: in a gas, those that are not 0, in a classified volume, those up to
+   whose values the transfer function shows something. */
+static void spsi_field_show(const spsi_field_job *job, const float *values, uint64_t *shown) {
+    const int edge = spsi_field_edge(job->taps), pitch = spsi_field_pitch(job->taps), border = job->taps / 2 - 1;
+    const int lanes = spsi_least(SPSI_LANES, SPSI_BRICK), whole = (1 << lanes) - 1;
+    for (int z = 0; z < SPSI_BRICK; ++z) {
+        shown[z] = 0;
+        for (int n = 0; n < SPSI_BRICK * SPSI_BRICK; n += lanes) {
+            const int row = (z + border) * edge + n / SPSI_BRICK + border;
+            const spsi_v value = spsi_load_first(values + row * pitch + border + n % SPSI_BRICK, lanes);
+            const int bits = job->classifies ? ~spsi_hidden_bits(job->classifies, value)
+                                             : spsi_bits(spsi_less(spsi_set(0), value));
+            shown[z] |= (uint64_t)(bits & whole) << n;
+        }
+    }
+}
 
 /* Writes the voxels of a brick's own source, if it has one, about a border that is 0. */
 static void spsi_field_own_task(void *data, int index, int worker) {
@@ -11985,7 +12014,7 @@ static void spsi_field_own_task(void *data, int index, int worker) {
     (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
         const int number = job->field->sources[job->field->places[held]];
-        float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps);
+        float *values = job->field->values + (size_t)held * spsi_field_floats(job->taps), *own;
         const spsi_segment *segment;
         const spsi_brick *source;
         int at[3];
@@ -11994,9 +12023,10 @@ static void spsi_field_own_task(void *data, int index, int worker) {
         source = &job->bricks[number];
         segment = spsi_segment_at(job->context, source->segment);
         for (int k = 0; k < 3; ++k) at[k] = source->base[k] % SPSI_BRICK + border;
-        values += (at[2] * edge + at[1]) * pitch + at[0];
+        own = values + (at[2] * edge + at[1]) * pitch + at[0];
         for (int i = source->first; i < source->first + source->count; ++i)
-            values[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
+            own[((int)segment->z[i] * edge + (int)segment->y[i]) * pitch + (int)segment->x[i]] = segment->value[i];
+        spsi_field_show(job, values, job->field->shown + (size_t)held * SPSI_BRICK);
     }
 }
 
@@ -12025,49 +12055,91 @@ static void spsi_field_copy(int taps, const int off[3], const float *from, float
         }
 }
 
-/* Whether a sample in an eighth of a brick has any voxel within reach, of which `first` is the first. */
-static int spsi_field_any(int taps, const float *first) {
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), reach = SPSI_BRICK / 2 + taps - 1;
-    for (int z = 0; z < reach; ++z)
-        for (int y = 0; y < reach; ++y) {
-            const float *row = first + (z * edge + y) * pitch;
-            float most = 0;
-            for (int x = 0; x < reach; ++x) most = spsi_higher(most, fabsf(row[x]));
-            if (most > 0) return 1;
+/* How far a cell of 2^3 voxels is seen: it begins `before` voxels ahead of its own, and ends `behind` them. */
+typedef struct spsi_cell_reach {
+    int before, behind;
+} spsi_cell_reach;
+
+/* Samples in a cell have `taps` voxels within reach along an axis. A classified volume's are taken if any up to a
+   number of voxels farther away is shown. */
+static spsi_cell_reach spsi_cell_reach_of(const spsi_field_job *job, int number) {
+    const int farther = job->classifies ? number : 0;
+    const spsi_cell_reach reach = {job->taps / 2 - 1 + farther, job->taps / 2 + farther};
+    return reach;
+}
+
+/* A row of shown voxels of three bricks side by side. */
+static inline uint32_t spsi_shown_row(const uint64_t *const shown[3], int row) {
+    uint32_t bits = 0;
+    for (int k = 0; k < 3; ++k)
+        if (shown[k]) bits |= (uint32_t)(shown[k][row / SPSI_BRICK] >> row % SPSI_BRICK * SPSI_BRICK & 0xff) << 8 * k;
+    return bits;
+}
+
+/* The cells that see a place along an axis, as bits: cell c sees those from 2 c - before to 2 c + 1 + behind. */
+static inline int spsi_cells_seeing(const spsi_cell_reach *reach, int at) {
+    int cells = 0;
+    for (int c = 0; c < SPSI_BRICK / 2; ++c)
+        cells |= (at >= 2 * c - reach->before && at <= 2 * c + 1 + reach->behind) << c;
+    return cells;
+}
+
+/* The cells of a brick that see shown voxels, of its own and of the bricks around it; NULL: there is none. */
+static void spsi_cells_mark(const uint64_t *const shown[27], const spsi_cell_reach *reach, uint32_t cells[2]) {
+    const int low = -reach->before, high = SPSI_BRICK + reach->behind;
+    const uint32_t window = (1u << (reach->before + 2 + reach->behind)) - 1;
+    cells[0] = cells[1] = 0;
+    for (int z = low; z < high; ++z) {
+        const int brick_z = (z + SPSI_BRICK) / SPSI_BRICK, sees_z = spsi_cells_seeing(reach, z);
+        uint32_t layer = 0; /* cells along x, and along y */
+        for (int y = low; y < high; ++y) {
+            const int brick_y = (y + SPSI_BRICK) / SPSI_BRICK, sees_y = spsi_cells_seeing(reach, y);
+            const int row = (z + SPSI_BRICK) % SPSI_BRICK * SPSI_BRICK + (y + SPSI_BRICK) % SPSI_BRICK;
+            const uint32_t bits = spsi_shown_row(shown + 9 * brick_z + 3 * brick_y, row);
+            uint32_t along = 0;
+            for (int c = 0; c < 4 && bits; ++c)
+                along |= (uint32_t)((bits >> (SPSI_BRICK + 2 * c - reach->before) & window) > 0) << c;
+            for (int c = 0; c < 4; ++c)
+                if (sees_y >> c & 1) layer |= along << 4 * c;
         }
-    return 0;
+        for (int c = 0; c < 4; ++c)
+            if (sees_z >> c & 1) cells[c / 2] |= layer << 16 * (c % 2);
+    }
 }
 
-/* A bit for each eighth that has. */
-static uint32_t spsi_field_eighths(int taps, const float *values) {
-    const int edge = spsi_field_edge(taps), pitch = spsi_field_pitch(taps), half = SPSI_BRICK / 2;
-    int bits = 0;
-    for (int n = 0; n < 8; ++n)
-        bits |= spsi_field_any(taps, values + ((n / 4 * edge + n / 2 % 2) * pitch + n % 2) * half) << n;
-    return (uint32_t)bits;
+/* Which bricks with voxels of their own are around a brick that is held, itself included; -1: there is none. */
+static void spsi_field_around(const spsi_voxel_field *field, int held, int around[27]) {
+    int at[3];
+    spsi_field_at(field, field->places[held], at);
+    for (int n = 0; n < 27; ++n) {
+        const int other[3] = {at[0] + n % 3 - 1, at[1] + n / 3 % 3 - 1, at[2] + n / 9 - 1};
+        const size_t cell = spsi_field_has(field, other) ? spsi_field_cell(field, other) : 0;
+        around[n] = spsi_field_has(field, other) && field->sources[cell] >= 0 ? field->grid[cell] : -1;
+    }
 }
 
-/* Fills the aprons of bricks whose own voxels are in place. */
+/* Fills the aprons of bricks whose own voxels are in place, and marks their cells. */
 static void spsi_field_apron_task(void *data, int index, int worker) {
     const spsi_field_job *job = (const spsi_field_job *)data;
     const spsi_voxel_field *field = job->field;
-    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH), taps = job->taps;
-    const size_t floats = spsi_field_floats(taps);
+    const int end = spsi_least(field->count, (index + 1) * SPSI_FIELD_BATCH);
+    const size_t floats = spsi_field_floats(job->taps);
     (void)worker;
     for (int held = index * SPSI_FIELD_BATCH; held < end; ++held) {
-        float *values = field->values + (size_t)held * floats;
-        int at[3];
-        spsi_field_at(field, field->places[held], at);
+        const uint64_t *shown[27];
+        int around[27];
+        spsi_field_around(field, held, around);
         for (int n = 0; n < 27; ++n) {
             const int off[3] = {n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1};
-            const int other[3] = {at[0] + off[0], at[1] + off[1], at[2] + off[2]};
-            size_t cell;
-            if (n == 13 || !spsi_field_has(field, other)) continue;
-            cell = spsi_field_cell(field, other);
-            if (field->sources[cell] < 0) continue;
-            spsi_field_copy(taps, off, field->values + (size_t)field->grid[cell] * floats, values);
+            shown[n] = around[n] < 0 ? NULL : field->shown + (size_t)around[n] * SPSI_BRICK;
+            if (n == 13 || around[n] < 0) continue;
+            spsi_field_copy(job->taps, off, field->values + (size_t)around[n] * floats,
+                            field->values + (size_t)held * floats);
         }
-        field->eighths[field->places[held]] = (uint32_t)held << 8 | spsi_field_eighths(taps, values);
+        for (int n = 0; n < (job->classifies ? SPSI_FIELD_REACHES : 1); ++n) {
+            const spsi_cell_reach reach = spsi_cell_reach_of(job, n);
+            spsi_cells_mark(shown, &reach, field->cells[n][field->places[held]]);
+        }
     }
 }
 
@@ -12194,6 +12266,7 @@ static void spsi_level_own_task(void *data, int index, int worker) {
                 spsi_level_octant(taps, fine->values + (size_t)number * floats,
                                   values + (to[2] * edge + to[1]) * pitch + to[0]);
         }
+        spsi_field_show(job, values, level->shown + (size_t)held * SPSI_BRICK);
     }
 }
 
@@ -12203,6 +12276,7 @@ static void spsi_level_own_task(void *data, int index, int worker) {
 typedef struct spsi_tapper {
     const spsi_fields *fields;
     const spsi_voxel_field *field; /* of its level */
+    const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level;                     /* 0: voxels as they were read */
     int across;                    /* rays along each side of a pixel: 1 or 2 */
     float aside;                   /* pixels from its centre to them, along each axis */
@@ -12243,16 +12317,18 @@ static inline spsi_four spsi_taps_six(const float *from, const float *x, const f
 
 /* Where a vector of places finds its taps. */
 typedef struct spsi_tap_places {
-    uint32_t eighths[SPSI_LANES]; /* those of the field */
-    int first[SPSI_LANES];        /* float of the brick */
+    int brick[SPSI_LANES]; /* of the field's grid */
+    int first[SPSI_LANES]; /* float of it */
     int weights[3][SPSI_LANES];
 } spsi_tap_places;
 
-/* Returns the lanes that have voxels within reach, as bits. */
-static inline int spsi_tap_find(const spsi_voxel_field *field, int taps, const spsi_v place[3], spsi_tap_places *at) {
+/* Returns the lanes in which samples are taken, as bits. */
+static inline int spsi_tap_find(const spsi_tapper *t, const spsi_v place[3], spsi_tap_places *at) {
+    const spsi_voxel_field *field = t->field;
+    const int taps = t->fields->taps;
     const float pitch = (float)spsi_field_pitch(taps), layer = pitch * (float)spsi_field_edge(taps);
     const float strides[3] = {1, pitch, layer};
-    spsi_v brick = spsi_set(0), eighth = spsi_set(0), first = spsi_set(0);
+    spsi_v brick = spsi_set(0), cell = spsi_set(0), first = spsi_set(0);
     for (int k = 2; k >= 0; --k) {
         const spsi_v last = spsi_set((float)(field->size[k] * SPSI_BRICK - 1));
         const spsi_v inside = spsi_max(place[k], spsi_set(0)), whole = spsi_min(spsi_floor(inside), last);
@@ -12261,27 +12337,29 @@ static inline int spsi_tap_find(const spsi_voxel_field *field, int taps, const s
         const spsi_v within = spsi_fma(column, spsi_set(-SPSI_BRICK), whole);
         brick = spsi_fma(brick, spsi_set((float)field->size[k]), column);
         first = spsi_fma(within, spsi_set(strides[k]), first);
-        eighth = spsi_fma(eighth, spsi_set(2), spsi_floor(spsi_mul(within, spsi_set(2.0f / SPSI_BRICK))));
+        cell = spsi_fma(cell, spsi_set(SPSI_BRICK / 2), spsi_floor(spsi_mul(within, spsi_set(0.5f))));
         spsi_store_int(at->weights[k], spsi_round(spsi_mul(beyond, spsi_set(SPSI_TAP_STEPS))));
     }
+    spsi_store_int(at->brick, brick);
     spsi_store_int(at->first, first);
-    return spsi_lookup_bit(field->eighths, brick, eighth, at->eighths);
+    return spsi_lookup_bit(t->cells, brick, cell);
 }
 
-/* The field at a vector of places, in those of `lanes`, bits, that have voxels within reach, and 0 in others. Places of
+/* The field at a vector of places, in those of `lanes`, bits, in which samples are taken, and 0 in others. Places of
    `lanes` lie inside the field's bricks. Counts samples in *count. */
-static inline spsi_v spsi_tap_values(const spsi_fields *fields, const spsi_voxel_field *field, const spsi_v place[3],
-                                     int lanes, uint64_t *count) {
+static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3], int lanes, uint64_t *count) {
+    const spsi_fields *fields = t->fields;
+    const spsi_voxel_field *field = t->field;
     const int taps = fields->taps;
     const size_t floats = spsi_field_floats(taps);
     float fours[4 * SPSI_LANES];
     spsi_tap_places at;
-    lanes &= spsi_tap_find(field, taps, place, &at);
+    lanes &= spsi_tap_find(t, place, &at);
     if (!lanes) return spsi_set(0);
     memset(fours, 0, sizeof fours);
     for (; lanes; lanes &= lanes - 1) {
         const int i = spsi_lowest_bit(lanes);
-        const float *from = field->values + (size_t)(at.eighths[i] >> 8) * floats + at.first[i];
+        const float *from = field->values + (size_t)field->grid[at.brick[i]] * floats + at.first[i];
         const float *x = fields->weights[at.weights[0][i]], *y = fields->weights[at.weights[1][i]];
         const float *z = fields->weights[at.weights[2][i]];
         spsi_four_store(fours + 4 * i, taps == 4 ? spsi_taps_four(from, x, y, z) : spsi_taps_six(from, x, y, z));
@@ -12321,7 +12399,7 @@ static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *ti
                                        spsi_tap_rays *rays) {
     const spsi_v slope = spsi_linear_slope_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
     rays->steps = steps;
-    rays->lanes = (1 << SPSI_LANES) - 1;
+    rays->lanes = SPSI_ALL_LANES;
     rays->part = 0;
     rays->base = spsi_linear_base_at(&t->slab, x, y);
     rays->per_slab = spsi_div(spsi_set(1), slope);
@@ -12363,12 +12441,12 @@ static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *
     spsi_v place[3];
     if (!lanes) return spsi_set(0);
     for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, rays->step[k], rays->start[k]);
-    return spsi_tap_values(t->fields, t->field, place, lanes, count);
+    return spsi_tap_values(t, place, lanes, count);
 }
 
 /* Whether places lie inside a field's bricks, as bits. */
 static inline int spsi_tap_inside(const spsi_voxel_field *field, const spsi_v place[3]) {
-    int lanes = (1 << SPSI_LANES) - 1;
+    int lanes = SPSI_ALL_LANES;
     for (int k = 0; k < 3; ++k) {
         const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK));
         lanes &= spsi_bits(spsi_less(place[k], edge)) & ~spsi_bits(spsi_less(place[k], spsi_set(0)));
@@ -12400,7 +12478,7 @@ static float spsi_tap_part(const spsi_tapper *t, const spsi_tap_rays *rays, int 
             place[k] = spsi_fma(spsi_set(change), depth, spsi_set(at));
         }
         lanes &= spsi_tap_inside(t->field, place);
-        spsi_store(values, spsi_tap_values(t->fields, t->field, place, lanes, samples));
+        spsi_store(values, spsi_tap_values(t, place, lanes, samples));
         for (int i = 0; i < SPSI_LANES; ++i) sum += values[i];
     }
     return sum * step;
@@ -12869,8 +12947,12 @@ static size_t spsi_field_cells_most(size_t bricks) {
 }
 
 /* Bytes of grids and of held bricks. */
-static size_t spsi_field_grid_bytes(size_t cells) { return cells * (3 * sizeof(int) + sizeof(uint32_t)); }
-static size_t spsi_field_brick_bytes(int taps) { return spsi_field_floats(taps) * sizeof(float); }
+static size_t spsi_field_grid_bytes(size_t bricks) {
+    return bricks * (3 * sizeof(int) + SPSI_FIELD_REACHES * sizeof(uint32_t[2]));
+}
+static size_t spsi_field_brick_bytes(int taps) {
+    return spsi_field_floats(taps) * sizeof(float) + SPSI_BRICK * sizeof(uint64_t);
+}
 
 /* Upper bound of the bytes of what is known of how much fields bend. */
 static size_t spsi_bends_bytes(size_t bricks, size_t held) { return (bricks + held) * sizeof(float); }
@@ -12946,8 +13028,10 @@ static int *spsi_field_lay(spsi_voxel_field *field, int *memory) {
     field->grid = memory;
     field->sources = memory + cells;
     field->places = memory + 2 * cells;
-    field->eighths = (uint32_t *)(void *)(memory + 3 * cells);
-    return memory + 4 * cells;
+    memory += 3 * cells;
+    for (int n = 0; n < SPSI_FIELD_REACHES; ++n, memory += 2 * cells)
+        field->cells[n] = (uint32_t(*)[2])(void *)memory;
+    return memory;
 }
 
 /* Makes grids of the bricks of all fields, unless they are held with their voxels or everything is splatted. */
@@ -12992,19 +13076,24 @@ static sps_result spsi_field_stock_reserve(sps_context *context, spsi_buffer_id 
     return stock->values ? SPS_OK : context->result;
 }
 
-/* Fills a field, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
-static void spsi_field_fill(sps_context *context, int taps, spsi_field_stock *stock, const spsi_voxel_field *fine,
-                            spsi_voxel_field *field) {
+/* Fills a field of a medium, from its relevant voxels or, if there is a `fine` one, as the next level of that. */
+static void spsi_field_fill(sps_context *context, const spsi_frame *frame, int medium, spsi_field_stock *stock,
+                            const spsi_voxel_field *fine, spsi_voxel_field *field) {
+    const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const int tasks = (field->count + SPSI_FIELD_BATCH - 1) / SPSI_FIELD_BATCH;
     spsi_field_job job;
-    field->values = stock->values + stock->used * spsi_field_floats(taps);
-    memset(field->eighths, 0, spsi_field_cells(field) * sizeof *field->eighths);
-    stock->used += (size_t)field->count;
     job.context = context;
     job.bricks = (const spsi_brick *)context->buffers[SPSI_BUFFER_BRICKS].data;
-    job.taps = taps;
+    job.classifies = material->table ? material : NULL;
+    job.taps = frame->content->fields->taps;
     job.field = field;
     job.fine = fine;
+    field->values = stock->values + stock->used * spsi_field_floats(job.taps);
+    field->shown = (uint64_t *)(void *)(stock->values + stock->count * spsi_field_floats(job.taps)) +
+                   stock->used * SPSI_BRICK;
+    stock->used += (size_t)field->count;
+    for (int n = 0; n < SPSI_FIELD_REACHES; ++n)
+        memset(field->cells[n], 0, spsi_field_cells(field) * sizeof *field->cells[n]);
     spsi_parallel(context, tasks, fine ? spsi_level_own_task : spsi_field_own_task, &job);
     spsi_parallel(context, tasks, spsi_field_apron_task, &job);
 }
@@ -13019,7 +13108,7 @@ static sps_result spsi_fields_fill(sps_context *context, const spsi_frame *frame
     if (spsi_field_stock_reserve(context, SPSI_BUFFER_FIELD_VALUES, fields->taps, count, &stock))
         return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
-        spsi_field_fill(context, fields->taps, &stock, NULL, &fields->list[m]);
+        spsi_field_fill(context, frame, m, &stock, NULL, &fields->list[m]);
     fields->filled = 1;
     return SPS_OK;
 }
@@ -13055,7 +13144,7 @@ static sps_result spsi_levels_fill(sps_context *context, const spsi_frame *frame
         return context->result;
     for (int m = 0; m < frame->medium_count; ++m)
         for (int n = 0; n < spsi_levels_wanted(frame, m) && fields->list[m].count > 0; ++n)
-            spsi_field_fill(context, fields->taps, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
+            spsi_field_fill(context, frame, m, &stock, n ? &fields->levels[m][n - 1] : &fields->list[m],
                             &fields->levels[m][n]);
     fields->leveled = 1;
     return SPS_OK;
@@ -13783,32 +13872,75 @@ static uint64_t spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *h
     return added;
 }
 
-/* The patches of a tile that matter to a row of its pixels, as bits by column. */
-typedef struct spsi_patch_row {
-    int own, beside; /* those that it crosses, and those within the margin above and below it, too */
-    int done;        /* of its own, those that are filled already */
-} spsi_patch_row;
+/* The pixels of a row of a tile, as bits from the margin's first on. */
+typedef struct spsi_row_bits {
+    uint64_t low, high;
+} spsi_row_bits;
 
-static spsi_patch_row spsi_patch_row_at(const spsi_tile *tile, uint64_t patches, uint64_t done, int y) {
+static inline void spsi_row_mark(spsi_row_bits *row, uint64_t bits, int at) {
+    row->low |= bits << at;
+    row->high |= at > 0 ? bits >> (64 - at) : 0;
+}
+
+/* Bits of the tile's own pixels in a row of its patches. */
+static uint64_t spsi_patch_pixels(uint64_t patches, int row) {
+    uint64_t pixels = 0;
+    for (int n = 0; n < 8; ++n)
+        if (patches >> (8 * row + n) & 1) pixels |= UINT64_C(0xff) << SPSI_PATCH * n;
+    return pixels;
+}
+
+/* The pixels of a tile's own rows that lie in patches and whose rays have not ended. */
+static void spsi_tile_live(const spsi_tile *tile, uint64_t patches, uint64_t live[SPSI_TILE_HEIGHT]) {
+    const int width = tile->x1 - tile->x0 + 1 - 2 * tile->margin, height = tile->y1 - tile->y0 + 1 - 2 * tile->margin;
+    for (int y = 0; y < SPSI_TILE_HEIGHT; ++y) {
+        uint64_t ended = 0;
+        for (int x = 0; x < width && y < height && tile->depth; x += SPSI_LANES) {
+            const spsi_v depth = spsi_load_first(tile->depth + (size_t)y * tile->depth_pitch + x, width - x);
+            ended |= (uint64_t)(unsigned)(spsi_bits(spsi_less(depth, spsi_set(tile->end))) ^ SPSI_ALL_LANES) << x;
+        }
+        live[y] = y < height ? spsi_patch_pixels(patches, y / SPSI_PATCH) & ~ended & ~UINT64_C(0) >> (64 - width) : 0;
+    }
+}
+
+/* The pixels of row `y` of a tile, the margin included, that are live or that gradients in live ones read, up to the
+   margin to either side, or above and below. Patches that are done, with the margin beside them, are left out. */
+static spsi_row_bits spsi_tile_row(const spsi_tile *tile, const uint64_t live[SPSI_TILE_HEIGHT], uint64_t done, int y) {
     const int margin = tile->margin, at = y - tile->y0 - margin;
-    const int rows[3] = {spsi_patch_at(at), spsi_patch_at(at - margin), spsi_patch_at(at + margin)};
-    spsi_patch_row row;
-    row.own = (int)(patches >> 8 * rows[0] & 0xff);
-    row.beside = row.own | (int)((patches >> 8 * rows[1] | patches >> 8 * rows[2]) & 0xff);
-    row.done = (int)(done >> 8 * rows[0] & 0xff);
+    const uint64_t filled = spsi_patch_pixels(done, spsi_patch_at(at));
+    spsi_row_bits row = {0, 0}, out = {0, 0};
+    for (int k = -margin; k <= margin; ++k) {
+        if (at + k >= 0 && at + k < SPSI_TILE_HEIGHT) spsi_row_mark(&row, live[at + k], margin);
+        if (at >= 0 && at < SPSI_TILE_HEIGHT) spsi_row_mark(&row, live[at], margin + k);
+    }
+    spsi_row_mark(&out, filled & 0xff, 0);
+    spsi_row_mark(&out, filled, margin);
+    spsi_row_mark(&out, filled & ~(~UINT64_C(0) >> 8), 2 * margin);
+    row.low &= ~out.low;
+    row.high &= ~out.high;
     return row;
 }
 
-/* The pixels of a vector in such a row that lie in patches or that gradients in these read, as bits. */
-static int spsi_patch_lanes(const spsi_tile *tile, const spsi_patch_row *row, int x) {
-    const int margin = tile->margin, at = x - tile->x0 - margin;
-    int lanes = 0;
-    for (int i = 0; i < spsi_least(SPSI_LANES, tile->x1 + 1 - x); ++i) {
-        const int column = spsi_patch_at(at + i);
-        const int read = row->own >> spsi_patch_at(at + i - margin) | row->own >> spsi_patch_at(at + i + margin);
-        lanes |= ((row->beside >> column | read) & ~(row->done >> column) & 1) << i;
+/* A vector of such a row's pixels, from the one on that is `at` from the first. */
+static inline int spsi_row_lanes(const spsi_row_bits *row, int at) {
+    return (int)((at < 64 ? row->low >> at : row->high >> (at - 64)) & SPSI_ALL_LANES);
+}
+
+/* Within which reach of what is shown a tile takes samples of a volume. A classified slab looks as it and those beside
+   it say, `slab_margin` on either side, in which rays cross `way` voxels each, and pixels within the margin. At draft
+   quality, the last voxel of that is left out. */
+static int spsi_tile_reach(const spsi_target *target, const spsi_tile *tile, const spsi_tapper *here, int medium,
+                           float way) {
+    float farthest = (float)target->shape.slab_margin * way;
+    spsi_tap_patch whole;
+    if (!target->frame->matter.materials[target->frame->media[medium].channel].table) return 0;
+    spsi_tap_patch_place(tile->x0, tile->y0, tile->x0 + 1, tile->y0 + 1, &whole);
+    for (int axis = 0; axis < 2; ++axis) {
+        const float pixel = spsi_tap_patch_extent(here, tile, &whole, axis);
+        farthest = spsi_higher(farthest, (float)tile->margin * pixel);
     }
-    return lanes;
+    farthest = ceilf(farthest) - (float)(target->frame->view.quality == SPS_QUALITY_DRAFT);
+    return (int)spsi_lower(spsi_higher(farthest, 0), SPSI_FIELD_REACHES - 1);
 }
 
 /* Adds a gathered volume to the patches of a tile, and to what their gradients read beside them: there, rays may have
@@ -13819,7 +13951,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     const int slopes = target->slope_channels[medium];
     spsi_tile *tile = fill->tile;
     spsi_tapper here = target->tappers[medium];
-    uint64_t done = 0;
+    uint64_t done = 0, live[SPSI_TILE_HEIGHT];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
     here.scale /= (float)(here.across * here.across);
@@ -13827,17 +13959,16 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
     way = spsi_tap_way(&here, tile);
+    here.cells = (const uint32_t(*)[2])here.field->cells[spsi_tile_reach(target, tile, &here, medium, way)];
     if (spsi_target_interpolates(target, medium))
         done = spsi_tile_interpolate(fill, &here, medium, patches, way, channel);
-    for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES) {
-        spsi_patch_row row, above = {-1, -1, -1};
-        int lanes = 0;
-        for (int y = tile->y0; y <= tile->y1; ++y, above = row) {
-            row = spsi_patch_row_at(tile, patches, done, y);
-            if (memcmp(&row, &above, sizeof row) != 0) lanes = spsi_patch_lanes(tile, &row, x);
+    spsi_tile_live(tile, patches, live);
+    for (int x = tile->x0; x <= tile->x1; x += SPSI_LANES)
+        for (int y = tile->y0; y <= tile->y1; ++y) {
+            const spsi_row_bits row = spsi_tile_row(tile, live, done, y);
+            const int lanes = spsi_row_lanes(&row, x - tile->x0);
             if (lanes) spsi_tap_row(&here, tile, x, y, lanes, spsi_tap_steps(&here, way), channel);
         }
-    }
 }
 
 static void spsi_tile_splat_bricks(spsi_tile_fill *fill) {
@@ -17528,14 +17659,16 @@ static void spsi_sliced_task(void *data, int index, int worker) {
     spsi_tile tile;
     spsi_tile_place(&sliced->target, column, row, worker, &tile);
     tile.open = planes->open[index];
+    tile.depth = planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)planes->width + (size_t)tile.x0;
+    tile.depth_pitch = (size_t)planes->width;
+    tile.end = planes->end;
     if (!tile.open || !spsi_tile_splat(&sliced->target, sliced->contents, column, row, &tile)) {
         spsi_planes_level(planes, index);
         return;
     }
     spsi_planes_propagate(planes, &sliced->shader, &tile);
     planes->open[index] =
-        spsi_patches_open(planes->depth[SPSI_CHUNK] + (size_t)tile.y0 * (size_t)planes->width + (size_t)tile.x0,
-                          (size_t)planes->width, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, planes->end);
+        spsi_patches_open(tile.depth, tile.depth_pitch, tile.x1 - tile.x0 + 1, tile.y1 - tile.y0 + 1, tile.end);
     planes->uneven[index] = 1;
     spsi_tile_count(&sliced->target, &tile, worker);
 }
@@ -23060,11 +23193,16 @@ typedef struct spsi_run {
     spsi_region region;
 } spsi_run;
 
+/* The optical depth so far of the pixels of a tile of the image. */
+static const float *spsi_tile_depth(const spsi_run *run, int x0, int y0) {
+    const spsi_shader *shader = &run->shader;
+    return shader->depth + (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
+}
+
 /* The patches of a tile of the image whose rays have not all ended. */
 static uint64_t spsi_tile_open(const spsi_run *run, int x0, int y0) {
     const spsi_shader *shader = &run->shader;
-    const size_t at = (size_t)(y0 - shader->y_origin) * (size_t)shader->pitch + (size_t)(x0 - shader->x_origin);
-    return spsi_patches_open(shader->depth + at, (size_t)shader->pitch,
+    return spsi_patches_open(spsi_tile_depth(run, x0, y0), (size_t)shader->pitch,
                              spsi_least(SPSI_TILE_WIDTH, run->frame->content->eye.width - x0),
                              spsi_least(SPSI_TILE_HEIGHT, run->frame->content->eye.height - y0), shader->end_depth);
 }
@@ -23107,6 +23245,11 @@ static void spsi_eye_task(void *data, int index, int worker) {
     if (!region->open[index]) return;
     spsi_tile_place(&run->eye, column, row, worker, &tile);
     tile.open = region->open[index];
+    if (!run->sweep->back_to_front) {
+        tile.depth = spsi_tile_depth(run, x0, y0);
+        tile.depth_pitch = (size_t)run->shader.pitch;
+        tile.end = run->shader.end_depth;
+    }
     spsi_tile_limit(run, index, &tile);
     if (run->slab_count > 0) touched = spsi_tile_splat(&run->eye, &run->contents, column, row, &tile);
     if (!touched && !polygons) return;

@@ -782,8 +782,8 @@ typedef enum sps_filling {
     /* Pixel by pixel: one sample of 4^3 voxels per 1.45 voxels or less of a ray in gas; at high and ultra, of 6^3 per
        voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
        Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where voxels are smaller
-       than 0.55 pixels, a pixel has four rays, and where they are smaller than 0.27, voxels of a coarser level are
-       sampled, at draft and medium and unless they are classified. A picture with surfaces of voxels smaller than 0.9
+       than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38 or classified, and where they are
+       smaller than 0.27, voxels of a coarser level are sampled, at draft and medium and unless classified. A picture with surfaces of voxels smaller than 0.9
        pixels has four rays in these, by which it finds their gradients. A texel of a light's sheets has one ray, on
        such a level or, if the volume is classified, through voxels of any size. Volumes are splatted nevertheless, one
        by one and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if
@@ -828,7 +828,7 @@ typedef struct sps_view {
        followed through it where it is smooth, 0..1. 0: all are. Sixteen rays stand for a patch of 8 x 8 pixels or
        texels, and fewer samples for a thick slab, where the third differences of voxels show that they are off by no
        more. That is a bound, far from what a picture is off by: errors of either sign add up in it as if they had one.
-       Sharp or noisy gas remains as it is, as do particles, classified volumes, what emits, voxels smaller than 0.55
+       Sharp or noisy gas remains as it is, as do particles, classified volumes, what emits, voxels smaller than 0.14
        pixels, shadow tables, and all that is splatted; kernels' own ripple (sps_quality) is not part of it. What was
        used of it is in the statistics, eye_bound and light_bound. Cost: 256 bytes per tile of 64 x 64 pixels or texels,
        8 per brick of voxels, and once, after these are read, some 10 operations per voxel. */
@@ -11831,12 +11831,14 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
    times their sum plus h / 24 times the change of the field's differences from its first to its last step (midpoint
    rule with its end correction, error of order h^4), and where a polygon or the near plane cuts it, its rest has
    samples of its own. The rays of a vector of pixels are followed side by side: only taps are read one sample after the
-   other. Where voxels are smaller than pixels, a pixel has four rays. Those of a surface lie near its centre, where it
-   is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep ones fall short,
-   much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on a level whose
-   voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are right in the
-   mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels are twice as
-   large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
+   other. Where voxels are smaller than pixels, a pixel of gas has two rays, at opposite corners of its middle half,
+   which swing to the other two corners from sample to sample: along a ray that is as good as four. The smallest voxels
+   that are not left to a coarser level have four, and so has what is classified. The rays of a surface lie near its
+   centre, where it is classified anyway, and their differences are its slopes: rays half a pixel apart would let steep
+   ones fall short, much nearer ones would show that weights come in steps. Of a light's sheets, a texel has one ray: on
+   a level whose voxels are about as wide, or, where it is classified, wherever it hits, since samples at places are
+   right in the mean, and looks of means are not. Volumes that are not classified have a pyramid: each level's voxels
+   are twice as large, halved along each axis with weights of 1, 3, 3 and 1, whose spectrum is cos^3.
    With a tolerance, sixteen rays stand for a patch of 8 x 8 pixels where gas is smooth: cubics across the patch, and
    midpoints along it, are off by what a bound on the field's third derivatives allows, the greatest third differences
    of voxels about a brick. These are differences of a smooth field to within the kernel's ripple.
@@ -11848,8 +11850,9 @@ static void spsi_splat_particle(spsi_tile *tile, const spsi_crossing *crossing, 
 #define SPSI_TAP_STEP_6   1.0      /* the same with 6^3 voxels */
 #define SPSI_TAP_OPAQUE   1e4      /* optical depth of a voxel; those 3 voxels away weigh 1e-5, and count then */
 #define SPSI_TAP_VARIANCE 0.125    /* least of a voxel, relative to rays' distances: half that of the pixel filter */
+#define SPSI_TAP_TWO      0.25     /* the same where two rays swing, which miss more of what is as narrow as they */
 #define SPSI_TAP_WIDEST   1.0      /* most of a voxel of a coarser level */
-#define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to four rays of it, along each axis */
+#define SPSI_TAP_ASIDE    0.25f    /* pixels from a pixel's centre to two or four rays of it, along each axis */
 #define SPSI_TAP_BESIDE   0.0625f  /* the same if their differences are slopes */
 #define SPSI_FIELD_BATCH  16       /* bricks that a task fills */
 #define SPSI_FIELD_CELLS  16777216 /* 2^24: floats count bricks of a grid */
@@ -12278,7 +12281,7 @@ typedef struct spsi_tapper {
     const spsi_voxel_field *field; /* of its level */
     const uint32_t (*cells)[2];    /* of the field, by the reach that is wanted */
     int level;                     /* 0: voxels as they were read */
-    int across;                    /* rays along each side of a pixel: 1 or 2 */
+    int rays;                      /* of a pixel: 1, 2 or 4 */
     float aside;                   /* pixels from its centre to them, along each axis */
     spsi_linear at[3], slab;
     int whole;    /* 1: neither polygons nor the near plane cut slabs */
@@ -12368,54 +12371,75 @@ static inline spsi_v spsi_tap_values(const spsi_tapper *t, const spsi_v place[3]
     return spsi_sum_fours(fours);
 }
 
+/* Equally spaced samples on the rays of a vector of pixels. */
+typedef struct spsi_tap_line {
+    spsi_v start[3], step[3]; /* place of sample 0, half a step behind the first slab's beginning, and to the next */
+    spsi_v first, end;        /* samples of which rays have any */
+} spsi_tap_line;
+
 /* The rays of a vector of pixels through the slabs of a tile: slab s begins at depth (s - base) * per_slab. */
 typedef struct spsi_tap_rays {
     spsi_v base, per_slab;
-    spsi_v at[3], change[3];  /* place in the field at depth 0, and its change with depth */
-    spsi_v start[3], step[3]; /* place of sample 0, half a step behind the first slab's beginning, and to the next */
-    spsi_v nearest, limit;    /* depths at which rays begin, and end at polygons */
-    spsi_v first, end;        /* samples of which rays have any */
-    int steps;                /* samples in a slab */
+    spsi_v at[3], change[3]; /* place in the field at depth 0, and its change with depth */
+    spsi_v nearest, limit;   /* depths at which rays begin, and end at polygons */
+    spsi_tap_line lines[2];  /* where even and odd samples lie */
+    int swings;              /* 1: these differ, else all lie on the first */
+    int steps;               /* samples in a slab */
     int lanes;                /* the pixels whose rays are followed, as bits */
     int part;                 /* which of a pixel's rays these are */
 } spsi_tap_rays;
 
 /* Narrows the range of samples to those inside the field's bricks. */
-static inline void spsi_tap_rays_clip(const spsi_voxel_field *field, spsi_tap_rays *rays) {
+static inline void spsi_tap_line_clip(const spsi_voxel_field *field, spsi_tap_line *line) {
     const spsi_v zero = spsi_set(0);
     for (int k = 0; k < 3; ++k) {
-        const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK)), at = rays->start[k], step = rays->step[k];
+        const spsi_v edge = spsi_set((float)(field->size[k] * SPSI_BRICK)), at = line->start[k], step = line->step[k];
         const spsi_m level = spsi_less(spsi_abs(step), spsi_set(1e-9f)); /* along the bricks' sides */
         const spsi_v over = spsi_div(spsi_set(1), spsi_select(level, spsi_set(1e-9f), step));
         const spsi_v a = spsi_mul(spsi_sub(zero, at), over), b = spsi_mul(spsi_sub(edge, at), over);
         const spsi_v low = spsi_min(a, b), high = spsi_max(a, b);
-        rays->first = spsi_max(rays->first, low);
-        rays->end = spsi_min(rays->end, high);
+        line->first = spsi_max(line->first, low);
+        line->end = spsi_min(line->end, high);
     }
 }
 
-/* Rays through pixels or places between them, all of which are followed. */
-static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
-                                       spsi_tap_rays *rays) {
-    const spsi_v slope = spsi_linear_slope_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
+/* Samples through pixels or places between them. */
+static inline void spsi_tap_line_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int steps,
+                                       spsi_tap_line *line) {
+    const spsi_v base = spsi_linear_base_at(&t->slab, x, y), per_step = spsi_set(1 / (float)steps);
+    const spsi_v per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
+    const spsi_v middle = spsi_mul(spsi_sub(spsi_mul(spsi_set(0.5f), per_step), base), per_slab);
+    for (int k = 0; k < 3; ++k) {
+        const spsi_v at = spsi_linear_base_at(&t->at[k], x, y), change = spsi_linear_slope_at(&t->at[k], x, y);
+        line->start[k] = spsi_fma(change, middle, at);
+        line->step[k] = spsi_mul(spsi_mul(change, per_slab), per_step);
+    }
+    line->first = spsi_set(-1);
+    line->end = spsi_set((float)(tile->slab_count * steps + 1));
+    spsi_tap_line_clip(t->field, line);
+}
+
+/* Ray number `part` of each pixel at x, y, all of which are followed. */
+static inline void spsi_tap_rays_build(const spsi_tapper *t, const spsi_tile *tile, spsi_v x, spsi_v y, int part,
+                                       int steps, spsi_tap_rays *rays) {
+    const spsi_v right = spsi_set(part & 1 ? t->aside : -t->aside);
+    const spsi_v down = spsi_set((part & 2 || (t->rays == 2 && part)) ? t->aside : -t->aside);
     rays->steps = steps;
     rays->lanes = SPSI_ALL_LANES;
-    rays->part = 0;
+    rays->part = part;
+    rays->swings = t->rays == 2;
+    x = spsi_add(x, right);
+    spsi_tap_line_build(t, tile, x, spsi_add(y, down), steps, &rays->lines[0]);
+    if (rays->swings) spsi_tap_line_build(t, tile, x, spsi_sub(y, down), steps, &rays->lines[1]);
+    if (!rays->swings) y = spsi_add(y, down);
     rays->base = spsi_linear_base_at(&t->slab, x, y);
-    rays->per_slab = spsi_div(spsi_set(1), slope);
+    rays->per_slab = spsi_div(spsi_set(1), spsi_linear_slope_at(&t->slab, x, y));
     for (int k = 0; k < 3; ++k) {
-        const spsi_v half = spsi_mul(spsi_set(0.5f), per_step);
-        const spsi_v middle = spsi_mul(spsi_sub(half, rays->base), rays->per_slab);
         rays->at[k] = spsi_linear_base_at(&t->at[k], x, y);
         rays->change[k] = spsi_linear_slope_at(&t->at[k], x, y);
-        rays->start[k] = spsi_fma(rays->change[k], middle, rays->at[k]);
-        rays->step[k] = spsi_mul(spsi_mul(rays->change[k], rays->per_slab), per_step);
     }
     rays->nearest = spsi_set(-SPSI_INFINITY);
     rays->limit = spsi_set(SPSI_INFINITY);
-    rays->first = spsi_set(-1);
-    rays->end = spsi_set((float)(tile->slab_count * steps + 1));
-    spsi_tap_rays_clip(t->field, rays);
 }
 
 /* Begins rays through a row of pixels at the near plane, and ends them at polygons. */
@@ -12429,18 +12453,22 @@ static inline void spsi_tap_rays_limit(const spsi_tapper *t, const spsi_tile *ti
     end = spsi_fma(slope, rays->limit, rays->base);
     low = spsi_mul(spsi_floor(spsi_clamp(spsi_min(begin, end), spsi_set(0), last)), steps);
     high = spsi_mul(spsi_floor(spsi_clamp(spsi_max(begin, end), spsi_set(-1), last)), steps);
-    rays->first = spsi_max(rays->first, spsi_sub(low, spsi_set(1)));
-    rays->end = spsi_min(rays->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
+    for (int n = 0; n <= rays->swings; ++n) {
+        spsi_tap_line *line = &rays->lines[n];
+        line->first = spsi_max(line->first, spsi_sub(low, spsi_set(1)));
+        line->end = spsi_min(line->end, spsi_add(high, spsi_add(steps, spsi_set(1))));
+    }
 }
 
 /* Sample number `n` of each ray. */
 static inline spsi_v spsi_tap_sample(const spsi_tapper *t, const spsi_tap_rays *rays, int n, uint64_t *count) {
+    const spsi_tap_line *line = &rays->lines[n & rays->swings];
     const spsi_v number = spsi_set((float)n);
-    const int inside = spsi_bits(spsi_less(number, rays->end)) & ~spsi_bits(spsi_less(number, rays->first));
+    const int inside = spsi_bits(spsi_less(number, line->end)) & ~spsi_bits(spsi_less(number, line->first));
     const int lanes = rays->lanes & inside;
     spsi_v place[3];
     if (!lanes) return spsi_set(0);
-    for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, rays->step[k], rays->start[k]);
+    for (int k = 0; k < 3; ++k) place[k] = spsi_fma(number, line->step[k], line->start[k]);
     return spsi_tap_values(t, place, lanes, count);
 }
 
@@ -12515,14 +12543,17 @@ static inline void spsi_tap_slopes(const spsi_tapper *t, const spsi_tile *tile, 
 /* The slabs, of `count`, in which a vector's rays have samples, or their neighbours: the first, and the one behind the
    last. */
 static inline void spsi_tap_slabs(const spsi_tap_rays *rays, int count, int slabs[2]) {
-    float first[SPSI_LANES], end[SPSI_LANES], low = SPSI_INFINITY, high = -SPSI_INFINITY;
-    spsi_store(first, rays->first);
-    spsi_store(end, rays->end);
-    for (int lanes = rays->lanes; lanes; lanes &= lanes - 1) {
-        const int i = spsi_lowest_bit(lanes);
-        if (!(first[i] < end[i])) continue;
-        low = spsi_lower(low, first[i]);
-        high = spsi_higher(high, end[i]);
+    float low = SPSI_INFINITY, high = -SPSI_INFINITY;
+    for (int n = 0; n <= rays->swings; ++n) {
+        float first[SPSI_LANES], end[SPSI_LANES];
+        spsi_store(first, rays->lines[n].first);
+        spsi_store(end, rays->lines[n].end);
+        for (int lanes = rays->lanes; lanes; lanes &= lanes - 1) {
+            const int i = spsi_lowest_bit(lanes);
+            if (!(first[i] < end[i])) continue;
+            low = spsi_lower(low, first[i]);
+            high = spsi_higher(high, end[i]);
+        }
     }
     slabs[0] = low < high ? spsi_most(0, (int)floorf(low / (float)rays->steps) - 1) : count;
     slabs[1] = low < high ? spsi_least(count, (int)ceilf(high / (float)rays->steps) + 1) : count;
@@ -12565,13 +12596,11 @@ static void spsi_tap_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_r
 /* Adds to the sheets of a vector of pixels, in those of `lanes`, what their rays find. */
 static void spsi_tap_row(const spsi_tapper *t, spsi_tile *tile, int x, int y, int lanes, int steps, float *sheets) {
     const size_t at = (size_t)((y - tile->y0) * tile->pitch + x - tile->x0);
-    for (int part = 0; part < t->across * t->across; ++part) {
-        const spsi_v fx = spsi_add(spsi_set((float)x + (part & 1 ? t->aside : -t->aside)), spsi_iota());
-        const spsi_v fy = spsi_set((float)y + (part & 2 ? t->aside : -t->aside));
+    const spsi_v column = spsi_add(spsi_set((float)x), spsi_iota()), row = spsi_set((float)y);
+    for (int part = 0; part < t->rays; ++part) {
         spsi_tap_rays rays;
-        spsi_tap_rays_build(t, tile, fx, fy, steps, &rays);
+        spsi_tap_rays_build(t, tile, column, row, part, steps, &rays);
         rays.lanes = lanes;
-        rays.part = part;
         if (tile->clamped && !t->whole) spsi_tap_rays_limit(t, tile, x, y, &rays);
         spsi_tap_add(t, tile, &rays, sheets, at, tile->sheet_size);
     }
@@ -12707,16 +12736,17 @@ static void spsi_tap_patch_spread(const spsi_tile *tile, const spsi_tap_patch *p
     }
 }
 
-/* Adds to a patch's sheets what its sixteen rays find. */
+/* Adds to a patch's sheets what its sixteen pixels find, on one ray each or on four. */
 static void spsi_tap_patch_add(const spsi_tapper *t, spsi_tile *tile, const spsi_tap_patch *patch, int steps,
                                float *sheets) {
     float sums[(SPSI_CHUNK + 4) * 16];
     memset(sums, 0, sizeof sums);
-    for (int n = 0; n < 16; n += SPSI_LANES) {
-        spsi_tap_rays rays;
-        spsi_tap_rays_build(t, tile, spsi_load(patch->x + n), spsi_load(patch->y + n), steps, &rays);
-        spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
-    }
+    for (int part = 0; part < t->rays; ++part)
+        for (int n = 0; n < 16; n += SPSI_LANES) {
+            spsi_tap_rays rays;
+            spsi_tap_rays_build(t, tile, spsi_load(patch->x + n), spsi_load(patch->y + n), part, steps, &rays);
+            spsi_tap_add(t, tile, &rays, sums, (size_t)n, 16);
+        }
     spsi_tap_patch_spread(tile, patch, sums, sheets);
 }
 
@@ -12742,14 +12772,14 @@ static int spsi_tap_steps(const spsi_tapper *t, float way) {
 }
 
 static void spsi_tapper_build(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                              const spsi_slabs *slabs, int level, int across, spsi_tapper *tapper) {
+                              const spsi_slabs *slabs, int level, int count, spsi_tapper *tapper) {
     const int medium = lattice->medium;
     double rows[3][3];
     memset(tapper, 0, sizeof *tapper);
     tapper->fields = fields;
     tapper->level = level;
-    tapper->across = across;
-    tapper->aside = across > 1 ? SPSI_TAP_ASIDE : 0;
+    tapper->rays = count;
+    tapper->aside = count > 1 ? SPSI_TAP_ASIDE : 0;
     tapper->field = level ? &fields->levels[medium][level - 1] : &fields->list[medium];
     spsi_invert(lattice->step[0], lattice->step[1], lattice->step[2], rows);
     for (int k = 0; k < 3; ++k) {
@@ -12825,17 +12855,18 @@ static double spsi_tapper_density(const spsi_tapper *tapper, const spsi_rays *ra
         for (int i = 0; i < 2; ++i)
             across[i][k] = (double)tapper->at[k].base[1 + i] + depth * (double)tapper->at[k].slope[1 + i];
     steps = tapper->lone ? 1 : fmax(ceil(sqrt(spsi_dot(way, way)) / spsi_tap_step(tapper->fields)), 1);
-    return steps * tapper->across * tapper->across / fabs(spsi_determinant(across[0], across[1], way));
+    return steps * tapper->rays / fabs(spsi_determinant(across[0], across[1], way));
 }
 
 /* Whether a field serves the rays at a point in ray coordinates. */
 static spsi_verdict spsi_tapper_serves_at(const spsi_tapper *tapper, const spsi_rays *rays,
                                           const spsi_splatter *splatter, const double q[3]) {
-    const double finer = (double)(tapper->across << tapper->level);
+    const double finer = (double)((tapper->rays > 1 ? 2 : 1) << tapper->level);
+    const double least = tapper->rays == 2 ? SPSI_TAP_TWO : SPSI_TAP_VARIANCE;
     double way[3], variance;
     if (rays->perspective && !(q[2] > (double)splatter->near_depth)) return SPSI_SPLAT_NEAR;
     variance = finer * finer * spsi_least_variance(splatter, q);
-    if (variance < SPSI_TAP_VARIANCE && splatter->filter > 0) return SPSI_SPLAT_SMALL;
+    if (variance < least && splatter->filter > 0) return SPSI_SPLAT_SMALL;
     if (variance > SPSI_TAP_WIDEST && tapper->level > 0) return SPSI_SPLAT_SMALL;
     spsi_tapper_way(tapper, rays, q, way);
     if (!(sqrt(spsi_dot(way, way)) <= SPSI_TAP_MOST * spsi_tap_step(tapper->fields)) && !tapper->lone)
@@ -12901,7 +12932,7 @@ static double spsi_medium_depth(const spsi_frame *frame, const spsi_lattice *lat
 
 /* What a pixel's or a texel's rays are for. */
 typedef enum spsi_tapping {
-    SPSI_TAP_PIXELS, /* one ray, or four where voxels are smaller */
+    SPSI_TAP_PIXELS, /* one ray, or two or four where voxels are smaller */
     SPSI_TAP_SLOPES, /* four: those of the gradient, too */
     SPSI_TAP_SHEETS  /* of a light: one on any level, if there is one that serves all of the volume, before four */
 } spsi_tapping;
@@ -12909,9 +12940,9 @@ typedef enum spsi_tapping {
 /* Builds the tapper of a level. Where slabs of a classified volume are as thick as pixels call for, a ray has one
    sample in each: the mean of several is classified as none of them is. */
 static spsi_verdict spsi_tapper_try(const spsi_fields *fields, const spsi_lattice *lattice, const spsi_rays *rays,
-                                    const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int across,
+                                    const spsi_slabs *slabs, const spsi_splatter *splatter, int level, int count,
                                     spsi_tapper *tapper) {
-    spsi_tapper_build(fields, lattice, rays, slabs, level, across, tapper);
+    spsi_tapper_build(fields, lattice, rays, slabs, level, count, tapper);
     tapper->lone = slabs->wide && !(splatter->filter > 0);
     return spsi_tapper_serves(tapper, lattice, rays, splatter);
 }
@@ -12922,13 +12953,17 @@ static spsi_verdict spsi_tapper_judge(const spsi_frame *frame, const spsi_lattic
                                       spsi_tapper *tapper) {
     const spsi_fields *fields = frame->content->fields;
     const int levels = spsi_levels_wanted(frame, lattice->medium);
+    const int classified = frame->matter.materials[frame->media[lattice->medium].channel].table != NULL;
     spsi_verdict verdict = SPSI_SPLAT_SMALL;
     if (!fields) return SPSI_SPLAT_ASKED;
     if (fields->list[lattice->medium].count == 0) return SPSI_SPLAT_SPREAD;
     for (int n = 0; n <= levels && tapping == SPSI_TAP_SHEETS && verdict == SPSI_SPLAT_SMALL; ++n)
         verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, 1, tapper);
-    for (int n = tapping == SPSI_TAP_SLOPES; n < 2 + levels && verdict == SPSI_SPLAT_SMALL; ++n)
-        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, spsi_most(n - 1, 0), n > 0 ? 2 : 1, tapper);
+    if (tapping != SPSI_TAP_SLOPES && verdict == SPSI_SPLAT_SMALL)
+        verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, 0, 1, tapper);
+    for (int n = 0; n <= levels && verdict == SPSI_SPLAT_SMALL; ++n)
+        for (int count = classified ? 4 : 2; count <= 4 && verdict == SPSI_SPLAT_SMALL; count += 2)
+            verdict = spsi_tapper_try(fields, lattice, rays, slabs, splatter, n, count, tapper);
     tapper->whole = splatter->whole;
     if (tapping == SPSI_TAP_SLOPES) tapper->aside = SPSI_TAP_BESIDE;
     if (!spsi_gathers(verdict) || frame->view.filling == SPS_FILLING_GATHER) return verdict;
@@ -13169,7 +13204,8 @@ static void spsi_bend_alone_task(void *data, int index, int worker) {
             spsi_field_bend(job->taps, job->field->values + (size_t)held * spsi_field_floats(job->taps));
 }
 
-/* A brick of relevant voxels bends as much as any of those around it: taps reach into these. */
+/* Cells of a brick bend as it does: its differences begin in each of its voxels. A brick of relevant voxels stands for
+   those around it that have none of their own, into which it reaches. */
 static void spsi_bend_spread_task(void *data, int index, int worker) {
     const spsi_bend_job *job = (const spsi_bend_job *)data;
     const spsi_voxel_field *field = job->field;
@@ -13181,8 +13217,10 @@ static void spsi_bend_spread_task(void *data, int index, int worker) {
             const int *base = job->bricks[i].base;
             const int at[3] = {base[0] / SPSI_BRICK + n % 3 - 1, base[1] / SPSI_BRICK + n / 3 % 3 - 1,
                                base[2] / SPSI_BRICK + n / 9 - 1};
-            const int held = spsi_field_has(field, at) ? field->grid[spsi_field_cell(field, at)] : -1;
-            if (held >= 0) job->bends[i] = spsi_higher(job->bends[i], job->alone[held]);
+            const size_t cell = spsi_field_has(field, at) ? spsi_field_cell(field, at) : 0;
+            const int held = spsi_field_has(field, at) ? field->grid[cell] : -1;
+            if (held < 0 || (n != 13 && field->sources[cell] >= 0)) continue;
+            job->bends[i] = spsi_higher(job->bends[i], job->alone[held]);
         }
     }
 }
@@ -13342,13 +13380,14 @@ typedef struct spsi_target {
     float *spent;          /* per patch of each tile: what was used of it so far; NULL: nothing ever is */
 } spsi_target;
 
-/* Whether a gathered volume may be interpolated between rays: gas at its own level that does not emit. */
+/* Whether a gathered volume may be interpolated between rays: gas that does not emit, at its own level or the next, whose
+   voxels are sums of voxels no farther away than those that bounds are made from. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];
     const spsi_tapper *tapper = &target->tappers[medium];
-    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level == 0 &&
-           tapper->across == 1 && !material->table && !material->emits;
+    return target->tolerance > 0 && spsi_gathers(target->verdicts[medium]) && tapper->level <= 1 &&
+           !material->table && !material->emits;
 }
 
 static size_t spsi_spent_bytes(const spsi_rays *rays) {
@@ -13852,6 +13891,7 @@ static uint64_t spsi_tile_interpolate(spsi_tile_fill *fill, const spsi_tapper *h
     float *spent = target->spent + 64 * (fill->row * target->columns + fill->column), bends[64];
     uint64_t added = 0;
     spsi_tile_bends(fill, medium, bends);
+    for (int n = 0; n < 64; ++n) bends[n] *= (float)(1 << 3 * here->level); /* third differences of larger steps */
     for (int n = 0; n < 64; ++n) {
         const int most = spsi_tap_steps(here, way);
         int steps = 1;
@@ -13954,7 +13994,7 @@ static void spsi_tile_gather(spsi_tile_fill *fill, int medium, uint64_t patches)
     uint64_t done = 0, live[SPSI_TILE_HEIGHT];
     float *channel, way;
     here.slab.base[0] -= (float)(fill->contents->first_slab - target->shape.slab_margin);
-    here.scale /= (float)(here.across * here.across);
+    here.scale /= (float)here.rays;
     spsi_tile_touch(fill);
     channel = tile->sheets + (size_t)target->channels[medium] * tile->channel_size;
     tile->slopes = slopes < 0 ? NULL : tile->sheets + (size_t)slopes * tile->channel_size;
@@ -15673,7 +15713,7 @@ static void spsi_print_face(const spsi_filling *filling) {
     job.start = spsi_fingerprint(SPSI_FINGERPRINT_START, &frame->accuracy.cut, sizeof frame->accuracy.cut);
     for (int i = 0; i < frame->medium_count && volumes; ++i) {
         const int gathers = spsi_gathers(volumes->target.verdicts[i]);
-        const int way = gathers ? volumes->target.tappers[i].across + 2 * volumes->target.tappers[i].level : 0;
+        const int way = gathers ? volumes->target.tappers[i].rays + 4 * volumes->target.tappers[i].level : 0;
         job.media[i] = spsi_fingerprint_word(spsi_medium_fingerprint(frame, i), (uint64_t)way);
     }
     if (volumes) {

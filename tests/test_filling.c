@@ -332,6 +332,41 @@ static void test_small_pictures(void) {
 
 /* The same ball, classified, as a surface: its values differ as above, by 0.25 / w at most, since its rays add only
    0.004 to the variance of a voxel, and the transfer function's extinction rises 1.5 times as fast as in proportion. */
+/* Second moments of a picture's opacity about its middle, in pixels: along x, along y, and of x with y. */
+static void moments_of(const float *image, double moments[3]) {
+    double sum = 0, xx = 0, yy = 0, xy = 0;
+    for (int i = 0; i < SIDE * SIDE; ++i) {
+        const double x = i % SIDE - (SIDE - 1) / 2.0, y = i / SIDE - (SIDE - 1) / 2.0, a = (double)image[4 * i + 3];
+        sum += a, xx += a * x * x, yy += a * y * y, xy += a * x * y;
+    }
+    moments[0] = xx / sum, moments[1] = yy / sum, moments[2] = xy / sum;
+}
+
+/* Rays a quarter of a pixel from its centre widen a picture by 1/16 along either axis, and never along a diagonal: four
+   of them, or two that swing from one diagonal to the other. The ball's width is that of its voxels, 1.6, and of the
+   kernel, of whose variance 4 taps have 0.945 at a voxel to 0.998 between two. A sum over pixels is that over the plane
+   but for exp(-2 pi^2 m), where m is the moment, which changes by twice 4 pi^2 m^2 of that. */
+static void test_pixel_filter(void) {
+    static const double pixels[] = {0.8, 0.5, 0.33};
+    for (int n = 0; n < 3; ++n) {
+        const double own = 1.6 * 1.6 * pixels[n] * pixels[n], kernel = SPSI_SIGMA * SPSI_SIGMA * pixels[n] * pixels[n];
+        const double exact = own + kernel + (n ? 1.0 / 16 : 0), rest = exp(-2 * SPSI_PI * SPSI_PI * exact);
+        const double allowed = 0.055 * kernel + 8 * SPSI_PI * SPSI_PI * exact * exact * rest;
+        double moments[3];
+        check_scene s;
+        start(&s, ball);
+        check_set3(s.view.camera.position, 0, 0, 4);
+        check_orthographic(&s.view.camera, SIDE / pixels[n] * 2 / GRID);
+        s.volume[0].extinction = 1e-3f;
+        if (!check_render(context, &s, image_a)) return;
+        moments_of(image_a, moments);
+        if (!CHECK(fabs(moments[0] - exact) <= allowed) || !CHECK(fabs(moments[1] - exact) <= allowed) ||
+            !CHECK(fabs(moments[2]) <= 0.001))
+            printf("    voxels of %g pixels: %g, %g, %g, exactly %g, 0\n", pixels[n], moments[0], moments[1], moments[2],
+                   exact);
+    }
+}
+
 static void test_small_surfaces(void) {
     for (int size = 4; size < 10; size += 2) {
         const double w = 0.2 * 0.2 * SIDE * SIDE * 4.0 / (size * size), allowed = 1.5 * 0.25 / w;
@@ -697,6 +732,29 @@ static void test_tolerance(void) {
     }
 }
 
+/* The same where voxels are smaller than pixels, with two rays a pixel, four, and two on a coarser level, in gas that is as
+   much thinner as bounds are wider. */
+static void test_tolerance_of_small_voxels(void) {
+    static const double widths[] = {16, 26, 34};
+    static const int rays[] = {2, 4, 2};
+    for (int n = 0; n < 3; ++n) {
+        const double thinner = pow(6 / widths[n], 3), uneven = 0.0067 * 0.6 * sqrt(2 * SPSI_PI) * 4 * 2 / EDGE;
+        double all, some, bound;
+        check_scene s;
+        start_cloud(&s, widths[n]);
+        s.volume[0].extinction *= (float)thinner;
+        CHECK(spent(&s, 0, image_a, &all) == 0);
+        bound = spent(&s, 1, image_b, &some);
+        if (!CHECK(bound > 0.2 && bound <= 1 && some < 0.75 * all) ||
+            !CHECK(depths_apart(image_a, image_b) <= bound + uneven * thinner))
+            printf("    patches of %g voxels: %g of %g samples, bound %g, off by %g\n", widths[n], some, all, bound,
+                   depths_apart(image_a, image_b));
+        if (getenv("CHECK_FIGURES"))
+            printf("patches of %g voxels, %d rays a pixel: %.3f of the samples, bound %.5f, off by %.6f\n", widths[n],
+                   rays[n], some / all, bound, depths_apart(image_a, image_b));
+    }
+}
+
 /* Light is interpolated as well: what arrives is off by both bounds at most, relative to what would arrive without gas.
    A patch of texels has eight voxels on a side at medium; they are half as large here. */
 static void test_tolerance_of_light(void) {
@@ -995,6 +1053,7 @@ int main(void) {
     RUN(test_pictures_alike);
     RUN(test_levels);
     RUN(test_small_pictures);
+    RUN(test_pixel_filter);
     RUN(test_small_surfaces);
     RUN(test_middle);
     RUN(test_picture_ends);
@@ -1005,6 +1064,7 @@ int main(void) {
     RUN(test_even_surface);
     RUN(test_bends);
     RUN(test_tolerance);
+    RUN(test_tolerance_of_small_voxels);
     RUN(test_tolerance_of_light);
     RUN(test_not_interpolated);
     RUN(test_splatted);

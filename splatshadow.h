@@ -783,13 +783,13 @@ typedef enum sps_filling {
        voxel or less; of classified volumes in slabs that pixels have made thicker than voxels call for, one per slab.
        Mostly faster unless voxels are scattered: cost is proportional to pixels times slabs. Where voxels are smaller
        than 0.55 pixels, a pixel has two rays, or four if they are smaller than 0.38 or classified, and where they are
-       smaller than 0.27, voxels of a coarser level are sampled, at draft and medium and unless classified. A picture with surfaces of voxels smaller than 0.9
-       pixels has four rays in these, by which it finds their gradients. A texel of a light's sheets has one ray, on
-       such a level or, if the volume is classified, through voxels of any size. Volumes are splatted nevertheless, one
-       by one and in each pass, if no level fits all of them, if they are not all well before the eye or the light, if
-       rays cross more than 15 voxels in a slab (11 at high and ultra), or if they are scattered too thinly. Cost
-       besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at high and ultra, and roughly an eighth
-       as many on each coarser level. */
+       smaller than 0.27, voxels of a coarser level are sampled, at draft and medium and unless classified. A picture
+       with surfaces of voxels smaller than 0.9 pixels has four rays in these, by which it finds their gradients. A
+       texel of a light's sheets has one ray, on such a level or, if the volume is classified, through voxels of any
+       size. Volumes are splatted nevertheless, one by one and in each pass, if no level fits all of them, if they are
+       not all well before the eye or the light, if rays cross more than 15 voxels in a slab (11 at high and ultra), or
+       if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at
+       high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;
 
@@ -13380,8 +13380,8 @@ typedef struct spsi_target {
     float *spent;          /* per patch of each tile: what was used of it so far; NULL: nothing ever is */
 } spsi_target;
 
-/* Whether a gathered volume may be interpolated between rays: gas that does not emit, at its own level or the next, whose
-   voxels are sums of voxels no farther away than those that bounds are made from. */
+/* Whether a gathered volume may be interpolated between rays: gas that does not emit, at its own level or the next,
+   whose voxels are sums of voxels no farther away than those that bounds are made from. */
 static int spsi_target_interpolates(const spsi_target *target, int medium) {
     const spsi_frame *frame = target->frame;
     const spsi_material *material = &frame->matter.materials[frame->media[medium].channel];

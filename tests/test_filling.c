@@ -362,8 +362,8 @@ static void test_pixel_filter(void) {
         moments_of(image_a, moments);
         if (!CHECK(fabs(moments[0] - exact) <= allowed) || !CHECK(fabs(moments[1] - exact) <= allowed) ||
             !CHECK(fabs(moments[2]) <= 0.001))
-            printf("    voxels of %g pixels: %g, %g, %g, exactly %g, 0\n", pixels[n], moments[0], moments[1], moments[2],
-                   exact);
+            printf("    voxels of %g pixels: %g, %g, %g, exactly %g, 0\n", pixels[n], moments[0], moments[1],
+                   moments[2], exact);
     }
 }
 
@@ -732,8 +732,8 @@ static void test_tolerance(void) {
     }
 }
 
-/* The same where voxels are smaller than pixels, with two rays a pixel, four, and two on a coarser level, in gas that is as
-   much thinner as bounds are wider. */
+/* The same where voxels are smaller than pixels, with two rays a pixel, four, and two on a coarser level, in gas that is
+   as much thinner as bounds are wider. */
 static void test_tolerance_of_small_voxels(void) {
     static const double widths[] = {16, 26, 34};
     static const int rays[] = {2, 4, 2};

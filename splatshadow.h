@@ -788,7 +788,7 @@ typedef enum sps_filling {
        texel of a light's sheets has one ray, on such a level or, if the volume is classified, through voxels of any
        size. Volumes are splatted nevertheless, one by one and in each pass, if no level fits all of them, if they are
        not all well before the eye or the light, if rays cross more than 15 voxels in a slab (11 at high and ultra), or
-       if they are scattered too thinly. Cost besides: 5800 bytes per brick of 8^3 voxels within reach of one, 10800 at
+       if they are scattered too thinly. Cost besides: 5900 bytes per brick of 8^3 voxels within reach of one, 10900 at
        high and ultra, and roughly an eighth as many on each coarser level. */
     SPS_FILLING_GATHER
 } sps_filling;

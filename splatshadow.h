@@ -13571,15 +13571,14 @@ static sps_result spsi_targets_reserve(const spsi_contents *contents) {
 /* The range of slab coordinates of the centres of a brick's voxels. */
 static void spsi_brick_slabs(const spsi_lattice *lattice, const spsi_brick *brick, const spsi_slabs *slabs, double *low,
                              double *high) {
-    *low = HUGE_VAL;
-    *high = -HUGE_VAL;
-    for (int corner = 0; corner < 8; ++corner) {
-        double at[3], point[3], slab;
-        for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] : brick->low[k]);
-        spsi_voxel_position(lattice, at, point);
-        slab = spsi_slab_at(slabs, point);
-        *low = fmin(*low, slab);
-        *high = fmax(*high, slab);
+    double at[3], point[3];
+    for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + brick->low[k];
+    spsi_voxel_position(lattice, at, point);
+    *low = *high = spsi_slab_at(slabs, point);
+    for (int k = 0; k < 3; ++k) {
+        const double steps = brick->high[k] - brick->low[k];
+        const double edge = steps * spsi_dot(slabs->normal, lattice->step[k]) / slabs->thickness;
+        *(edge < 0 ? low : high) += edge;
     }
 }
 
@@ -13591,17 +13590,29 @@ static void spsi_brick_box(const spsi_lattice *lattice, const spsi_brick *brick,
     const double filter = SPSI_PIXEL_SIGMA * SPSI_CUT + target->shape.margin + 1;
     const int gathers = spsi_gathers(target->verdicts[brick->lattice]);
     const double reach = gathers ? fmax(SPSI_REACH, spsi_tapper_reach(&target->tappers[brick->lattice])) : SPSI_REACH;
+    double at[3], point[3], first[3], edges[3][3];
     int ahead = 0, back = 0;
+    for (int k = 0; k < 3; ++k) at[k] = brick->base[k] + 0.5 + brick->low[k] - reach;
+    spsi_voxel_position(lattice, at, point);
+    spsi_along(point, rays->origin, -1, point);
+    spsi_to_rays(rays, point, first);
+    for (int k = 0; k < 3; ++k) {
+        spsi_to_rays(rays, lattice->step[k], edges[k]);
+        for (int i = 0; i < 3; ++i) edges[k][i] *= brick->high[k] - brick->low[k] + 2 * reach;
+    }
     for (int corner = 0; corner < 8; ++corner) {
-        double at[3], point[3], q[3];
-        for (int k = 0; k < 3; ++k)
-            at[k] = brick->base[k] + 0.5 + (corner >> k & 1 ? brick->high[k] + reach : brick->low[k] - reach);
-        spsi_voxel_position(lattice, at, point);
-        spsi_project(rays, point, q);
+        double q[3];
+        for (int i = 0; i < 3; ++i) {
+            q[i] = first[i];
+            for (int k = 0; k < 3; ++k) q[i] += corner >> k & 1 ? edges[k][i] : 0;
+        }
         ahead += !rays->perspective || q[2] > 0;
         back += rays->perspective && q[2] < 0;
-        if (rays->perspective && q[2] < 0) q[0] /= q[2], q[1] /= q[2];
-        for (int k = 0; k < 2; ++k) low[k] = fmin(low[k], q[k]), high[k] = fmax(high[k], q[k]);
+        if (rays->perspective && q[2] != 0) q[0] /= q[2], q[1] /= q[2];
+        for (int k = 0; k < 2; ++k) {
+            low[k] = q[k] < low[k] ? q[k] : low[k];
+            high[k] = q[k] > high[k] ? q[k] : high[k];
+        }
     }
     if (ahead == 0 && !behind)
         low[0] = HUGE_VAL, high[0] = -HUGE_VAL;

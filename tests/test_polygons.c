@@ -844,8 +844,8 @@ static void test_slabs_side_by_side(void) {
     static spsi_sliced sliced;
     spsi_rays rays;
     spsi_slabs slabs;
-    spsi_surface at[SPSI_LANES];
-    memset(&rays, 0, sizeof rays), memset(&slabs, 0, sizeof slabs), memset(at, 0, sizeof at);
+    spsi_points points;
+    memset(&rays, 0, sizeof rays), memset(&slabs, 0, sizeof slabs);
     for (int i = 0; i < 3; ++i) rays.inverse[i][i] = 1;
     rays.width = rays.height = sliced.planes.width = sliced.planes.height = WIDE;
     slabs.normal[2] = slabs.thickness = 1;
@@ -857,11 +857,14 @@ static void test_slabs_side_by_side(void) {
     }
     for (int shift = -3; shift < SPSI_CHUNK + 3; ++shift) {
         float depths[SPSI_LANES];
-        for (int i = 0; i < SPSI_LANES; ++i)
-            check_set3(at[i].point, i % 5 == 4 ? -2 : 2.5, 2, 40 + shift + 0.3 + i * 7 % SPSI_LANES);
-        spsi_sliced_surfaces(&sliced, 40, SPSI_LANES, at, depths);
+        points.lanes = (1 << SPSI_LANES) - 1;
         for (int i = 0; i < SPSI_LANES; ++i) {
-            const double slab = fmin(fmax(at[i].point[2] - 40, 0), SPSI_CHUNK), k = fmin(floor(slab), SPSI_CHUNK - 1);
+            points.at[0][i] = i % 5 == 4 ? -2 : 2.5, points.at[1][i] = 2;
+            points.at[2][i] = 40 + shift + 0.3 + i * 7 % SPSI_LANES;
+        }
+        spsi_sliced_surfaces(&sliced, 40, &points, depths);
+        for (int i = 0; i < SPSI_LANES; ++i) {
+            const double slab = fmin(fmax(points.at[2][i] - 40, 0), SPSI_CHUNK), k = fmin(floor(slab), SPSI_CHUNK - 1);
             const double exact = i % 5 == 4 ? 0 : k * k + (slab - k) * (2 * k + 1);
             if (!CHECK_NEAR((double)depths[i], exact, 1e-6 * (1 + exact) * SPSI_CHUNK)) printf("    slab %g\n", slab);
         }

@@ -270,7 +270,8 @@ static void test_closed_body_is_tight(void) {
 
 enum { VIEW = 4 * SPSI_SIGHT_TILE - 5 };
 
-/* A ground, and boxes and a smooth globe on it, at a place far or near; seen and lit from anywhere above. */
+/* A ground, and boxes, lone triangles or a smooth globe on it, at a place far or near; seen and lit from anywhere
+   above. Some grounds reflect light by a normal that is not their own, or by different ones. */
 static void random_town(check_scene *s, check_random *random, int kind) {
     const double size = pow(10, 3 * check_next(random) - 1);
     const double globe[3] = {3 * check_next(random) - 1.5, 0.4, 3 * check_next(random) - 1.5};
@@ -279,15 +280,21 @@ static void random_town(check_scene *s, check_random *random, int kind) {
     start(s);
     s->view.width = s->view.height = VIEW;
     add_ground(kind % 5 == 0 ? 1e5 : 3);
-    for (int n = (int)(5 * check_next(random)); n > 0; --n) {
+    for (int i = 0; i < 6; ++i)
+        for (int c = 0; c < 3; ++c)
+            ground.list[i / 3].normal[i % 3][c] = (float)(c == 1          ? 1
+                                                          : kind % 5 == 3 ? 6 * check_next(random) - 3
+                                                                          : 0.8 * c);
+    if (kind % 3 == 1) add_soup(random, 3, 1.5, 3);
+    for (int n = kind % 3 == 1 ? 0 : (int)(5 * check_next(random)); n > 0; --n) {
         const double low[3] = {4 * check_next(random) - 2, n % 2 ? 0 : 0.3, 4 * check_next(random) - 2};
         const double high[3] = {low[0] + check_next(random), low[1] + check_next(random), low[2] + check_next(random)};
         add_box(&body, low, high);
     }
-    if (kind % 3 == 0) add_globe(&body, globe, 0.3, 6);
+    if (kind % 3 == 0) add_globe(&body, globe, kind % 2 ? 0.3 : 1.5, kind % 2 ? 6 : 3);
     for (int i = 0; i < 2; ++i) {
         mesh = check_add_mesh(s, i ? &body : &ground, 0.5);
-        mesh->has_normals = i;
+        mesh->has_normals = i ? kind % 3 == 0 : kind % 5 == 2 || kind % 5 == 3;
         mesh->placement = check_box(0, 0, 0, size, size, size);
         if (kind % 4 == 0) check_set3(mesh->placement.origin, 70 * size, -20 * size, 1e3 * size);
         if (i && kind % 7 == 0) check_translucent(mesh, 0.4);
@@ -332,7 +339,7 @@ static int open_tile(const spsi_sight_job *job, int x0, int y0, int *wrong) {
 
 /* Tiles that no polygon can shade are as rays find them, to the bit, and count as many; and they are many. */
 static void test_tiles_without_rays(void) {
-    enum { TOWNS = 80 };
+    enum { TOWNS = 120 };
     static float lit[3 * VIEW * VIEW];
     check_random random = {31};
     int open = 0, wrong = 0;
@@ -356,7 +363,7 @@ static void test_tiles_without_rays(void) {
         for (int y = 0; y < VIEW; y += SPSI_SIGHT_TILE)
             for (int x = 0; x < VIEW; x += SPSI_SIGHT_TILE) open += open_tile(&job, x, y, &wrong);
     }
-    if (!CHECK(wrong == 0 && open > 4 * TOWNS)) printf("    %d of %d tiles wrong\n", wrong, open);
+    if (!CHECK(wrong == 0 && open > 2 * TOWNS)) printf("    %d of %d tiles wrong\n", wrong, open);
 }
 
 /* ------------------------------------------------------------------------------------------- pictures, at any scale */

@@ -6966,7 +6966,8 @@ static int spsi_ray_meets_node(const spsi_tree *tree, const spsi_ray *ray, const
    by (e, e^2) for an infinitesimal e > 0. All of this depends only on the ray and the edge's two corners, and changes
    sign when they are swapped. So triangles that share corners neither leave gaps nor overlap, not even for a ray
    through an edge or a corner. Cost: triangles times rows of tiles to cull, then three edge functions per pixel of a
-   triangle's bounding box, whose rows the rasteriser first narrows to the edges. */
+   triangle's bounding box, whose rows the rasteriser first narrows to the edges; vectors of pixels within a triangle
+   are tested at their ends only. */
 
 typedef struct spsi_face {
     double position[3][3]; /* in the world */
@@ -7385,6 +7386,51 @@ static inline int spsi_face_depth(const spsi_edges *e, const spsi_rays *rays, in
     return 1;
 }
 
+/* Stores what a pixel sees of a face, unless another is nearer. */
+static inline void spsi_raster_store(const spsi_raster *raster, size_t at, int face, float depth, float w1, float w2) {
+    if (raster->depths) {
+        if (!(depth < raster->depths[at])) return;
+        raster->depths[at] = depth;
+        raster->numbers[at] = face;
+    } else if (depth < raster->hits[at].depth) {
+        const spsi_hit hit = {depth, face, {w1, w2}};
+        raster->hits[at] = hit;
+    }
+}
+
+/* Whether the rays of a vector of pixels certainly hit a face, as those at its ends do: edge functions are linear. */
+static inline int spsi_face_holds(const spsi_edges *e, int x, int y) {
+    int held = 1;
+    for (int i = 0; i < 3; ++i) {
+        const double first = e->edge[i][0] * x + e->edge[i][1] * y + e->edge[i][2];
+        const double last = e->edge[i][0] * (x + SPSI_LANES - 1) + e->edge[i][1] * y + e->edge[i][2];
+        held &= first > 2 * e->rounding[i] && last > 2 * e->rounding[i];
+    }
+    return held;
+}
+
+/* Rasterises a face at a vector of pixels whose rays hit it, as spsi_face_depth does. */
+static inline void spsi_raster_vector(const spsi_raster *raster, const spsi_edges *e, int face, int x, int y,
+                                      size_t at) {
+    const double reference = raster->rays->depth_reference, begin = raster->rays->near_depth;
+    double w[3][SPSI_LANES], t[SPSI_LANES];
+    float depth[SPSI_LANES], weights[2][SPSI_LANES];
+    for (int i = 0; i < 3; ++i) {
+        const double step = e->edge[i][0], row = e->edge[i][1] * y, rest = e->edge[i][2];
+        for (int n = 0; n < SPSI_LANES; ++n) w[i][n] = step * (x + n) + row + rest;
+    }
+    for (int n = 0; n < SPSI_LANES; ++n) {
+        const double sum = w[0][n] + w[1][n] + w[2][n], a = w[0][n] / sum, b = w[1][n] / sum, c = w[2][n] / sum;
+        t[n] = a * e->depth[0] + b * e->depth[1] + c * e->depth[2];
+        depth[n] = (float)t[n];
+        weights[0][n] = (float)b;
+        weights[1][n] = (float)c;
+    }
+    for (int n = 0; n < SPSI_LANES; ++n)
+        if (t[n] + reference > begin)
+            spsi_raster_store(raster, at + (size_t)n, face, depth[n], weights[0][n], weights[1][n]);
+}
+
 /* Rasterises an opaque face. */
 static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1) {
     const int *box = raster->boxes + 4 * face;
@@ -7398,14 +7444,11 @@ static void spsi_raster_face(const spsi_raster *raster, int face, int y0, int y1
             const size_t at = (size_t)(y - raster->first_row) * (size_t)raster->pitch + (size_t)x;
             double w[3];
             float depth;
-            if (!spsi_face_depth(&e, raster->rays, x, y, w, &depth)) continue;
-            if (raster->depths) {
-                if (!(depth < raster->depths[at])) continue;
-                raster->depths[at] = depth;
-                raster->numbers[at] = face;
-            } else if (depth < raster->hits[at].depth) {
-                const spsi_hit hit = {depth, face, {(float)w[1], (float)w[2]}};
-                raster->hits[at] = hit;
+            if (SPSI_LANES > 1 && x + SPSI_LANES - 1 <= x1 && spsi_face_holds(&e, x, y)) {
+                spsi_raster_vector(raster, &e, face, x, y, at);
+                x += SPSI_LANES - 1;
+            } else if (spsi_face_depth(&e, raster->rays, x, y, w, &depth)) {
+                spsi_raster_store(raster, at, face, depth, (float)w[1], (float)w[2]);
             }
         }
     }
@@ -8259,8 +8302,8 @@ static size_t spsi_surface_index(const spsi_frame *frame, const spsi_place *plac
 
 /* What shade_fn has set at a place; NULL: nothing. */
 static const sps_surface *spsi_surface_set(const spsi_frame *frame, const sps_surface *set, const spsi_place *place) {
-    const size_t at = spsi_surface_index(frame, place);
-    return set && at != SIZE_MAX && set[at].color[0] >= 0 ? &set[at] : NULL;
+    const size_t at = set ? spsi_surface_index(frame, place) : SIZE_MAX;
+    return at != SIZE_MAX && set[at].color[0] >= 0 ? &set[at] : NULL;
 }
 
 static void spsi_appearance_at(const spsi_faces *faces, const spsi_hit *hit, const sps_surface *set,
@@ -21038,11 +21081,12 @@ static int spsi_surfaces_lit(const spsi_frame *frame, const spsi_shadow *shadow,
     const size_t channels = (size_t)spsi_lit_channels(frame, shadow->lamp);
     float lanes[3][SPSI_LANES] = {{0}};
     int any = 0;
-    for (int n = 0; list->points.lanes >> n; ++n)
-        for (size_t c = 0; c < channels && list->points.lanes >> n & 1; ++c) {
-            lanes[c][n] = shadow->lit[list->place[n].index * channels + c];
-            any |= lanes[c][n] > 0;
-        }
+    for (int n = 0; list->points.lanes >> n; ++n) {
+        const float *found;
+        if (!(list->points.lanes >> n & 1)) continue;
+        found = shadow->lit + list->place[n].index * channels;
+        for (size_t c = 0; c < channels; ++c) lanes[c][n] = found[c], any |= found[c] > 0;
+    }
     for (size_t c = 0; c < 3; ++c) lit[c] = spsi_load(lanes[channels == 3 ? c : 0]);
     return any;
 }
@@ -21254,12 +21298,12 @@ static void spsi_add_surfaces(const spsi_shader *shader, const spsi_pixels *p, i
                               const spsi_ahead *ahead, spsi_gathered *sum) {
     const spsi_m here =
         spsi_and(spsi_less(p->polygon_slab, spsi_set(high)), spsi_less(p->line.polygon, spsi_set(SPSI_INFINITY)));
-    const spsi_v before = spsi_set(low), open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
-    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, before));
+    const int bits = spsi_bits(here) & ~spsi_bits(spsi_less(p->polygon_slab, spsi_set(low)));
     float opaque[SPSI_LANES] = {0};
     spsi_surfaces list;
-    spsi_v share;
+    spsi_v open, share;
     if (!bits || shader->again.measures) return;
+    open = spsi_exp(spsi_sub(spsi_set(0), sum->depth));
     spsi_surfaces_begin(&list);
     for (int i = 0; i < width; ++i) {
         if (!(bits >> i & 1)) continue;
@@ -23814,15 +23858,34 @@ static void spsi_add_pixel(const spsi_run *run, int x, int y, float *pixel) {
     if (run->frame->wants_depth) pixel[4] = pixel[3] > 0 ? shader->distance[at] / pixel[3] : SPSI_INFINITY;
 }
 
-/* The same for all pixels of the sweep's part of the image. */
-static void spsi_add_sweep(const spsi_run *run, float *total) {
-    const int *region = run->frame->view.region, *part = run->sweep->part;
-    const int x1 = spsi_least(part[2], region[0] + region[2]), y1 = spsi_least(part[3], region[1] + region[3]);
-    for (int y = spsi_most(part[1], region[1]); y < y1; ++y)
+#define SPSI_SUM_ROWS 8 /* rows of pixels of a task */
+
+typedef struct spsi_sum_job {
+    const spsi_run *run;
+    float *total;
+} spsi_sum_job;
+
+/* The same for some rows of the region, as far as they are in the sweep's part of the image. */
+static void spsi_sum_task(void *data, int index, int worker) {
+    const spsi_sum_job *job = (const spsi_sum_job *)data;
+    const spsi_frame *frame = job->run->frame;
+    const int *region = frame->view.region, *part = job->run->sweep->part, top = region[1] + index * SPSI_SUM_ROWS;
+    const int x1 = spsi_least(part[2], region[0] + region[2]);
+    const int y1 = spsi_least(part[3], spsi_least(region[1] + region[3], top + SPSI_SUM_ROWS));
+    (void)worker;
+    for (int y = spsi_most(part[1], top); y < y1; ++y)
         for (int x = spsi_most(part[0], region[0]); x < x1; ++x) {
             const size_t pixel = (size_t)(y - region[1]) * (size_t)region[2] + (size_t)(x - region[0]);
-            spsi_add_pixel(run, x, y, total + pixel * spsi_total_floats(run->frame));
+            spsi_add_pixel(job->run, x, y, job->total + pixel * spsi_total_floats(frame));
         }
+}
+
+/* The same for all pixels of the sweep's part. */
+static void spsi_add_sweep(sps_context *context, const spsi_run *run, float *total) {
+    spsi_sum_job job;
+    job.run = run;
+    job.total = total;
+    spsi_parallel(context, (run->frame->view.region[3] + SPSI_SUM_ROWS - 1) / SPSI_SUM_ROWS, spsi_sum_task, &job);
 }
 
 static void spsi_write_image(const spsi_frame *frame, const float *total, const sps_image *image) {
@@ -23887,7 +23950,7 @@ static sps_result spsi_sweep_once(sps_context *context, const spsi_picture *pict
     context->stats.seconds_bin += swept - start;
     light = context->stats.seconds_light + context->stats.seconds_bin; /* time that is not the eye's */
     if (spsi_run_sweep(run, part)) return context->result;
-    if (!run->shader.again.measures) spsi_add_sweep(run, picture->total);
+    if (!run->shader.again.measures) spsi_add_sweep(context, run, picture->total);
     context->stats.seconds_eye +=
         spsi_clock(context) - swept - (context->stats.seconds_light + context->stats.seconds_bin - light);
     return SPS_OK;
